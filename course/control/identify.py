@@ -120,6 +120,7 @@ class _Windows:
         # sqrt(70).
         noise = float(np.std(np.diff(log.q, 4))) / math.sqrt(70.0)
         resting = np.abs(moved) < 5.0 * noise
+        # Time at rest in each window, weighted with the bump.
         still = sliding_window_view(resting, n + 1)[starts] @ bump
         calmest = max(0.01 * bump.sum(), np.quantile(still, 0.4))
         starts = starts[still <= (calmest if rest is None else rest * bump.sum())]
@@ -127,6 +128,8 @@ class _Windows:
         rows = [
             sliding_window_view(x, n + 1)[starts] for x in (log.q, np.sign(moved), np.cos(log.q))
         ]
+        # Weak form of the four terms: one integration by parts changes the sign of the damping's
+        # column, a second one restores that of the inertia's.
         self.columns = np.column_stack(
             [rows[0] @ bend, -rows[0] @ slope, rows[1] @ bump, rows[2] @ bump]
         )
@@ -204,6 +207,7 @@ def identify(
         variance = 2.0 * (remaining @ remaining) / max(1, windows.count - 8)
         value, deviation = np.zeros(4), np.zeros(4)
         value[free] = answer / scale[free]
+        # Covariance of least squares: the variance times the inverse of X^T X.
         spread = np.diag(np.linalg.inv(columns.T @ columns))
         deviation[free] = np.sqrt(variance * spread) / scale[free]
         # Friction and inertia are never negative: a coefficient that noise pushes below 0 is fixed
@@ -211,6 +215,8 @@ def identify(
         below = free & np.array([False, True, True, False]) & (value < 0.0)
         if not below.any():
             break
+        # A friction that is negative by three standard deviations contradicts the model; it is not
+        # noise.
         for name, number, sigma in zip(LINEAR, value, deviation, strict=True):
             if name in ("damping", "coulomb") and number < -3.0 * sigma:
                 actual = f"one that wants a {name} of {number:.2g} +- {sigma:.2g}"
@@ -296,6 +302,7 @@ def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int 
     # The grid brackets the lowest of several valleys; golden-section search refines it.
     best = int(np.argmin([cost(x) for x in points]))
     a, b = points[max(best - 1, 0)], points[min(best + 1, parts)]
+    # Golden section: every step keeps 0.618 of the bracket.
     ratio = 0.5 * (math.sqrt(5.0) - 1.0)
     for _ in range(30):
         c, d = b - ratio * (b - a), a + ratio * (b - a)

@@ -157,14 +157,18 @@ def _responses(a, c, t):
     """
     decay, once = math.exp(-a * t), _first(a, t)
     y = a * t
+    # Double integral of the decay; a Taylor series where t - once would cancel.
     if y < 1e-3:
         twice = t * t * (0.5 - y / 6.0 + y * y / 24.0 - y**3 / 120.0)
     else:
         twice = (t - once) / a
+    # Without a lag the torque has no fading part.
     if c == math.inf:
         return decay, once, twice, 0.0, 0.0, 0.0
+    # (e^(-low t) - e^(-high t)) / (high - low), in a form that stays finite where both rates agree.
     low, high = min(a, c), max(a, c)
     fading = math.exp(-low * t) * _first(high - low, t)
+    # The integral of `fading` over time; again a Taylor series where the difference would cancel.
     if high * t < 1e-3:
         square = a * a + a * c + c * c
         drift = t * t * (0.5 - (a + c) * t / 6.0 + square * t * t / 24.0)
@@ -187,6 +191,7 @@ def _stop(v, steady, fading, side, a, c, t):
     It returns t + 1 if the speed does not.
     """
     turn = -1.0  # the speed has one turn at most, where its acceleration is 0
+    # The turn is where the acceleration, -a v + steady + fading e^(-c t), vanishes: in closed form.
     if c < math.inf and fading != 0.0:
         ratio = (1.0 + (steady - a * v) / fading) / c
         if a == c:
@@ -230,18 +235,23 @@ def _advance(q, v, u, inertia, a, load, coulomb, static, c, target, rest, whole)
                 if abs(target + load) > static:  # it starts where the torque passes the friction
                     edge = side * static - load
                     wait = min(rest, math.log((target - u) / (target - edge)) / c)
+                # While the joint is stuck only the torque moves on, towards the command.
                 u = target + (u - target) * math.exp(-c * wait) if c < math.inf else target
                 rest -= wait
                 if rest <= 0.0:
                     return q, v, u
+            # The wait has shortened the time that is left.
             whole = _responses(a, c, rest)
         # Sliding: constant Coulomb friction, so the motion has a closed form up to the next stop.
         steady = (target + load - side * coulomb) / inertia
         fading = (u - target) / inertia
+        # Without dry friction a change of direction is no event: the linear solution runs through
+        # it.
         stop = _stop(v, steady, fading, side, a, c, rest) if static > 0.0 else rest + 1.0
         ends = stop > rest
         r = whole if ends else _responses(a, c, stop)
         q += r[1] * v + r[2] * steady + r[4] * fading
+        # After a stop the speed is exactly 0, which the test for stiction above relies on.
         v = r[0] * v + r[1] * steady + r[3] * fading if ends else 0.0
         u = target + r[5] * (u - target)
         if ends:
@@ -259,6 +269,7 @@ def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
     dt, limit, rate, c, line = numbers[3], drive[0], drive[1] * numbers[3], drive[2], drive[5]
     whole, part = int(drive[3]), drive[4]
     a = joint[1] / joint[0]
+    # The two parts of a sample always have the same lengths: compute their responses once.
     early, late = _responses(a, c, part), _responses(a, c, dt - part)
     memory = np.zeros(5)
     q, v, u = start[0], start[1], start[2]
@@ -284,6 +295,7 @@ def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
                 continue
             at = k - whole - 1 + half
             command = out[3, at] if at >= 0 else start[2]
+            # A jammed joint stands still, but its current loop goes on.
             if blocked[k]:
                 v = 0.0
                 u = command + (u - command) * math.exp(-c * length) if c < math.inf else command
@@ -418,8 +430,10 @@ def _metrics(when, angle, target, band, rest):
     """Return the three of `StepMetrics`."""
     # The response in units of the step; the last sample outside the band ends the settling.
     done = (angle - angle[0]) / (target - angle[0])
+    # Written as a negation, so that a NaN counts as outside the band.
     out = np.flatnonzero(~(np.abs(done - 1.0) <= band))
     last = out[-1] + 1 if out.size else 0
+    # A record that ends too soon after the response has entered the band proves nothing.
     settled = last <= (1.0 - rest) * when.size
     return (
         max(0.0, np.max(done) - 1.0) if np.all(np.isfinite(done)) else math.inf,

@@ -300,6 +300,7 @@ def admittance(
     b, k = finite("damping", damping, 0.0), finite("stiffness", stiffness, 0.0)
     # Damping at the end of the sample: stable however light the body is.
     v = (v + dt / m * (force - k * x)) / (1.0 + dt * b / m)
+    # Semi-implicit Euler: the position moves with the new velocity.
     return x + dt * v, v
 
 
@@ -410,6 +411,7 @@ def hybrid(
     """
     m = len(rows)
     R = vector("frame", frame, (m, m))
+    # Below, the transpose of the frame serves as its inverse.
     if np.abs(R.T @ R - np.eye(m)).max() > 1e-9:
         raise invalid("frame", R, "a matrix whose columns are at right angles and of length 1")
     chosen = np.asarray(forced)
@@ -427,12 +429,14 @@ def hybrid(
     if (sizes[:, 0] < 1e-6 * sizes[:, -1]).any():
         worst = float((sizes[:, 0] / sizes[:, -1]).min())
         raise invalid("q", q, f"one away from singularity (here mobilities are {worst:.1e} apart)")
+    # J' v: the acceleration of the tip that the present joint rates cause by themselves.
     drift = _columns(np.asarray(jacobian_rate(chain, q, v))[list(rows)], v)
     desired = like("acceleration", acceleration, e) + gain("kp", kp, m) @ e
     desired = desired + gain("kd", kd, m) @ (like("rate", rate, e) - speed)
     # Selection matrices in the frame of the surface: motion along some axes, force along the
     # others.
     moving = R @ np.diag(~chosen) @ R.T
+    # Desired force, proportional correction and damping, still in the axes of the surface.
     push = like("force", force, e)
     push = push + finite("force_gain", force_gain, 0.0) * (push - like("measured", measured, e))
     push = push - finite("force_damping", force_damping, 0.0) * (R.T @ speed)
@@ -442,6 +446,7 @@ def hybrid(
     task = (moving @ desired - drift).reshape(m, -1).T[:, :, None] - spread.transpose(
         0, 2, 1
     ) @ free
+    # Task inertia times acceleration, plus the contact force directly (Khatib, 1987).
     effort = np.linalg.solve(mobility, task) + push.reshape(m, -1).T[:, :, None]
     tau = (jac.transpose(0, 2, 1) @ effort + free)[:, :, 0].T
     return tau.reshape(q.shape) + chain_bias(chain, q, v, gravity=gravity)
@@ -458,6 +463,7 @@ def gain(name: str, value: ArrayLike, n: int) -> Array:
     array = vector(name, value, (), (n,), (n, n))
     if array.ndim < 2:
         return np.diag(np.broadcast_to(vector(name, array, low=0.0), (n,)))
+    # Only the symmetric part counts in x^T K x; the tolerance admits rounding.
     if np.linalg.eigvalsh(array + array.T)[0] < -1e-12 * np.abs(array).max():
         raise invalid(name, array, "a matrix that gives no energy, x^T K x >= 0")
     return array

@@ -94,6 +94,7 @@ def _regulate(A, B, Q, R, P, K, M):
         size, change = 0.0, 0.0
         for i in range(n):
             for j in range(i + 1):
+                # Symmetrise H and G, so that rounding cannot drive them apart.
                 step = 0.5 * (after[i, j] + after[j, i])
                 G[i, j] = G[j, i] = 0.5 * (G[i, j] + G[j, i])
                 H[i, j] += step
@@ -148,6 +149,7 @@ def _share(W, shift):
         for j in range(i + 1):
             if abs(W[i, j] - W[j, i]) > 1e-12 * size:
                 return False
+            # Cholesky factorisation, row by row.
             total = L[i, j]
             for k in range(j):
                 total -= L[i, k] * L[j, k]
@@ -156,6 +158,8 @@ def _share(W, shift):
             elif total < 0.0 or (total == 0.0 and shift < 0.0):
                 return False
             else:
+                # A pivot of exactly 0 passes for a semidefinite matrix; 1 stands for it in the
+                # divisions.
                 L[i, i] = np.sqrt(total) if total > 0.0 else 1.0
     return True
 
@@ -267,6 +271,7 @@ def _newton(H, gradient, free, L, step):
                 elif total > 1e-15 * H[i, i]:
                     L[i, i] = np.sqrt(total)
                 else:
+                    # The pivot is lost in the rounding of its diagonal entry.
                     return False
         total = -gradient[i]
         for k in range(i):
@@ -296,6 +301,7 @@ def _box(H, g, low, high, x, free):
         # Gradient, and the active set: coordinates held at a bound by the sign of their gradient.
         worst, noise = 0.0, 0.0
         for i in range(n):
+            # `size` is the sum of magnitudes, in whose rounding the gradient is lost.
             gradient[i], size = g[i], abs(g[i])
             for j in range(n):
                 gradient[i] += H[i, j] * x[j]
@@ -378,6 +384,7 @@ def box_qp(
     x = np.zeros(n) if start is None else np.array(vector("start", start, (n,)))
     free = np.empty(n, dtype=bool)
     iterations = _box_loop(H := np.ascontiguousarray(H), g, least, largest, x, free)
+    # Without an iteration H was never factorised, so its definiteness is still unknown.
     if iterations < 0 or (iterations == 0 and not _definite(H, -1e-15)):
         raise invalid("H", H, "a positive definite matrix")
     return BoxQP(x, free, iterations)
@@ -418,6 +425,7 @@ def horizon(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, samples: int
     for i in range(N):
         for j in range(i + 1):
             forced[i * n : (i + 1) * n, j * m : (j + 1) * m] = powers[i - j] @ B
+    # Weights of all predicted states, as a block diagonal.
     cost = np.kron(np.eye(N), Q)
     # The terminal cost is the unconstrained regulator's value of the last state.
     cost[-n:, -n:] = P
@@ -439,6 +447,7 @@ def mpc(plan: Horizon, x: ArrayLike, limit: ArrayLike, last: Any = None) -> Arra
     if not (top > 0.0).all():
         raise invalid("limit", limit, "positive numbers")
     top = np.tile(top, len(plan.H) // m)
+    # Warm start: the last plan, one sample later, with its last command repeated.
     start = None if last is None else np.concatenate([last[1:], last[-1:]]).ravel()
     x = vector("x", x, (plan.F.shape[1],))
     return box_qp(plan.H, plan.F @ x, -top, top, start).x.reshape(-1, m)

@@ -99,10 +99,12 @@ def _advance_rate(kind, tau, dt, state, x, v):
     if kind == 2:
         state[1] = v
     elif kind == 0 or state[3] == 0.0:
+        # The first measurement has no predecessor: its rate is 0, not a jump from 0.
         change = 0.0 if state[3] == 0.0 else x - state[2]
         state[1] = (tau * state[1] + change) / (tau + dt)
         state[2] = x
     else:  # the observer: predict, then correct by what was missed
+        # Double pole of the alpha-beta filter, as in `observer_gains`.
         pole = tau / (tau + dt)
         predicted = state[2] + dt * state[1]
         missed = x - predicted
@@ -124,8 +126,10 @@ def _update(numbers, state, setpoint, y, v):
     u_min, u_max, tau, slew = numbers[4], numbers[5], numbers[6], numbers[7]
     weight, rate_weight, kind = numbers[8], numbers[9], numbers[10]
     windup, tracking = numbers[11], numbers[12]
+    # With a weight of 0 the derivative acts on the measurement alone: no kick at a step.
     advance_rate(kind, tau, dt, state, y - rate_weight * setpoint, v)
     error = setpoint - y
+    # Backward Euler: the integral includes the error of this sample.
     integral = state[0] + ki * error * dt
     desired = kp * (weight * setpoint - y) + integral - kd * state[1]
     # Limits of this sample: saturation and slew rate.
@@ -190,6 +194,7 @@ class Controller:
         """Go from manual to automatic without a bump: the next command continues a person's [u]."""
         _finite(command=command, setpoint=setpoint, measurement=measurement)
         self.state[1:] = 0.0, measurement - self.gains.rate_weight * setpoint, 1.0, command
+        # Solve for the integral with which the next command equals the last manual one.
         integrated = self.gains.ki * (setpoint - measurement) * self.dt
         self.state[0] = command - self._without_integral(setpoint, measurement) - integrated
 

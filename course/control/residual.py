@@ -99,6 +99,7 @@ def fit(
     # Random Fourier features (Rahimi and Recht, 2007).
     if not (scale > 0.0).all():
         raise invalid("x.std(axis=1)", scale, "inputs that all vary")
+    # Normal wave numbers with uniform phases approximate a Gaussian kernel.
     W = positive("width", width) * rng.standard_normal((F, len(x)))
     result = Features(W, rng.uniform(0.0, 2.0 * np.pi, F), scale, np.zeros((len(torque), F)))
     Z = result.waves(x)

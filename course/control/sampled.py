@@ -111,6 +111,8 @@ def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
 def split_delay(delay: float, dt: float) -> tuple[int, float]:
     """Return a delay as whole samples and the rest of one [s]."""
     positive("dt", dt, unit="s")
+    # The offset keeps rounding from turning a whole number of samples into one less and a rest of
+    # almost a sample.
     whole = math.floor(finite("delay", delay, 0.0, unit="s") / dt + 1e-9)
     return whole, max(0.0, delay - whole * dt)
 
@@ -124,6 +126,7 @@ def stepped(
     (its documentation, Computation, Numerical integration). The delay is rounded to a step.
     """
     h = positive("dt", dt, unit="s") / count("steps", steps, 1)
+    # Semi-implicit Euler: v' = slow (v + h (u - stiffness q) / inertia), then q' = q + h v'.
     slow = 1.0 / (1.0 + h * finite("damping", damping, 0.0) / positive("inertia", inertia))
     pull = -h * finite("stiffness", stiffness, 0.0) / inertia * slow
     one = np.array([[1.0 + h * pull, h * slow], [pull, slow]])
@@ -132,6 +135,7 @@ def stepped(
     late = round(rest / h)
     transition, added = np.eye(2), [np.zeros(2), np.zeros(2)]
     for i in range(steps):
+        # The first `late` steps of a sample still apply the older command.
         old = i < late
         transition = one @ transition
         added = [one @ a for a in added]
@@ -213,13 +217,16 @@ def _pid(kp, ki, kd, dt, rate, tau):
     # The state is (integral, rate, last or predicted place); rows that nothing reads are cut.
     A, B = np.zeros((3, 3)), np.zeros((3, 2))
     rated, observed = np.zeros(3), np.zeros(2)  # the rate's estimate as rows of c and y
+    # The integral of the error, which is -q because the set-point is 0.
     A[0, 0], B[0, 0] = 1.0, -ki * dt
     used = np.array([ki != 0.0, False, False])
     if rate == _FILTERED:
+        # Backward difference behind a low-pass: (tau rate + q - last) / (tau + dt).
         rated[1], rated[2], observed[0] = tau / (tau + dt), -1.0 / (tau + dt), 1.0 / (tau + dt)
         A[1], B[1], B[2, 0] = rated, observed, 1.0
         used[1], used[2] = tau > 0.0 and kd != 0.0, kd != 0.0
     elif rate == _OBSERVER:
+        # Alpha-beta filter: prediction and correction, multiplied out into rows.
         alpha, beta = observer_gains(tau, dt)
         rated[1], rated[2], observed[0] = 1.0 - beta, -beta / dt, beta / dt
         A[1], B[1] = rated, observed
@@ -227,8 +234,10 @@ def _pid(kp, ki, kd, dt, rate, tau):
         used[1] = used[2] = kd != 0.0
     else:
         observed[1] = 1.0
+    # The command uses the integral and the rate as they are after this sample's measurement.
     C, D = A[0] - kd * rated, B[0] - kd * observed
     D[0] -= kp
+    # An integrator that nothing reads would add an eigenvalue of 1 to every loop.
     return A[used][:, used].copy(), B[used], C[used], D
 
 
@@ -261,6 +270,7 @@ def _closed(transition, now, before, whole, A, B, C, D):
             F[:n, n + whole] += before
     if not whole:
         fed[:n] = now
+    # The law reads q and v, which are the first two states of any plant here.
     F[: n + waiting, :2] += np.outer(fed, D)
     F[: n + waiting, n + waiting :] = np.outer(fed, C)
     F[n + waiting :, :2], F[n + waiting :, n + waiting :] = B, A
@@ -289,6 +299,7 @@ def growth_by_squares(matrix):
         square[:] = 0.0
         for i in range(n):
             for k in range(n):
+                # The queue of commands makes the matrix sparse: skip its zeros.
                 if F[i, k] != 0.0:
                     for j in range(n):
                         square[i, j] += F[i, k] * F[k, j]
@@ -317,6 +328,7 @@ def _solve(M, b):
     """M x = b for complex M (n, n), by Gauss; b (n,) becomes x."""
     n = b.size
     for k in range(n):
+        # Partial pivoting.
         top = k + np.argmax(np.abs(M[k:, k]))
         for j in range(n):
             M[k, j], M[top, j] = M[top, j], M[k, j]
@@ -325,6 +337,7 @@ def _solve(M, b):
             share = M[i, k] / M[k, k]
             M[i, k:] -= share * M[k, k:]
             b[i] -= share * b[k]
+    # Back substitution.
     for k in range(n - 1, -1, -1):
         b[k] = (b[k] - np.sum(M[k, k + 1 :] * b[k + 1 :])) / M[k, k]
 
@@ -335,12 +348,15 @@ def _response(transition, now, before, whole, A, B, C, D, turn):
     # The whole samples of the delay turn the phase; the part is in `now` and `before`.
     z, late = complex(math.cos(turn), math.sin(turn)), -turn * whole
     x = (now + before / z) * complex(math.cos(late), math.sin(late))
+    # Transfer function of the plant at z: (z I - transition)^-1 times its input.
     _solve(z * np.eye(now.size) - transition, x)
     u = D[0] * x[0] + D[1] * x[1]
     if C.size:
+        # Dynamic part of the law, C (z I - A)^-1 B, driven by q and v.
         c = B[:, 0] * x[0] + B[:, 1] * x[1]
         _solve(z * np.eye(C.size) - A, c)
         u += np.sum(C * c)
+    # Negative feedback: the closed loop is at its limit where this number is -1 (Nyquist).
     return -u
 
 
@@ -418,6 +434,7 @@ def _gain_crossover(transition, now, before, whole, A, B, C, D):
             value = _response(transition, now, before, whole, A, B, C, D, middle)
             if size:
                 at[sizes] = middle
+                # Phase margin: the angle between the response and the negative real axis.
                 lags[sizes] = (math.atan2(value.imag, value.real) + math.pi) % (2.0 * math.pi)
                 sizes += 1
             else:
@@ -440,6 +457,8 @@ def _margins(at, lags, reals, dt):
         elif value < -1.0:
             lower = max(lower, -1.0 / value)
     for k in range(at.size):
+        # A further delay d adds a lag of w d, so the delay margin is the phase margin over the
+        # frequency.
         phase, delay = min(phase, lags[k]), min(delay, lags[k] * dt / at[k])
     return gain, lower, phase, delay
 
@@ -506,6 +525,7 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
         ((-1.0 / x, f / dt) for x, f in zip(reals, flat, strict=True) if x < 0.0),
         default=(0.0, 1.0),
     )
+    # This gain is the limit only if the loop is stable just below it.
     if not gain or growth(loop_matrix(plant, pid_law(0.99 * gain, dt=dt))) > STABLE:
         system = np.asarray(A).tolist(), np.asarray(B).tolist()
         raise invalid("(A, B)", system, "a plant that P holds up to some gain")
@@ -527,6 +547,7 @@ def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float,
         lateness: delay + dt / 2 [s], positive.
     """
     b = positive("damping", damping) / positive("inertia", inertia)
+    # The first root is below a quarter turn, where the tangent is finite.
     low, high = 0.0, 0.5 * math.pi / positive("lateness", lateness, unit="s")
     # The phase condition w tan(w late) = b is monotone in w: bisection.
     for _ in range(80):

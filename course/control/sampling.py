@@ -61,6 +61,7 @@ def mppi(
     tries = _tries(plan, spread, limit, rng, count("samples", samples, 2))
     cost = _costs(rollout, tries)
     best = float(cost.min())
+    # No rollout came to an end: there is nothing to average.
     if best == np.inf:
         return Sampled(plan, best, 0.0)
     # Softmax of the costs. The lowest cost is subtracted first, which changes nothing but overflow.
@@ -93,6 +94,8 @@ def cem(
     for _ in range(count("rounds", rounds, 1)):
         tries = _tries(mean, wide, limit, rng, samples)
         cost = _costs(rollout, tries)
+        # The elites, of which failed rollouts are never part. A stable sort makes ties
+        # reproducible.
         chosen = np.argsort(cost, kind="stable")[:elites]
         chosen = chosen[cost[chosen] < np.inf]
         if not chosen.size:

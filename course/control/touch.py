@@ -95,6 +95,7 @@ def _linear(law, wall, wall_damping, dt):
     if mass == 0.0:  # the force that is measured counts as stiffness and damping
         kp, kd = stiffness + force_gain * wall, damping + force_gain * wall_damping
         return _pid(kp, 0.0, kd, dt, _EXACT, 0.0)
+    # The virtual body by semi-implicit Euler with implicit damping, the same step as in `_touch`.
     slow = 1.0 / (1.0 + dt * give / mass)
     place, speed = -slow * dt / mass * hold, slow
     A = np.array([[1.0 + dt * place, dt * speed], [place, speed]])
@@ -109,9 +110,11 @@ def _swing(x, v, u, mass, damping, stiffness, t):
     """Return place and speed after t of a damped spring under a steady force, exactly."""
     a = 0.5 * damping / mass
     square = stiffness / mass - a * a
+    # A free mass: constant acceleration.
     if stiffness == 0.0 and damping == 0.0:
         return x + v * t + 0.5 * u / mass * t * t, v + u / mass * t
     if stiffness == 0.0:
+        # Drag alone: the speed decays to its terminal value.
         once = -math.expm1(-2.0 * a * t) / (2.0 * a)
         final = u / damping
         return x + final * t + (v - final) * once, final + (v - final) * (1.0 - 2.0 * a * once)
@@ -137,9 +140,11 @@ def held_mass(mass, damping, stiffness, dt, rest):
     It is for compiled code: a command comes `rest` late in the sample [s].
     """
     transition, late = np.empty((2, 2)), dt - rest
+    # Columns of the transition: responses to a unit position and to a unit speed.
     for k in range(2):
         x, v = 1.0 * (k == 0), 1.0 * (k == 1)
         transition[:, k] = _swing(x, v, 0.0, mass, damping, stiffness, dt)
+    # Response to a unit force: the older command acts for `rest` and its effect then swings on.
     x, v = _swing(0.0, 0.0, 1.0, mass, damping, stiffness, rest)
     before = np.array(_swing(x, v, 0.0, mass, damping, stiffness, late))
     return transition, np.array(_swing(0.0, 0.0, 1.0, mass, damping, stiffness, late)), before
@@ -155,8 +160,10 @@ def _onwards(x, v, u, probe, t):
         stiff = wall if touching else 0.0
         slow = damping + wall_damping if touching else damping
         after, speed = _swing(x - surface, v, u, mass, slow, stiff, t)
+        # No event in this time: the mass is still on the same side of the surface.
         if (after > 0.0) == touching or after == 0.0:
             return after + surface, speed
+        # Bisect for the crossing; `high` stays just beyond it.
         low, high = 0.0, t
         for _ in range(60):
             middle = 0.5 * (low + high)
@@ -165,6 +172,7 @@ def _onwards(x, v, u, probe, t):
             else:
                 high = middle
         v = _swing(x - surface, v, u, mass, slow, stiff, high)[1]
+        # Exactly at the surface the sign of the speed decides between touch and release.
         x = surface
         t -= high
     return x, v
@@ -180,6 +188,7 @@ def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
     for k in range(target.size + 1):
         body[4] = surfaces[min(k, target.size - 1)]
         depth = x - body[4]
+        # A wall cannot pull, so its damping must not make the measured force negative.
         force = max(0.0, body[2] * depth + body[3] * v) if depth > 0.0 else 0.0
         out[0, k], out[1, k], out[2, k] = x, v, force
         if k == target.size:
@@ -196,6 +205,7 @@ def _touch(probe, law, dt, whole, part, start, target, surfaces, out):
         if mass == 0.0:
             command += desired + gain * (desired - force)
         out[3, k], out[4, k] = command, place
+        # The delay splits the sample: the older command acts first, then the newer one.
         for half in range(2):
             length = part if half == 0 else dt - part
             at = k - whole - 1 + half

@@ -73,6 +73,7 @@ def two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
     a, b, d = arm[0, i], arm[1, i], arm[2, i]
     c, s = np.cos(q2), np.sin(q2)
     hanging = arm[10, i] * np.cos(q1 + q2)
+    # Equation of motion: inertia, Coriolis and centrifugal torques; damping and gravity follow.
     t1 = (a + 2.0 * b * c) * a1 + (d + b * c) * a2 - b * s * v2 * (2.0 * v1 + v2)
     t2 = (d + b * c) * a1 + d * a2 + b * s * v1 * v1 + arm[4, i] * v2 + hanging
     return t1 + arm[3, i] * v1 + arm[9, i] * np.cos(q1) + hanging, t2
@@ -121,13 +122,17 @@ def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v,
             e1, e2, d1, d2 = r[0] - q1, r[1] - q2, r[2] - v1, r[3] - v2
             u1 = gains[0, 0] * e1 + gains[0, 1] * e2 + gains[2, 0] * d1 + gains[2, 1] * d2
             u2 = gains[1, 0] * e1 + gains[1, 1] * e2 + gains[3, 0] * d1 + gains[3, 1] * d2
+            # Computed torque: the PD output is an acceleration, which inverse dynamics turns into
+            # torques.
             if kind == 3:
                 u1, u2 = two_link_torque(model, i, q1, q2, v1, v2, r[4] + u1, r[5] + u2)
+            # Gravity at the present angles is added, or the torques of the whole reference motion.
             elif kind > 0:
                 g1, g2 = two_link_torque(model, i, q1, q2, 0.0, 0.0, 0.0, 0.0)
                 if kind == 2:
                     g1, g2 = two_link_torque(model, i, r[0], r[1], r[2], r[3], r[4], r[5])
                 u1, u2 = u1 + g1, u2 + g2
+            # Saturation of the drive, which the law knows nothing of.
             tau[k, 0, i] = min(max(u1, -limit[0]), limit[0])
             tau[k, 1, i] = min(max(u2, -limit[1]), limit[1])
         body[TORQUES] = tau[k]
@@ -256,6 +261,7 @@ def track(
         if isinstance(chain, TwoLink):
             body = np.repeat(chain.column(), size, axis=1)
         for k in range(T):
+            # The arm has diverged: what follows stays NaN, as it was initialised.
             if not (np.isfinite(q[k]).all() and np.isfinite(v[k]).all()):
                 break
             shape = (n,) if single else (n, size)
@@ -277,6 +283,7 @@ def track(
                     substeps,
                 )
     whole = [np.moveaxis(x[:, :, 0] if single else x, 0, -1) for x in (q, v, tau)]
+    # The torque at the last instant is that of the last command.
     torque = np.concatenate([whole[2], whole[2][..., -1:]], axis=-1)
     return Record(times, whole[0], whole[1], torque, whole[2], whole[0][..., :-1], now[0])
 
@@ -289,6 +296,7 @@ def _motions(reference: Any, n: int, T: int) -> list[Array]:
 def _runge_kutta(
     move: Callable[..., Array], q: Array, v: Array, tau: Array, h: float, steps: int
 ) -> tuple[Array, Array]:
+    # Classical Runge-Kutta method for q' = v, v' = move(q, v, tau), with the torque held.
     for _ in range(steps):
         a1 = move(q, v, tau)
         s2 = v + 0.5 * h * a1

@@ -39,6 +39,7 @@ class Coded(Policy):
     def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
         """Return actions for states (N, d), shape (N, *shape)."""
         rows = self.inputs(states)
+        # ACT acts with the mean of the prior, which is a code of 0.
         code = rng.standard_normal((len(rows), self.latent)) * (not self.zero)
         return self.done.undo(self.draw(rows, code)).reshape(len(rows), *self.shape)
 
@@ -146,6 +147,7 @@ class Commit(Executor):
         if k == 0:
             self.made.clear()
             self.plan(states, rng, self.executed)
+        # The number of runs may not change while a chunk is carried out.
         if len(self.made[0]) != len(states):
             raise invalid("states.shape", np.shape(states), f"{len(self.made[0])} rows, or reset()")
         self.step += 1
@@ -168,11 +170,13 @@ class Ensemble(Executor):
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
         """Return actions (N, a) for states (N, d)."""
         self.plan(states, rng, 1)
+        # A chunk that is older than it is long says nothing of this step.
         if len(self.made) > self.made[0].shape[1]:
             self.made.popleft()
         old = len(self.made)
         # Weights of temporal ensembling: exp(-decay i), the oldest chunk first, as in ACT.
         weights = np.exp(-self.decay * np.arange(old))
+        # Chunk i was planned `old - 1 - i` steps ago, so that is its action for now.
         report = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
         return np.tensordot(weights / weights.sum(), np.array(report), axes=1)
 

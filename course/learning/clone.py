@@ -65,6 +65,7 @@ def prepared(states: ArrayLike, actions: ArrayLike) -> tuple[Policy, Array, Arra
     tables, each = (x, y.reshape(len(y), -1)), []
     for name, table in zip(("states", "actions"), tables, strict=True):
         normal = Normaliser.blank(table.shape[1])
+        # A data set to learn from is normalised, but never clipped.
         normal.limit = math.inf
         normal.update(table)
         normal.check(name)
@@ -79,6 +80,7 @@ def fitted(policy: Policy, net: Any, loss: Callable[[Any], Any], rows: int, **ho
     Raises:
         Diverged: its `policy` is the policy with the last good weights.
     """
+    # Processor time, which other programs on the machine do not lengthen.
     began = time.process_time()
     policy.net = net
     try:
@@ -175,6 +177,7 @@ def nearest(states: ArrayLike, actions: ArrayLike) -> Policy:
     policy, x, y = prepared(states, actions)
 
     def draw(rows: Array, rng: np.random.Generator) -> Array:
+        # Brute force over normalised states, so that no unit decides what is near.
         return y[np.argmin(np.square(rows[:, None] - x).sum(axis=2), axis=1)]
 
     policy.draw = draw

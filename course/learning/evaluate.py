@@ -91,6 +91,7 @@ def _finished(policy: Any, envs: Any, starts: Any, discount: float) -> Any:
     observed, _ = envs.reset(seed=starts)
     finite_rows("observation", observed, step)
     while True:
+        # Environments that do not reset themselves receive a mask of the episodes that are over.
         if mode == "Disabled" and over.any():
             observed, _ = envs.reset(options={"reset_mask": over})
         actions = np.asarray(policy(observed))
@@ -102,6 +103,7 @@ def _finished(policy: Any, envs: Any, starts: Any, discount: float) -> Any:
         finite_rows("reward", rewards, step)
         # With "NextStep" the step after an end only resets.
         real = ~over if mode == "NextStep" else np.ones(n, dtype=bool)
+        # Rewards are discounted from the start of their own episode.
         worth += np.where(real, gamma**length * rewards, 0.0)
         length += real
         over, step = ended | late, step + 1
@@ -138,10 +140,13 @@ def band(scores: ArrayLike, seed: int = 0, *, draws: int = 2_000, share: float =
     def middle(table: Array) -> Array:
         """Return the mean of the middle half along the second axis, its ends counted in part."""
         n = table.shape[1]
+        # The interquartile mean: a quarter of the weight is cut at each end, the seeds there in
+        # part.
         weight = np.clip(np.arange(1, n + 1) - 0.25 * n, 0.0, 1.0)
         weight = np.minimum(weight, weight[::-1])
         return np.moveaxis(np.sort(table, axis=1), 1, -1) @ (weight / weight.sum())
 
+    # Percentile bootstrap: the seeds are drawn with replacement.
     picks = np.random.default_rng(seed).integers(len(rows), size=(draws, len(rows)))
     ends = np.quantile(middle(rows[picks]), [0.5 - 0.5 * share, 0.5 + 0.5 * share], axis=0)
     return Band(middle(rows[None])[0], ends[0], ends[1])

@@ -51,6 +51,7 @@ def integrate(field: Field, noise: ArrayLike, steps: int, solver: str = "heun") 
     x, h = vector("noise", noise, (None, None)), 1.0 / count("steps", steps, 1)
     for k in range(steps):
         slopes = [field(x, k * h)]
+        # Stages of an explicit Runge-Kutta method; the time of a stage is the sum of its row.
         for row in rows:
             at = x + h * sum(w * slope for w, slope in zip(row, slopes, strict=True))
             slopes.append(field(at, (k + sum(row)) * h))
@@ -92,6 +93,7 @@ def denoise(
         remaining = (x - a[k] * mean) / s[k]
         # DDPM's share of fresh noise (DDIM, eq. 16); with eta = 0 the step is deterministic.
         drawn = share * s[k + 1] / s[k] * math.sqrt(1.0 - (a[k] / a[k + 1]) ** 2)
+        # DDIM's step: the predicted clean action, the noise that remains, and a share drawn afresh.
         x = a[k + 1] * mean + math.sqrt(s[k + 1] ** 2 - drawn**2) * remaining
         if drawn:
             x = x + drawn * rng.standard_normal(x.shape)
@@ -124,6 +126,7 @@ def posterior_means(
         logs[k] = np.log(weights[k] + 1e-300) - 0.5 * (
             np.sum(away * away, axis=1) / width[k] + d * np.log(width[k])
         )
+    # Softmax over the components, with the largest logarithm subtracted against overflow.
     largest = logs[0].copy()
     for k in range(1, m):
         largest = np.maximum(largest, logs[k])
@@ -133,6 +136,7 @@ def posterior_means(
     for k in range(m):
         away = x - a * means[k]
         share = shares[k].copy().reshape(n, 1)
+        # Given a component, clean and noise share the deviation by their parts of its variance.
         clean += share * (means[k] + a * deviations[k] ** 2 / width[k] * away)
         noise += share * away * (s / width[k])
     return clean, noise
@@ -229,6 +233,8 @@ def _generative(
         # The clock as sines and cosines, and a skip connection: the network learns the rest only.
         turn = 2.0 * math.pi * time
         clock = (time, turn.sin(), turn.cos(), (2.0 * turn).sin(), (2.0 * turn).cos())
+        # For normal data of variance 1 the mean velocity is this factor times the sample; the mean
+        # of a diffusion's target is 0.
         skip = (2.0 * time - 1.0) / ((1.0 - time) ** 2 + time**2) if flow else 0.0
         return skip * sample + net(torch.cat((sample, *clock, rows), 1))
 
@@ -247,6 +253,7 @@ def _generative(
         clock = torch.full((len(rows), 1), time)
         rate = predict(lambda given: mean(given, clock, tensor(rows)), sample)
         a, s = mix(time)
+        # With x = a clean + s noise and v = s clean - a noise, clean is a x + s v.
         return rate if flow else a * sample + s * rate
 
     parts = blank.inputs, blank.done, blank.shape

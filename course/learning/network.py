@@ -72,6 +72,7 @@ def _tanh() -> Any:
 
         @staticmethod
         def backward(context, slope):
+            # The derivative follows from the output alone: 1 - y^2.
             return torch.ops.aten.tanh_backward(slope, *context.saved_tensors)
 
     class Tanh(torch.nn.Module):
@@ -102,6 +103,7 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
         raise invalid("sizes", sizes, "two numbers or more, of the input first")
     kinds = {"tanh": _tanh(), "relu": torch.nn.ReLU, "silu": torch.nn.SiLU}
     kind = kinds[one_of("activation", activation, kinds)]
+    # A generator of its own leaves PyTorch's global random state alone.
     random = torch.Generator().manual_seed(count("seed", seed))
     layers: list[Any] = []
     for i in range(len(sizes) - 1):
@@ -136,6 +138,7 @@ def flatten(*parts: Any) -> Any:
     start = 0
     for p in each:
         end = start + p.numel()
+        # Weights and gradients become views: what moves the vector moves the modules.
         p.data = flat.data[start:end].view(p.shape)
         p.grad = flat.grad[start:end].view(p.shape)
         start = end
@@ -165,6 +168,7 @@ def load(net: Any, values: ArrayLike) -> Any:
     remaining = torch.from_numpy(vector("values", values, (size,)).astype(np.float32))
     with torch.no_grad():
         for p in net.parameters():
+            # In the order of `parameters()`, in which `weights` has written them.
             p.copy_(remaining[: p.numel()].view(p.shape))
             remaining = remaining[p.numel() :]
     return net
@@ -228,8 +232,11 @@ def fit(
                 with torch.no_grad():
                     flat.copy_(good)
                 raise Diverged(f"the loss is {report[k]} at step {k} of {steps}: lower the rate")
+            # The loss is finite, so these are the last good weights.
             good.copy_(flat.detach())
             value.backward()
+            # Clip the gradient's length (Pascanu et al., 2013); the small number guards a length of
+            # 0.
             if clip < math.inf:
                 flat.grad.mul_(min(1.0, clip / (length(flat.grad.numpy()) + 1e-12)))
             # The rate falls linearly to 0.
@@ -280,6 +287,7 @@ class Normaliser:
         """Raise ValueError if what is called `name` has one row, or a column without variance."""
         if self.rows < 2:
             raise invalid(f"rows of {name}", int(self.rows), "2 or more: one has no variance")
+        # Relative to the mean, as rounding leaves a constant column a little variance.
         flat = np.flatnonzero(self.variance <= 1e-12 * (1.0 + self.mean**2))
         if flat.size:
             column = f"variance of {name}[:, {flat[0]}]"
@@ -298,6 +306,7 @@ class Normaliser:
 
     def __call__(self, values: ArrayLike) -> Array:
         """Return rows (..., d) normalised."""
+        # The small number guards a column that has not varied so far.
         scaled = (np.asarray(values, dtype=float) - self.mean) / np.sqrt(self.variance + 1e-8)
         return np.clip(scaled, -self.limit, self.limit) if self.limit < math.inf else scaled
 

@@ -149,6 +149,7 @@ def gae(
             raise invalid(f"{name}.shape", each.shape, f"{r.shape}, as of the rewards")
     # Temporal-difference errors: a termination has no future, a truncation has one.
     errors = r + gamma * vector("following", np.where(over, 0.0, after)) - v
+    # Either end of an episode stops the sum; they differ only in the value that follows.
     retained = gamma * decay * ~(over | late)
     advantages = np.zeros_like(errors)
     ahead = np.zeros(r.shape[1:])
@@ -177,6 +178,7 @@ def clipped_objective(ratio: Array, advantage: Array, clip: float = 0.2) -> tupl
     # Pessimistic bound: the smaller of the free and the clipped objective.
     free = ratio * advantage
     held = np.clip(ratio, 1.0 - clip, 1.0 + clip) * advantage
+    # Where the clipped term is the smaller one it does not depend on the ratio: its slope is 0.
     return np.minimum(free, held), np.where(free <= held, advantage, 0.0)
 
 
@@ -193,6 +195,7 @@ class ActorCritic:
     def __init__(self, inputs: int, actions: int, seed: int, settings: Settings, n: int) -> None:
         """Create networks for so many inputs and actions; `n` environments."""
         torch, hidden = pytorch(), settings.hidden
+        # Small weights in the last layer: the first policy acts near 0 and explores by its spread.
         self.actor = network((inputs, *hidden, actions), seed, last=0.01)
         self.critic = network((inputs, *hidden, 1), seed + 1)
         start = torch.full((actions,), math.log(settings.spread))
@@ -203,6 +206,7 @@ class ActorCritic:
     def to_rows(self, observations: Array) -> Any:
         """Return observations (..., n, d) as the networks take them, a float32 tensor (rows, d)."""
         d = observations.shape[-1]
+        # Unshared statistics have columns of their own for each environment.
         scaled = self.normaliser(observations.reshape(-1, self.normaliser.mean.size))
         return pytorch().from_numpy(scaled.reshape(-1, d).astype(np.float32))
 
@@ -223,6 +227,7 @@ class ActorCritic:
             (self.actor, self.critic, self.log_std)
         )
         twin.normaliser = copy.copy(self.normaliser)
+        # Deep copies are no views of the old vector: give them one of their own.
         twin.flat = flatten(twin.actor, twin.critic, twin.log_std)
         return twin
 
@@ -311,8 +316,11 @@ class Runner:
             finite_rows("observation", observed, self.steps + t)
             finite_rows("reward", rewards, self.steps + t)
             if not self.same_step:
+                # After an end the next step of "NextStep" only resets, and teaches nothing.
                 batch.valid[t] = ~self.over
             elif late.any():
+                # "SameStep" has reset already: the last observation of the old episode is in
+                # `infos`.
                 after = np.array(observed, dtype=float)
                 for i in np.flatnonzero(late):
                     after[i] = infos["final_obs"][i]
@@ -337,6 +345,7 @@ class Runner:
             # Discounted sum of rewards so far, whose deviation is the unit of the rewards.
             self.worth = self.settings.discount * self.worth + batch.rewards[t]
             sums[t] = self.worth
+            # The end of an episode begins a new sum.
             self.worth = self.worth * ~(batch.terminated[t] | batch.truncated[t])
         self.scale.update(sums.reshape(-1, self.scale.mean.size))
         return batch.rewards / np.sqrt(self.scale.variance + 1e-8)
@@ -344,6 +353,7 @@ class Runner:
 
 def finite_rows(name: str, rows: Any, step: int) -> None:
     """Raise ValueError with environment and step if a number of some rows is not finite."""
+    # One sum tells whether all is finite; the rows are searched only if it is not.
     if not math.isfinite(np.sum(rows)):
         bad = ~np.isfinite(np.asarray(rows, dtype=float)).reshape(len(rows), -1).all(axis=1)
         if bad.any():
@@ -365,6 +375,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
     """Return the rows of a batch with their advantages; the critic judges all of them at once."""
     T, n = rewards.shape
     with pytorch().inference_mode():
+        # One more row than steps: the last observation, for the value that follows the last step.
         observed = policy.to_rows(batch.observations)
         values = policy.critic(observed).numpy().astype(float).reshape(T + 1, n)
         if not np.isfinite(values).all():
@@ -376,6 +387,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
             last = policy.critic(policy.to_rows(after)).numpy()[:, 0]
             following[t] = np.where(batch.truncated[t], last, following[t])
     over, late = batch.terminated, batch.truncated
+    # Without bootstrapping the clock's end counts as a termination.
     if not settings.bootstrap:
         over, late = over | late, np.zeros_like(late)
     advantages = gae(rewards, values[:-1], following, over, late, settings.discount, settings.trace)
@@ -387,6 +399,7 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
         advantages,
         advantages + values[:-1],
     )
+    # Rows of the step that only resets are dropped.
     retained = (batch.valid | settings.crossing).reshape(-1)
     return Table(*(c.reshape(T * n, -1)[retained].astype(np.float32) for c in columns))
 
@@ -420,6 +433,7 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
     torch.autograd.backward(
         (mean, value), (torch.from_numpy(push * deviation / std), torch.from_numpy(pull))
     )
+    # The log-density has the derivative deviation^2 - 1 with respect to log_std, the entropy 1.
     policy.log_std.grad += torch.from_numpy(
         (push * (deviation * deviation - 1.0)).sum(0) - settings.entropy
     )
@@ -432,6 +446,7 @@ def improve(
 ) -> tuple[float, float]:
     """Return the epochs; divergence of the policy and share clipped. Raises `Diverged`."""
     torch, gradient = pytorch(), policy.flat.grad.numpy()
+    # The last good weights, and the policy that acted, to measure how far the new one moves.
     good, before = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
     noise_free = policy(table.observations, scaled=True)
     # Advantages are normalised over the batch, once, not by minibatch.
@@ -439,6 +454,7 @@ def improve(
         level, spread = table.advantages.mean(), table.advantages.std()
         table = table._replace(advantages=(table.advantages - level) / (spread + 1e-8))
     for epoch in range(settings.epochs):
+        # Shuffle once an epoch; minibatches are then slices.
         order = rng.permutation(len(table.observations))
         shuffled = (np.array_split(x[order], settings.minibatches) for x in table)
         for part in zip(*shuffled, strict=True):
@@ -453,6 +469,7 @@ def improve(
             if size > settings.longest_gradient:
                 gradient *= settings.longest_gradient / size
             optimiser.step()
+        # The divergence costs a pass over the batch: it is measured only where it is needed.
         if epoch == settings.epochs - 1 or settings.most_kl < math.inf:
             after, log_std = (
                 policy(table.observations, scaled=True),
@@ -469,6 +486,7 @@ def improve(
             # Early stopping: the policy has moved as far as its data are good for.
             if kl > settings.most_kl:
                 break
+    # Share of the actions whose ratio ended beyond the clip.
     deviation = (table.actions - after) * np.exp(-log_std)
     ratio = np.exp(log_density(deviation, log_std) - table.log_prob)
     return kl, float(np.mean(np.abs(ratio - 1.0) > settings.clip))
@@ -522,6 +540,7 @@ def ppo(
     for k in range(rounds):
         # Numbers that run away are looked for, and told by `Diverged`.
         with one_thread(), np.errstate(all="ignore"):
+            # The rate falls linearly to 0 over all iterations.
             if settings.anneal:
                 optimiser.param_groups[0]["lr"] = settings.rate * (1.0 - k / rounds)
             batch = runner.collect(policy)

@@ -40,6 +40,7 @@ def remake(name: str, **how: int) -> Policy:
 
 def recorded(name: str) -> Policy:
     """Return the same with its weights on record: built by one step of the fit, then loaded."""
+    # A single step builds the normalisers and the network, whose weights are then replaced.
     policy = remake(name, steps=1)
     with np.load(RECORD) as stored:
         load(policy.net, stored[name])

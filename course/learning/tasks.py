@@ -70,6 +70,7 @@ def windows(shown: Runs, length: int) -> tuple[Array, Array]:
         raise invalid("demonstrations", number, "two or more: one shows no spread")
     count("length", length, 1, steps)
     filled = np.concatenate((shown.actions, np.zeros((number, length - 1, size))), axis=1)
+    # Overlapping windows as a view: nothing is copied here.
     cut = np.lib.stride_tricks.sliding_window_view(filled, length, axis=1)  # (N, T, a, length)
     chunks = np.swapaxes(cut, 2, 3).reshape(number * steps, length, size)
     return shown.states[:, :-1].reshape(number * steps, -1), chunks
@@ -104,6 +105,7 @@ def roll(
     states, actions = [state], []
     for k in range(steps):
         action = vector(f"action at step {k}", act(state, rng), (len(state), None))
+        # DART (Laskey et al., 2017): the motion is disturbed, the recorded action is not.
         noise = injected * rng.standard_normal(action.shape) if injected else 0.0
         state = task.step(state, action + noise, rng)
         states.append(state)
@@ -169,18 +171,21 @@ class TwoWays:
         side = np.where(rng.random(number) < finite("left", left, 0.0, 1.0), 1.0, -1.0)
         width = side * (self.width + self.scatter * rng.standard_normal(number))
         part = np.linspace(0.0, 1.0, self.steps + 1)
+        # A straight line to (1, 0) with half a sine wave to the side.
         distance = start[:, None] * (1.0 - part)[:, None]
         distance[..., 0] += part
         distance[..., 1] += width[:, None] * np.sin(np.pi * part)
         distance[:, 1:] += self.jitter * rng.standard_normal(distance[:, 1:].shape)
         distance = np.insert(distance, [self.steps // 4] * count("pause", pause), 0.0, axis=1)
         if pause:
+            # A pause repeats the position at which it begins.
             first = self.steps // 4
             distance[:, first : first + pause] = distance[:, [first + pause]]
         pushed = distance.copy()
         pushed[:, 1:] += finite("injected", injected, 0.0) * rng.standard_normal(
             distance[:, 1:].shape
         )
+        # The label leads from the disturbed position to the next undisturbed one.
         return Runs(pushed, distance[:, 1:] - pushed[:, :-1])
 
     def sides(self, states: ArrayLike) -> NDArray[np.int64]:
@@ -190,11 +195,13 @@ class TwoWays:
             states: positions, shape (N, T + 1, 2); a path is the polyline through them.
         """
         path = vector("states", states, (None, None, 2))
+        # Nearest point of each step's segment to the middle of the disc.
         a, d = path[:, :-1] - [self.centre, 0.0], np.diff(path, axis=1)
         along = -np.sum(a * d, axis=2) / np.maximum(np.sum(d * d, axis=2), 1e-12)
         near = a + np.clip(along, 0.0, 1.0)[..., None] * d
         clear = np.all(np.hypot(near[..., 0], near[..., 1]) >= self.radius, axis=1)
         other = np.hypot(path[:, -1, 0] - 1.0, path[:, -1, 1]) <= self.reach
+        # The side is that of the waypoint closest to the disc along x.
         beside = path[
             np.arange(len(path)), np.argmin(np.abs(path[..., 0] - self.centre), axis=1), 1
         ]
@@ -225,6 +232,7 @@ def context_costs(
     table = np.asarray(wrong, dtype=bool)
     shape = (count("number", number, 1), count("steps", steps, 1))
     missed = table[rng.integers(len(table), size=shape)]
+    # A fall is for good: after the first wrong action all are wrong.
     if not recovers:
         missed = np.logical_or.accumulate(missed, axis=1)
     return missed.sum(axis=1).astype(float)
@@ -241,6 +249,7 @@ def expected_cost(share: ArrayLike, steps: ArrayLike, *, recovers: bool) -> Arra
     if recovers:
         return eps * T
     retained = 1.0 - eps
+    # Closed form of the geometric sum; at eps = 0 it is 0 / 0.
     with np.errstate(divide="ignore", invalid="ignore"):
         summed = T - retained * (1.0 - retained**T) / eps
     return np.where(eps == 0.0, 0.0, summed)
@@ -282,10 +291,12 @@ class Regulator:
 
     def __post_init__(self) -> None:
         w, h = np.sqrt(positive("stiffness", self.stiffness)), positive("dt", self.dt)
+        # Exact discretisation: the exponential of [[0, 1], [w^2, 0]] dt, and its integral.
         c, s = np.cosh(w * h), np.sinh(w * h)
         A, B = np.array([[c, s / w], [w * s, c]]), np.array([(c - 1.0) / w**2, s / w])
         poles = np.exp(-h * np.array([self.slow, self.fast]))
         desired = A @ A - poles.sum() * A + poles.prod() * np.eye(2)  # Ackermann's formula
+        # The last row of the inverse controllability matrix, times the desired polynomial of A.
         K = np.linalg.solve(np.stack((B, A @ B)), np.array([0.0, 1.0])) @ desired
         for name, value in (("A", A), ("B", B), ("K", K)):
             object.__setattr__(self, name, value)
@@ -347,7 +358,9 @@ class Circle:
         """Return the states a step later: an arc with the rate held, exact."""
         x, y, c, s = states.T
         half = 0.5 * self.dt * actions[:, 0]
+        # Chord of an arc at speed 1, which points along the heading half way; sinc is 1 at rate 0.
         chord = self.dt * np.sinc(half / np.pi)  # of the arc
+        # Addition theorems advance (cos, sin) without an arctangent.
         ch, sh = np.cos(half), np.sin(half)
         mc, ms = c * ch - s * sh, s * ch + c * sh  # the heading half way
         new = x + chord * mc, y + chord * ms, mc * ch - ms * sh, ms * ch + mc * sh
@@ -356,8 +369,10 @@ class Circle:
     def expert(self, states: Array, rng: np.random.Generator) -> Array:
         """Return the rate of turning, shape (N, 1)."""
         x, y, c, s = states.T
+        # The middle of the circle has no tangent: the floor guards the divisions.
         r = np.maximum(np.hypot(x, y), 1e-3)
         inward = np.arctan2(-(x * c + y * s) / r, (x * s - y * c) / r)  # heading from the tangent
+        # Rate of the tangent at this radius, plus feedback on distance and heading.
         return (np.cos(inward) / r + 4.0 * (r - 1.0) - 4.0 * inward)[:, None]
 
     def cost(self, states: Array) -> Array:

@@ -40,6 +40,7 @@ def target_error(points: ArrayLike, places: ArrayLike, sigma: float) -> Array:
     if lengths[1] <= 1e-9 * lengths[0]:
         raise invalid("points", given, "points off one line")
     n = given.shape[1]
+    # Mean square distance from each principal axis: the total less the part along it.
     f = (np.sum(lengths**2) - lengths**2) / n
     along = (axes.T @ (at - middle)) ** 2
     d = along.sum(axis=0) - along

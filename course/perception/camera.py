@@ -201,6 +201,7 @@ def _slab(o, d, h, near, far):
 def through_plane(size, o, d):
     """Return where a ray meets the plane z = 0 from above, twice; -inf if it never does."""
     t = -o[2] / d[2]
+    # A plane is seen from above only, so the ray must descend.
     t = t if d[2] < 0.0 else -math.inf
     return t, t
 
@@ -224,6 +225,7 @@ def through_cylinder(size, o, d):
     t = (o[0] * d[0] + o[1] * d[1]) / a if a > 0.0 else 0.0
     x, y = o[0] - t * d[0], o[1] - t * d[1]
     remaining = size[0] * size[0] - x * x - y * y
+    # A miss is NaN, which makes `near <= far` false in the end, without a branch.
     half = math.sqrt(remaining / a if remaining >= 0.0 else math.nan)
     return _slab(o[2], d[2], size[1], -t - half, -t + half)
 
@@ -239,6 +241,7 @@ def through_sphere(size, o, d):
     t = (o[0] * d[0] + o[1] * d[1] + o[2] * d[2]) / a
     x, y, z = o[0] - t * d[0], o[1] - t * d[1], o[2] - t * d[2]
     remaining = size[0] * size[0] - x * x - y * y - z * z
+    # As for the cylinder, a miss is NaN.
     half = math.sqrt(remaining / a if remaining >= 0.0 else math.nan)
     return -t - half, -t + half
 
@@ -253,6 +256,7 @@ def _caster(interval):
     def cast(size, R, p, window, number, x, y, depth, ids):
         """Write the shape where it is nearer than what is there, within a window of pixels."""
         a, b, c = R[0], R[1], R[2]
+        # The camera's centre in the frame of the shape, -R^T p.
         o = (
             -(a[0] * p[0] + b[0] * p[1] + c[0] * p[2]),
             -(a[1] * p[0] + b[1] * p[1] + c[1] * p[2]),
@@ -262,6 +266,7 @@ def _caster(interval):
         # Only columns and rows of the window can see the shape.
         x = x[left:right]
         for v in range(top, bottom):
+            # The part of a ray's direction that is the same along a row.
             row = (b[0] * y[v] + c[0], b[1] * y[v] + c[1], b[2] * y[v] + c[2])
             nearest, owner = depth[v, left:right], ids[v, left:right]
             for u in range(x.size):
@@ -287,6 +292,7 @@ def _window(half, R, p, x, y):
 
     It returns all of them if the box reaches behind the camera.
     """
+    # A box is convex, so its image lies between those of its eight corners.
     left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
     for corner in range(8):
         s = half[0] if corner & 1 else -half[0]
@@ -324,6 +330,7 @@ def _render(kinds, sizes, frames, poses, x, y, depth, ids):
         else:
             window = _window((r, r, r), R, p, x, y)
             _cast_sphere((r, s, t), R, p, window, i, x, y, depth, ids)
+    # Pixels that no ray has hit.
     for v in range(y.size):
         for u in range(x.size):
             depth[v, u] = depth[v, u] if depth[v, u] < math.inf else 0.0
@@ -420,6 +427,8 @@ def _shared_noise(shape: tuple[int, int], window: int, rng: np.random.Generator)
     noise = rng.standard_normal((shape[0] + window - 1, shape[1] + window - 1))
     if window == 1:
         return noise
+    # A separable box filter: sums along columns, then along rows. Dividing by the side makes the
+    # variance 1.
     rows = np.sum([noise[k : k + shape[0]] for k in range(window)], axis=0)
     return np.sum([rows[:, k : k + shape[1]] for k in range(window)], axis=0) / window
 
@@ -438,12 +447,16 @@ def incidence(depth: Array, camera: Camera) -> Array:
         for axis, f in ((1, camera.fx), (0, camera.fy)):
             across = f * np.diff(inverse, axis=axis)
             across[~np.isfinite(across)] = np.inf
+            # At the margin of the image only one neighbour exists; an infinite difference is never
+            # chosen.
             empty = np.full_like(inverse.take([0], axis), np.inf)
             before = np.concatenate((empty, across), axis)
             after = np.concatenate((across, empty), axis)
             slopes.append(np.where(np.abs(before) < np.abs(after), before, after))
         a, b = slopes
         c = inverse - a * x - b * y[:, None]
+        # The plane a x + b y + c = 1 / z has the normal (a, b, c), whose product with the ray is 1
+        # / z.
         length = np.sqrt((a * a + b * b + c * c) * (x * x + (y * y)[:, None] + 1.0))
         return np.arccos(np.minimum(inverse / length, 1.0))
 
@@ -469,6 +482,7 @@ def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Gener
         ValueError: as for `Camera.picture`.
     """
     exact = camera.picture(depth)
+    # Disparity is this product over depth.
     reach = camera.fx * sensor.baseline
     observed = exact > 0.0
     if sensor.grazing < 0.5 * math.pi:

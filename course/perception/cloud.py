@@ -86,6 +86,7 @@ def _back_project(z, x, y, points, pixels):
 
 def _keys(name: str, points: Array, cell: float, origin: Array, high: Array) -> Ids:
     """Return the key of each point's cell; indices that it has no room for are refused."""
+    # A few indices stay unused, for the cells around the outermost ones.
     if not ((high - origin) / cell).max() < 2**_BITS - 4:
         message = f"a larger length: of this one the points span more than {2**_BITS - 8}"
         raise invalid(name, cell, message)
@@ -96,9 +97,11 @@ def _keys(name: str, points: Array, cell: float, origin: Array, high: Array) -> 
 
 def _cells(points, origin, cell, keys):
     for p in range(keys.size):
+        # No coordinate is below the origin, so truncation is the floor.
         i = int((points[0, p] - origin[0]) / cell)
         j = int((points[1, p] - origin[1]) / cell)
         k = int((points[2, p] - origin[2]) / cell)
+        # Three indices of 21 bits in one integer.
         keys[p] = (i << 2 * _BITS) | (j << _BITS) | k
 
 
@@ -127,6 +130,8 @@ def voxel_mean(
     if not np.all(base <= low):
         raise invalid("origin", base, "a corner below all points")
     keys = _keys("voxel", given, edge, base, high)
+    # A power of two, so that a mask replaces the modulo, and more than twice the points, so that
+    # probing stays short.
     table = np.full((2, 1 << (2 * keys.size).bit_length()), -1)
     sums, counts = np.zeros((keys.size, 3)), np.zeros(keys.size, np.int64)
     cells = _kernel(_sums)(given, keys, table, sums, counts)
@@ -197,6 +202,7 @@ def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple
     requested, _, _ = _checked(queries)
     inner, start, keys, order = _sorted("radius", given, reach, low, high)
     base, top = low - 2.0 * reach, high + 2.0 * reach
+    # A query beyond the widened bounding box has no neighbour, and no key.
     near = ((requested > base[:, None]) & (requested < top[:, None])).all(axis=0)
     own = np.full(requested.shape[1], -1)
     own[near] = _keys("radius", np.ascontiguousarray(requested[:, near]), reach, base, high)
@@ -280,6 +286,7 @@ def _near(keys, rows, fingers, c, near):
     result = 0
     for o in range(rows.size):
         f = fingers[o]
+        # The row's cells from two before to two after have consecutive keys.
         while f < keys.size and keys[f] < keys[c] + rows[o] - 2:
             f += 1
         fingers[o] = f
@@ -307,11 +314,13 @@ def _dbscan(points, start, keys, order, rows, square, least, labels, core):
             for b in near[:m]:
                 for q in range(start[b], start[b + 1]):
                     result += _square(points, q, points[0, p], points[1, p], points[2, p]) <= square
+                # Enough neighbours: the others need not be counted.
                 if result >= least:
                     dense[p] = True
                     break
     # Cells are joined with those before them, by the first pair of core points in reach.
     fingers[:] = 0
+    # Only rows up to the cell's own one, so that each pair of cells is tested once.
     before = rows[rows <= 0]
     for c in range(cells):
         m = _near(keys, before, fingers, c, near)
@@ -337,10 +346,12 @@ def _dbscan(points, start, keys, order, rows, square, least, labels, core):
     # Border points.
     fingers[:] = 0
     for c in range(cells):
+        # A cell of core points only has no border points.
         if dense[start[c] : start[c + 1]].all():
             continue
         m = _near(keys, rows, fingers, c, near)
         for p in range(start[c], start[c + 1]):
+            # No distance is below -1, so a core point keeps its label.
             best = -1.0 if dense[p] else square
             for b in near[:m]:
                 for q in range(start[b], start[b + 1]):
@@ -400,6 +411,8 @@ def _components(z, step, labels):
             root = _root(parent, v * columns + u)
             labels[v, u] = -1
             if z[v, u] > 0.0:
+                # A root is the first pixel of its component in this order, so its label exists
+                # before it is read.
                 if root == v * columns + u:
                     labels[v, u] = clusters
                     clusters += 1
@@ -422,7 +435,7 @@ def fit_plane(points: ArrayLike) -> Array:
     apart = given - middle[:, None]
     values, axes = np.linalg.eigh(apart @ apart.T)
     if values[1] <= 1e-12 * values[2]:
-        # Two equal smallest variances: the points lie on a line, which has no plane.
+        # Two vanishing variances: the points lie on a line, which has no plane of its own.
         raise invalid("points", given, "points that are not all in one line")
     return facing(np.append(axes[:, 0], -axes[:, 0] @ middle))
 
@@ -460,6 +473,7 @@ def inverse_depth_plane(
         raise invalid("mask", f"{n} pixels", "3 or more that are not all in one line")
     right = np.array([x @ inverse.sum(axis=0), y @ inverse.sum(axis=1), inverse.sum()])
     slope = np.linalg.solve(normal, right)
+    # On the plane (a, b, c) . p = 1, so the camera at the origin is on its positive side.
     return facing(np.append(-slope, 1.0) / np.linalg.norm(slope))
 
 
@@ -515,6 +529,7 @@ def ransac_plane(
     tried = _kernel(_ransac)(given, near, triples, missed, plane)
     if not plane.any():
         raise invalid("points", given, "points that are not all in one line")
+    # Least squares over the consensus set, which is then determined again.
     for _ in range(count("refits", refits)):
         inner = given[:, np.abs(plane[:3] @ given + plane[3]) <= near]
         plane = fit_plane(inner)
@@ -523,6 +538,7 @@ def ransac_plane(
 
 def _ransac(points, tolerance, triples, missed, plane):
     plane[:] = 0.0
+    # Any three points that span a plane beat this start.
     best, n = 2, points.shape[1]
     for draw in range(triples.shape[0]):
         i, j, k = triples[draw, 0], triples[draw, 1], triples[draw, 2]

@@ -81,6 +81,7 @@ def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_])
         for step in (1, 0):  # the neighbour after, and the one before
             inside, outside = (np.s_[:, 1 - s : depth.shape[1] - s] for s in (step, 1 - step))
             near, far = depth[inside], depth[outside]
+            # The jump must exceed the noise of a difference of two depths.
             allowed = math.sqrt(2.0) * _SIGMAS * sensor.sigma(far, camera) + 1e-3
             v, u = np.nonzero(mine[inside] & ~mine[outside] & (near > 0.0) & (far > near + allowed))
             middle = (u + 0.5, v) if along == 0 else (v, u + 0.5)
@@ -146,6 +147,7 @@ def contour(shapes: Shapes, rays: Array) -> tuple[Array, Array, Array]:
 def _of_shape(shapes: Shapes, i: int, rays: Array) -> tuple[Array, Array, Array]:
     """Return as `contour`, of one of the shapes."""
     p, R, size = shapes.poses[:3, i], to_matrix(shapes.poses[3:, i]), shapes.sizes[:, i]
+    # The camera's centre in the frame of the shape.
     eye = -R.T @ p
     none = np.zeros_like(rays), np.zeros_like(rays), np.full(rays.shape[1], np.inf)
     kind = shapes.kinds[i]
@@ -154,11 +156,14 @@ def _of_shape(shapes: Shapes, i: int, rays: Array) -> tuple[Array, Array, Array]
     if kind == "cylinder":
         ends, angles = _cylinder_lines(eye, size[0], size[1])
     else:  # a box: between a face that is seen and one that isn't
+        # A face is seen if the camera is beyond its plane. An edge between a seen and a hidden face
+        # is outline.
         seen = np.einsum("kie,i->ke", _FACES, eye) > np.abs(np.einsum("kie,i->ke", _FACES, size))
         ends, angles = _ENDS[..., seen[0] != seen[1]] * size[:, None], np.zeros((2, 0))
     if not ends.size:
         return none
     a, b = (R @ end + p[:, None] for end in ends)
+    # Behind the camera there is no image: give the shape up.
     if min(a[2].min(), b[2].min()) <= 0.0:
         return none
     c, along, distance, which, share = _of_segments(a, b, rays)
@@ -170,6 +175,7 @@ def _of_shape(shapes: Shapes, i: int, rays: Array) -> tuple[Array, Array, Array]
         c = R @ np.stack((size[0] * np.cos(angle), size[0] * np.sin(angle), height)) + p[:, None]
         tangent = R @ np.stack((-np.sin(angle), np.cos(angle), zero))
         along = np.where(first == last, along, tangent)
+    # The normal is perpendicular to the line of sight and to the contour.
     normal = np.cross(c.T, along.T).T
     normal /= np.maximum(np.linalg.norm(normal, axis=0), 1e-300)
     normal *= np.where(p @ normal > 0.0, -1.0, 1.0)  # away from the middle of the shape
@@ -193,6 +199,8 @@ def _cylinder_lines(eye: Array, radius: float, half: float) -> tuple[Array, Arra
         first.append(touching)
         last.append(touching)
         heights.append(np.array([[half, half], [-half, -half]]))
+    # Where the end is hidden, its rim is outline along the side that is seen; where the end is
+    # seen, along the hidden side.
     for height, end_is_seen in ((half, eye[2] > half), (-half, eye[2] < -half)):
         begin, stop = towards - reach, towards + reach
         if end_is_seen:
@@ -217,6 +225,7 @@ def _of_sphere(p: Array, radius: float, rays: Array) -> tuple[Array, Array, Arra
     axis = p / np.linalg.norm(p)
     off = unit - axis[:, None] * (axis @ unit)
     off /= np.maximum(np.linalg.norm(off, axis=0), 1e-300)
+    # Half the opening of the cone of lines of sight that touch the sphere.
     sine = radius / np.linalg.norm(p)
     cosine = math.sqrt(1.0 - sine * sine)
     normal = cosine * off - sine * axis[:, None]
@@ -234,6 +243,7 @@ def _of_segments(
         Points (3, N) [m]; directions of their lines (3, N); distances in the image (N,); which
         line (N,); how far along it in space (N,), from 0 to 1.
     """
+    # Closest point on each line's image, at z = 1.
     start, end = a[:2] / a[2], b[:2] / b[2]
     line = end - start
     length = np.maximum(np.sum(line * line, axis=0), 1e-300)
@@ -294,6 +304,7 @@ def rows(
     step = np.stack((n[0] / camera.fx, n[1] / camera.fy)) * depth
     pixel = np.where(at.along == 0, step[0], step[1])
     other = np.where(at.along == 0, step[1], step[0])
+    # The middle of the pair of pixels, taken to the depth of the contour.
     middle = at.rays * depth
     residual = np.sum(n * (middle - c), axis=0)
     allowed = _SIGMAS * sensor.sigma(at.far, camera) + 1e-3
@@ -304,6 +315,7 @@ def rows(
         & (at.far > depth + allowed)
     )
     c, n, pixel = c[:, used], n[:, used], pixel[used]
+    # Into the frame of the part, in which the six directions are defined.
     R = to_matrix(pose[3:])
     m, normal = R.T @ (c - pose[:3, None]), R.T @ n
     J = np.concatenate((normal, np.cross(m.T, normal.T).T))
@@ -325,16 +337,21 @@ def information(of: Rows, free: tuple[str, ...] = DIRECTIONS) -> tuple[Array, Ar
     Returns:
         Information (6, 6) and what it makes of the residuals, (6,), in the part's frame.
     """
+    # Inverse variance of an error that is spread evenly over one pixel.
     weight = 12.0 / of.pixel**2
     J = of.J * np.isin(DIRECTIONS, free)[:, None]
     H = (J * weight) @ J.T
     g = (J * weight) @ of.residual
+    # Shifts to the middles of 8 x 8 parts of a pixel.
     parts = (np.arange(_SHIFTS) + 0.5) / _SHIFTS
     shift = np.stack(np.meshgrid(parts, parts)).reshape(2, -1)
+    # Where the contour would then cross between two pixels, less the rounding to the nearest
+    # middle.
     crossing = of.residual / of.pixel + shift.T @ of.slope
     wrapped = crossing - np.rint(crossing)
     changes = (wrapped * weight * of.pixel) @ J.T
     G = changes.T @ changes / len(changes) + _LUCK * H
+    # Unit diagonal before the pseudoinverse, so that its threshold does not depend on units.
     scale = _scale(H)
     weighing = H @ (scale[:, None] * np.linalg.pinv(G * np.outer(scale, scale), 1e-9) * scale)
     return weighing @ H, weighing @ g
@@ -382,12 +399,15 @@ def refine(
         of_outline, asked = information(lines, fit.free)
         both = (of_points + of_outline)[block]
         scale = _scale(both)
+        # Two measurements of one pose: that of the points pulls back by how far the pose has moved.
         right = (asked - of_points @ moved)[free] * scale
         step = np.zeros(6)
         step[free] = scale * (np.linalg.pinv(both * np.outer(scale, scale), 1e-9) @ right)
+        # Right update, in the part's frame: p' = p + R d, R' = R exp(t).
         pose = np.concatenate(
             (pose[:3] + rotate(pose[3:], step[:3]), product(pose[3:], exp(step[3:])))
         )
+        # The motion since the fit of the points, in the six directions of that fit.
         back = conjugate(from_matrix(fit.R))
         moved = np.append(rotate(back, pose[:3] - fit.p), log(product(back, pose[3:])))
     _, _, distance = contour(part.moved(pose), at.rays)

@@ -123,6 +123,7 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
     if kind == "sphere":
         return shift, 0.0
     if kind == "cylinder":
+        # Only the tilt of the axis counts, in either direction.
         axis = rotate(turn, np.array([0.0, 0.0, 1.0]))
         return shift, math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2]))
     if kind == "box":
@@ -130,6 +131,7 @@ def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
         half = part.sizes[:, 0]
         same = np.abs(np.abs(_CUBE) @ half - half).max(axis=1) < 1e-9 * half.max()
         turn = product(_TURNS[:, same], turn)  # as far as the turn followed by it
+    # Angle of a quaternion; the absolute value takes the nearer of q and -q.
     return shift, float(2.0 * np.arctan2(np.linalg.norm(turn[1:], axis=0), np.abs(turn[0])).min())
 
 
@@ -179,6 +181,7 @@ def _extent(part: Shapes) -> tuple[Array, Array]:
         if kind == "plane":
             raise invalid("part.kinds", part.kinds, "a thing with an end: no plane")
         half = {"box": size, "cylinder": size[[0, 0, 1]], "sphere": size[[0, 0, 0]]}[kind]
+        # Half sides of the bounding box of a turned box; for round shapes an upper bound.
         reach = np.abs(to_matrix(pose[3:])) @ half
         low, high = np.minimum(low, pose[:3] - reach), np.maximum(high, pose[:3] + reach)
     return low, high
@@ -188,6 +191,7 @@ def _yaws(part: Shapes, starts: int) -> Array:
     """Return turns about z to start from: evenly over what is not the same by symmetry [rad]."""
     period = 2.0 * math.pi
     still = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    # A part that a turn by one degree leaves the same is round: any turn does.
     for n in (360, 4, 2):
         turned = np.concatenate((still[:3], exp(np.array([0.0, 0.0, 2.0 * math.pi / n]))))
         if apart(part, still, turned)[1] < 1e-9:
@@ -205,6 +209,7 @@ def standing_at(part: Shapes, points: Array, table: Array, yaws: Array) -> list[
     """Return poses on the table: for each turn the middle of the box around the points."""
     low, high = _extent(part)
     up = turn_to(table[:3])
+    # The point of the table below the camera is the origin of the table's frame.
     foot = -table[3] * table[:3]
     flat = rotate(conjugate(up), points - foot[:, None])
     poses = []
@@ -223,8 +228,10 @@ def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
     """Return poses anywhere: the principal axes in all their orders, and turned by an eighth."""
     low, high = _extent(part)
     middle = points.mean(axis=1)
+    # The visible side is nearer than the middle of the part: start a little farther away.
     away = middle / np.linalg.norm(middle) * 0.25 * float((high - low).min())
     axes = np.linalg.svd(points - middle[:, None])[0]
+    # Principal axes may form a mirror image: make them right-handed.
     axes[:, 2] *= np.linalg.det(axes)
     poses: list[Array] = []
     for k, R in itertools.product(range(max(1, starts // 4)), _CUBE):
@@ -239,6 +246,7 @@ def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
 def _of_table(points: Array, sigma: Array, table: Array, pose: Array) -> Array:
     """Return what the table tells about a part that stands on it: height and two tilts, (6, 6)."""
     x, y, _ = rotate(conjugate(pose[3:]), points - pose[:3, None])
+    # An error along the ray shows in the height by this factor.
     slope = np.abs(table[:3] @ points) / points[2]
     # Jacobian of the height above the table by the six directions, divided by its deviation.
     J = np.stack((0.0 * x, 0.0 * x, np.ones_like(x), y, -x, 0.0 * x)) / (sigma * slope)
@@ -297,6 +305,7 @@ def locate(
     # Refine it by all points near it, then classify what is above.
     for _ in range(2 if table is None else 1):
         slope = np.abs(plane[:3] @ points) / points[2]
+        # Height in standard deviations, with a millimetre of tolerance at the threshold.
         height = (plane[:3] @ points + plane[3]) / (sigma * slope + 1e-3 / _SIGMAS)
         on = np.abs(height) < _SIGMAS
         if table is None:
@@ -359,6 +368,7 @@ def pose_of(
     sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
     low, high = _extent(part)
     last = _SIGMAS * float(np.median(sigma)) + 1e-3
+    # Graduated gate: at first a quarter of the part's diagonal, in the end the noise.
     gate = (max(last, 0.25 * float(np.linalg.norm(high - low))), last)
     some = slice(None, None, max(1, points.shape[1] // _SAMPLE))
     free = STANDING if standing else DIRECTIONS
@@ -426,6 +436,7 @@ def pose_of(
     left_over = score < 1.0 - _SEES_THROUGH or off > _OFF_OUTLINE
     blind = {"x", "y", "z"} & set(unobserved)
     status = "ambiguous" if rival or left_over or blind else "found"
+    # The worse finding overrules: cut before ambiguous, refuted before all.
     if _at_edge(mask) or _at_edge(cluster):
         status = "cut"
     if through > _SEES_THROUGH or agree < _AGREES:
@@ -476,10 +487,12 @@ def stand_in(
         if np.count_nonzero(exact) < 3:
             covariance[:, :, i] = np.diag(np.where(moving, np.inf, 0.0))
             continue
+        # A sensor without noise shows the bias that its steps cause.
         coarse = replace(sensor, noise=0.0, dropout=0.0)
         depth = float(np.median(exact[exact > 0.0]))
         steps = max(sensor.step * depth**2 / (camera.fx * sensor.baseline), sensor.unit)
         noise = sensor.noise * depth**2 / (camera.fx * sensor.baseline)
+        # Noise dithers the steps. This is its characteristic function at one cycle a step.
         remaining = math.exp(-2.0 * (math.pi * noise / steps) ** 2) if steps else 0.0
         offset = np.zeros(6)
         for picture in (sense(exact, camera, coarse, np.random.default_rng(0)), exact):

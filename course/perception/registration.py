@@ -73,6 +73,7 @@ class Cloud:
         rows = vector("points", points, (3, None), unit="m").T.copy()
         if not len(rows):
             raise invalid("points.shape", (3, 0), "at least one point")
+        # Levels of a balanced tree with at most _LEAF points in each leaf.
         levels = max(0, int(np.ceil(np.log2(len(rows) / _LEAF))))
         order = np.arange(len(rows))
         axes, cuts = np.zeros(2**levels - 1, dtype=np.int64), np.zeros(2**levels - 1)
@@ -162,8 +163,10 @@ def known(
     # their units.
     scale = np.sqrt(np.where(alone > _ROUNDING * alone.max(), alone, np.inf))
     values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
+    # An eigenvalue near 0 belongs to a motion that no point resists.
     observed = values > _BLIND
     blind = retained & (np.sum(vectors[:, ~observed] ** 2, axis=1) > _BLIND)
+    # Pseudoinverse on the observed motions, with the scaling undone.
     part = vectors[:, observed] / scale[:, None]
     result = (part / values[observed]) @ part.T
     result[blind] = 0.0
@@ -276,6 +279,7 @@ def icp(
     room = (np.zeros(source.shape), np.zeros(len(source)), flags)
     where = (tree.points, tree.normals, tree.axes, tree.cuts, *parts)
     _kernels()[3](source, spread, *where, R, p, gates, limits, mobile, plane, *room, H, out)
+    # The loop fills the lower triangle only.
     H += np.tril(H, -1).T
     result, weighted, squares, made, converged = out[:5].tolist()
     if result < 3 and made == 0:
@@ -315,6 +319,7 @@ _NO_PARTS = _NONE[1], _NONE[0], np.zeros((0, 3, 3)), _NONE[0]
 def _build(points, order, axes, cuts):
     """Put the rows of points into the order of the tree; ranges of nodes are halved by rule."""
     inner = len(axes)
+    # Breadth-first numbering: the children of node k are 2 k + 1 and 2 k + 2.
     ranges = np.empty((2 * inner + 1, 2), dtype=np.int64)
     ranges[0, 0], ranges[0, 1] = 0, len(points)
     for node in range(inner):
@@ -341,6 +346,7 @@ def _build(points, order, axes, cuts):
                     order[a], order[b] = order[b], order[a]
                     a += 1
                     b -= 1
+            # Go on in the part that contains the median.
             if middle <= b:
                 j = b
             elif middle >= a:
@@ -361,6 +367,8 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
     A branch is left aside when its cuts alone are farther off than the best (Arya and Mount, 1993).
     """
     inner, top = len(axes), 1
+    # Stack: a node and its range of rows; the squared offsets of its cell from q along each axis,
+    # and their sum.
     nodes[0, 0], nodes[0, 1], nodes[0, 2] = 0, 0, len(points)
     offsets[0] = 0.0
     while top > 0:
@@ -383,6 +391,7 @@ def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
             else:
                 other, other_low, other_high = 2 * node + 1, low, middle
                 node, low = 2 * node + 2, middle
+            # The other half waits, with the offset along this axis replaced.
             if far < best:
                 nodes[top, 0], nodes[top, 1], nodes[top, 2] = other, other_low, other_high
                 offsets[top, 0], offsets[top, 1], offsets[top, 2] = o0, o1, o2
@@ -417,18 +426,22 @@ def _onto(kind, s0, s1, s2, x, y, z):
         return x, y, 0.0, 0.0, 0.0, 1.0, np.inf
     if kind == SPHERE:
         length = np.sqrt(x * x + y * y + z * z)
+        # The centre of a sphere has no nearest point of its own: any will do.
         if length == 0.0:
             return 0.0, 0.0, s0, 0.0, 0.0, 1.0, np.inf
         a, b, c = x / length, y / length, z / length
         return s0 * a, s0 * b, s0 * c, a, b, c, np.inf
     if kind == CYLINDER:
+        # In the half plane through the axis and the point the cylinder is a rectangle.
         radial, up = np.sqrt(x * x + y * y), 1.0 if z > 0.0 else -1.0
         a, b = (x / radial, y / radial) if radial > 0.0 else (1.0, 0.0)
         side, end = radial - s0, abs(z) - s1
+        # Beyond both side and end the rim is closest.
         if side > 0.0 and end > 0.0:
             gap = np.sqrt(side * side + end * end)
             c, d = side / gap, end / gap
             return s0 * a, s0 * b, s1 * up, a * c, b * c, up * d, 0.0
+        # Otherwise the face that the point is beyond, or inside the face with the smaller depth.
         if side > end:
             return s0 * a, s0 * b, z, a, b, 0.0, -end
         return x, y, s1 * up, 0.0, 0.0, up, -side
@@ -442,6 +455,8 @@ def _onto(kind, s0, s1, s2, x, y, z):
         gap = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
         x, y, z = x - a * d0, y - b * d1, z - c * d2
         return x, y, z, a * d0 / gap, b * d1 / gap, c * d2 / gap, 0.0
+    # Onto the face with the smallest depth; the nearest of the other faces tells the edge's
+    # distance.
     if q0 >= q1 and q0 >= q2:
         return s0 * a, y, z, a, 0.0, 0.0, -max(q1, q2)
     if q1 >= q2:
@@ -483,11 +498,13 @@ def _rotation(a, b, w, R, p):
     A, U = np.empty((3, 3)), np.empty((3, 3))
     # Singular value decomposition by one-sided Jacobi.
     decompose(S, A, U)
+    # Numbers of the largest (i), the middle (j) and the smallest (k) singular value.
     s, k, i = np.empty(3), 0, 0
     for r in range(3):
         s[r] = np.sqrt(A[r, 0] ** 2 + A[r, 1] ** 2 + A[r, 2] ** 2)
         k, i = (r if s[r] < s[k] else k), (r if s[r] >= s[i] else i)
     j = 3 - i - k
+    # Only one singular value: the points lie on a line, and the turn about it is free.
     if s[j] <= 1e-9 * s[i] or s[i] <= 0.0:
         return False
     for x in range(3):
@@ -502,6 +519,7 @@ def _rotation(a, b, w, R, p):
     for x in range(3):
         for y in range(3):
             R[x, y] = U[x, i] * A[i, y] + U[x, j] * A[j, y] + U[x, k] * A[k, y]
+    # The shift maps the one centroid onto the other.
     for x in range(3):
         p[x] = cb[x] - R[x, 0] * ca[0] - R[x, 1] * ca[1] - R[x, 2] * ca[2]
     return True
@@ -511,6 +529,7 @@ def _rotation(a, b, w, R, p):
 def _solve(H, g, mobile, length, step):
     """H step = g, turns in units of 1 / length, hardly damped, in the directions that may move."""
     A, scale, damping = np.zeros((6, 6)), np.empty(6), 1e-300
+    # A direction that may not move has scale 0: only the damping is left in its row, so it stays.
     for x in range(6):
         scale[x] = 0.0 if not mobile[x] else (1.0 if x < 3 else 1.0 / length)
         for y in range(x + 1):
@@ -526,10 +545,12 @@ def _solve(H, g, mobile, length, step):
         for k in range(x):
             step[x] -= A[x, k] * step[k]
         step[x] /= A[x, x]
+    # Back substitution.
     for x in range(5, -1, -1):
         for k in range(x + 1, 6):
             step[x] -= A[k, x] * step[k]
         step[x] /= A[x, x]
+    # Back from the scaled unknowns to metres and radians.
     for x in range(6):
         step[x] *= scale[x]
 
@@ -574,10 +595,12 @@ def _icp(
             out[x], g[x] = 0.0, 0.0
             for y in range(6):
                 H[x, y] = 0.0
+        # R^T p, so that m = R^T s - R^T p is a measured point in the frame of the target.
         for x in range(3):
             q[x] = R[0, x] * p[0] + R[1, x] * p[1] + R[2, x] * p[2]
         for i in range(len(source)):
             weights[i] = 0.0
+            # What stage 1 has rejected stays out, so that the set of points no longer changes.
             if stage == 2 and flags[i] == 2:
                 continue
             flags[i] = 0
@@ -603,15 +626,20 @@ def _icp(
                 if len(normals):
                     n0, n1, n2 = normals[at, 0], normals[at, 1], normals[at, 2]
             else:
+                # Shapes: the closest of all parts or, along the rays, the first one that the ray
+                # meets.
                 first = 10.0  # times the measured depth: where the ray meets a part first
                 for part in range(len(kinds)):
                     T = turns[part]
                     kind, size = kinds[part], (sizes[part, 0], sizes[part, 1], sizes[part, 2])
                     a, b, c = m[0] - places[part, 0], m[1] - places[part, 1], m[2] - places[part, 2]
+                    # The point in the frame of this part.
                     u = T[0, 0] * a + T[1, 0] * b + T[2, 0] * c
                     v = T[0, 1] * a + T[1, 1] * b + T[2, 1] * c
                     w = T[0, 2] * a + T[1, 2] * b + T[2, 2] * c
                     if stage:
+                        # The camera's ray through the point in the same frame; at t = 1 it is at
+                        # the measured depth.
                         a, b, c = m[0] + q[0], m[1] + q[1], m[2] + q[2]
                         d = T[0, 0] * a + T[1, 0] * b + T[2, 0] * c
                         e = T[0, 1] * a + T[1, 1] * b + T[2, 1] * c
@@ -626,6 +654,7 @@ def _icp(
                         now = (a - u) ** 2 + (b - v) ** 2 + (c - w) ** 2
                     if stage or now < square:
                         square, border = now, rim
+                        # Closest point and normal, back in the frame of the target.
                         c0 = T[0, 0] * a + T[0, 1] * b + T[0, 2] * c + places[part, 0]
                         c1 = T[1, 0] * a + T[1, 1] * b + T[1, 2] * c + places[part, 1]
                         c2 = T[2, 0] * a + T[2, 1] * b + T[2, 2] * c + places[part, 2]
@@ -637,6 +666,7 @@ def _icp(
             flags[i] = 1
             closest[i, 0], closest[i, 1], closest[i, 2] = c0, c1, c2
             weight, r = 1.0, n0 * (m[0] - c0) + n1 * (m[1] - c1) + n2 * (m[2] - c2)
+            # Along a ray the gate applies to the distance in the direction of the normal.
             if stage and r * r >= gate * gate:
                 flags[i] = 0
                 continue
@@ -655,9 +685,11 @@ def _icp(
                     weight /= slope * slope * t * t * t
             weights[i] = weight
             J[0], J[1], J[2] = n0, n1, n2
+            # Lever arm of a turn: the measured point or, along the rays, the point on the surface.
             if not stage:
                 c0, c1, c2 = m[0], m[1], m[2]
             J[3], J[4], J[5] = c1 * n2 - c2 * n1, c2 * n0 - c0 * n2, c0 * n1 - c1 * n0
+            # Normal equations of Gauss-Newton, lower triangle.
             for x in range(6):
                 g[x] += weight * r * J[x]
                 for y in range(x + 1):
@@ -668,12 +700,15 @@ def _icp(
             out[2] += square
             out[5] += m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
         out[3] = k
+        # Too few matches: the part is lost.
         if out[0] < 3.0:
             return
         out[5] /= out[0]
         if k == steps:
             return
         stage = 2 if stage == 1 else stage
+        # Root mean square distance from the target's origin: what a turn of 1 rad moves the points
+        # by.
         length = max(np.sqrt(out[5]), 1e-9)
         for x in range(3):
             before[x] = p[x]
@@ -687,6 +722,7 @@ def _icp(
                 largest = max(largest, abs(step[x]) * (1.0 if x < 3 else length))
             for x in range(6):
                 step[x] *= min(1.0, min(gate, length) / largest)
+            # Exponential map; the step acts in the target's own frame, R' = R exp(t).
             turn = to_matrix(exp(step[3:]))
             for x in range(3):
                 for y in range(3):
@@ -696,6 +732,8 @@ def _icp(
                         R[x, y] += old[x, z] * turn[z, y]
         elif not _rotation(closest, source, weights, R, p):
             return
+        # Size of the step. A small turn by t changes the matrix by 2 t^2, summed over its squared
+        # entries.
         moved = 0.0
         for x in range(3):
             moved += (p[x] - before[x]) ** 2

@@ -66,19 +66,23 @@ def follow(x, P, dt, z, R, acceleration):
     the picture before, dt [s] ago; z (2,) is what was seen, R (2, 2) its covariance, acceleration
     the standard deviation of what acts in between [m/s^2].
     """
+    # Prediction of a constant velocity: F P F^T, first the rows, then the columns.
     for i in range(2):
         x[i] += dt * x[i + 2]
         P[i] += dt * P[i + 2]
     for i in range(2):
         P[:, i] += dt * P[:, i + 2]
+    # Process noise of an acceleration that is constant between two pictures.
     for i in range(2):
         P[i, i] += (0.5 * acceleration * dt * dt) ** 2
         P[i, i + 2] += 0.5 * acceleration * acceleration * dt**3
         P[i + 2, i] += 0.5 * acceleration * acceleration * dt**3
         P[i + 2, i + 2] += (acceleration * dt) ** 2
+    # Covariance of the innovation, inverted below with its determinant.
     s, c, u = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]
     det = s * u - c * c
     r1, r2 = z[0] - x[0], z[1] - x[1]
+    # Both rows as they were before the update, which changes them on the way.
     above = P[:2].copy()
     for i in range(4):
         k1, k2 = (u * P[i, 0] - c * P[i, 1]) / det, (s * P[i, 1] - c * P[i, 0]) / det
@@ -133,6 +137,7 @@ class Tracker:
         if self.stamp == -math.inf:
             raise invalid("stamp", stamp, "a time after the first update")
         dt = finite("stamp", stamp, self.stamp, unit="s") - self.stamp
+        # Transition at constant velocity, and what a constant acceleration adds.
         F = np.eye(6) + dt * np.eye(6, k=3)
         G = np.vstack((0.5 * dt * dt * np.eye(3), dt * np.eye(3))) * self.acceleration
         return F @ self.state, F @ self.covariance @ F.T + G @ G.T
@@ -177,9 +182,11 @@ class Tracker:
         x, P = self._at(seen_at)
         H, R = np.eye(6)[:3][report], R[np.ix_(report, report)]
         r = given - x[:3]
+        # The innovation of the turn, modulo the period after which the part looks the same.
         r[2] -= self.period * np.rint(r[2] / self.period)
         S = H @ P @ H.T + R
         gate = self.gate if self.gate is not None else _GATES[max(0, report.sum() - 1)]
+        # Normalised innovation squared, compared with a quantile of chi squared.
         if report.any() and r[report] @ np.linalg.solve(S, r[report]) > gate:
             self.rejected += 1
             if self.patience and self.rejected >= self.patience and report.all():
@@ -187,6 +194,7 @@ class Tracker:
                 return True
             return False
         if self.gains is None:
+            # Kalman gain P H^T S^-1, by a solve instead of an inverse.
             K = np.linalg.solve(S, H @ P).T
         else:
             dt = max(seen_at - self.stamp, 1e-12)

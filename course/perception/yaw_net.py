@@ -69,10 +69,12 @@ def height_patch(points: Array, table: Array) -> Array:
     given = vector("points", points, (3, None), unit="m")
     count("points.shape[1]", given.shape[1], 1)
     flat = rotate(conjugate(turn_to(table[:3])), given + table[3] * table[:3, None])
+    # Percentiles, so that stray points do not move the patch.
     middle = np.percentile(flat[:2], (2.0, 98.0), axis=1).mean(axis=0)
     cells = np.floor((flat[:2] - middle[:, None]) / CELL).astype(int) + SIDE // 2
     inside = np.all((cells >= 0) & (cells < SIDE), axis=0)
     patch = np.zeros((SIDE, SIDE))
+    # A cell's height is that of its highest point.
     np.maximum.at(patch, (*cells[:, inside],), np.clip(flat[2, inside] / TALL, 0.0, 1.5))
     return patch
 
@@ -137,6 +139,7 @@ def train(
         patches[k] = height_patch(above_table(depth, camera, sensor, plane), plane)
         turns[k] = turn_of(pose, plane)
     x = torch.tensor(patches.reshape(pictures, -1))
+    # Cosine and sine are continuous, while the angle itself jumps at pi.
     y = torch.tensor(np.stack((np.cos(turns), np.sin(turns)), axis=1), dtype=torch.float32)
     wide, narrow = _HIDDEN
     net = torch.nn.Sequential(

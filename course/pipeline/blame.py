@@ -55,6 +55,7 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     arrived = np.array([p.arrived for p in pictures] + [microseconds(scenario.seconds)])
     # Contracts of time: the age of an image, and the gap between two.
     ages = np.array([p.arrived - p.captured for p in pictures])
+    # Half a period of tolerance beyond the agreed latency.
     if ages.size and ages.max() > late + period // 2:
         result.append(Broken("age", "pictures are older than was agreed"))
     if np.diff(arrived, prepend=late).max() > 3 * period:
@@ -67,6 +68,7 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
             result.append(Broken("perceive", "it is less exact than was agreed"))
     if truth and len(pictures) > 1:
         true = np.array([scenario.at(1e-6 * p.captured) for p in pictures])
+        # Errors in units of their stated deviation, without the agreed bias.
         z = (np.array([p.value for p in pictures]) - true - agreed.bias) / each
         # The mean of n independent errors has the deviation 1 / sqrt(n).
         if np.abs(z.mean(axis=0)).max() * np.sqrt(len(z)) > SURE:
@@ -85,6 +87,7 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
             result.append(Broken("plan", "it is late"))
         if path.motion is not None:
             gaps = _gaps(scenario, path.waypoints)
+            # The same rule as in `plan_path`: the agreed margin, or half of what the ends allow.
             if gaps.min() < min(agreed.margin, 0.5 * min(gaps[0], gaps[-1])) - SLACK:
                 result.append(Broken("plan", "it keeps less from the discs than was agreed"))
             end, goal = tip_of(scenario.arm, path.goal), known.get(crossing.captured)
@@ -96,6 +99,7 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     rows = slice(0, -1, max(1, microseconds(agreed.control) // record.step))
     e, v, sent = (log[rows, some] for some in (slice(4, 6), slice(2, 4), slice(6, 8)))
     largest = np.minimum(scenario.arm.torques, agreed.actuator.limit)
+    # The PD law with its limits, recomputed from the logged state and reference.
     right = np.clip(agreed.kp * (e - log[rows, Q:V]) - agreed.kd * v, -largest, largest)
     asked_for = np.any(sent != 0.0, axis=1) & (agreed.law == "pd")
     if np.any(np.abs(sent - right)[asked_for] > 1e-6):
@@ -140,6 +144,7 @@ def gained(record: Record, kp: float, kd: float) -> float:
     # Work of the moving reference on the spring, and of every torque that is not the PD law's.
     brought = kp * np.sum(((r - q)[:, 1:] + (r - q)[:, :-1]) * np.diff(r), axis=0) / 2.0
     brought += np.sum((sent + kd * v - kp * (r - q))[:, :-1] * np.diff(q), axis=0)
+    # Only what rises by more than was brought counts, relative to the largest energy.
     return float(np.sum(np.maximum(np.diff(W) - brought, 0.0)) / max(float(W.max()), 1e-12))
 
 
@@ -167,6 +172,7 @@ def blame(
         truth: as for `contracts`.
     """
     broken = [one.stage for one in contracts(record, agreed, truth)] if agreed else []
+    # Stages with a broken contract are tried first.
     order, runs = list(dict.fromkeys([*broken, *REPLAYED])), 0
     for size, how in ((1, "repair"), (2, "pair")):
         for some in combinations(order, size):

@@ -138,6 +138,7 @@ class Budget:
         drawn = [attribution(self.squares(some)) for some in rng.integers(0, n, (repeats, n))]
         result = {}
         for part in self.parts:
+            # Attribution is by mending, which lowers the error: a source owns minus that change.
             low, high = np.quantile([-one[part][1] for one in drawn], [0.025, 0.975])
             result[part] = (-owned[part][1], float(low), float(high))
         return result
@@ -211,6 +212,7 @@ def compare(
     """Return two settings on the same seeds; arguments are those of `budget`."""
     records = [run_many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
     a, b = (np.sum(errors(one) ** 2, axis=0) for one in records)
+    # Paired differences: what both settings have in common cancels.
     middle, half = float(np.mean(b - a)), NORMAL * float(np.std(b - a)) / math.sqrt(a.size)
     # Ratio of variances: how many times fewer runs the paired comparison needs.
     own = float(np.var(a) + np.var(b)) / max(float(np.var(b - a)), 1e-300)

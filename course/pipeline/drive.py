@@ -141,6 +141,7 @@ def _reference(t, progress, aim, table, links, desired):
     On the path, moved by as much as the aim has moved since it was made, times the share of the
     path that is done.
     """
+    # Without a plan in force the arm waits.
     if progress["planned"] == 0:
         for j in range(2):
             desired[0, j], desired[1, j], desired[2, j] = aim["wait"][j], 0.0, 0.0
@@ -151,17 +152,20 @@ def _reference(t, progress, aim, table, links, desired):
     # The target has moved since the plan was made: shift its end to the current inverse kinematics,
     # in proportion to the share of the path that has been driven.
     if aim["fresh"] > 0.0:
+        # Carry the target on from the stamp of its estimate to this instant.
         since = 1e-6 * (t - aim["stamp"])
         x, y = (
             aim["place"][0] + since * aim["rate"][0],
             aim["place"][1] + since * aim["rate"][1],
         )
         left, right, bend, _ = branches(links[0, 0], links[1, 0], x, y)
+        # The elbow stays on the side on which the plan ends.
         first, second = (left, bend) if aim["side"] == 0.0 else (right, -bend)
         # A whole turn is no move.
         turn = first - aim["goal"][0]
         aim["moved"][0] = turn - 2.0 * math.pi * round(turn / (2.0 * math.pi))
         aim["moved"][1] = second - aim["goal"][1]
+        # A target at rest needs this inverse kinematics only once for each estimate.
         if aim["rate"][0] == 0.0 and aim["rate"][1] == 0.0:
             aim["fresh"] = 0.0
     desired[0, 0] += share * aim["moved"][0]
@@ -195,6 +199,7 @@ step_loop = loop(step, numba.void(MATRIX, numba.int64, numba.float64, MATRIX))
 def advance(law, step, last, progress, aim, settings, table, log, body, model, obstacles, links):
     """Control and physics up to step `last`; the state is in the log."""
     desired, q, h = np.zeros((3, 2)), np.zeros(2), round(settings["step"])
+    # The actuator's delay is rounded up to whole steps.
     period, delay = round(settings["period"]), math.ceil(settings["delay"] / settings["step"])
     for k in range(progress["now"], last):
         t = k * h
@@ -209,6 +214,7 @@ def advance(law, step, last, progress, aim, settings, table, log, body, model, o
                     progress["wrong"] = 6
                     return
                 log[k, REFERENCE + i] = desired[0, i]
+                # The last command stands in the row before, as the law has overwritten this one.
                 before = log[k - 1, SENT + i] if k > 0 else 0.0
                 u = min(max(u, before - settings["slew"]), before + settings["slew"])
                 log[k, SENT + i] = min(max(u, -largest), largest)
@@ -221,6 +227,7 @@ def advance(law, step, last, progress, aim, settings, table, log, body, model, o
         # Physics: the row of the log is the state, so a step starts as a copy.
         for i in range(GAP):
             log[k + 1, i] = log[k, i]
+        # Ideal control: the arm is exactly on its reference.
         if settings["perfect"] > 0.0:
             _reference_loop(t + h, progress, aim, table, links, desired)
             for i in range(2):
@@ -247,11 +254,14 @@ def between(last, progress, aim, settings, table, log, body, model, obstacles, l
 
 def observe(k, settings, times, noise, log, progress, observed):
     """`perceive`, for compiled loops: frame k into its row of what was seen."""
+    # Columns of `noise`: the shift (2) and the scale that disturb a frame, and its normal numbers
+    # (2).
     since = 1e-6 * times[k, 0]
     sigma = settings["sigma"] * noise[k, 2]
     for i in range(2):
         true = settings["target"][i] + since * settings["velocity"][i] + noise[k, i]
         observed[k, PLACE + i] = true + settings["bias"][i] + sigma * noise[k, 3 + i]
+    # A floor: a variance of 0 would count as invalid below.
     observed[k, SPREAD] = observed[k, SPREAD + 2] = max(sigma, LEAST) ** 2
     observed[k, SPREAD + 1], observed[k, WHEN] = 0.0, times[k, 2]
 
@@ -302,6 +312,7 @@ def drive(
         k = order[progress["arrived"]]
         progress["arrived"] += 1
         row = observed[k]
+        # Contracts: finite position, positive definite covariance, no stamp from the future.
         if not (math.isfinite(row[PLACE]) and math.isfinite(row[PLACE + 1])):
             progress["wrong"] = 1
         elif not (row[SPREAD] > 0.0 and row[SPREAD] * row[SPREAD + 2] > row[SPREAD + 1] ** 2):
@@ -318,6 +329,7 @@ def drive(
         # First image, or no filter: start the track from it.
         if settings["filtered"] == 0.0 or aim["stamp"] < 0.0:
             x[:2], x[2:] = row[PLACE:SPREAD], 0.0
+            # The speed is unknown: 0 with its prior deviation, and uncorrelated with the position.
             P[:2, :2], P[2:, 2:] = R, settings["speed"] ** 2 * np.eye(2)
             P[:2, 2:] = P[2:, :2] = 0.0
         else:
@@ -327,6 +339,8 @@ def drive(
         row[USED], row[GUESS:GUESS_SPREAD] = 1.0, x
         row[GUESS_SPREAD], row[GUESS_SPREAD + 1], row[GUESS_SPREAD + 2] = P[0, 0], P[0, 1], P[1, 1]
         aim["place"][:], aim["stamp"], aim["fresh"] = x[:2], row[WHEN], 1.0
+        # Ideal age uses the target's true velocity; otherwise the filter's rate, if it is to be
+        # carried.
         if settings["ageless"] > 0.0:
             aim["rate"][0], aim["rate"][1] = settings["velocity"][0], settings["velocity"][1]
         elif settings["carried"] > 0.0:

@@ -37,6 +37,7 @@ def find(
     ]
     if not result:
         return np.zeros(2), NOTHING
+    # From the frame of the part to that of the camera.
     R = result[0].R[:2, :2]
     return result[0].p[:2], R @ result[0].covariance[:2, :2] @ R.T
 
@@ -79,6 +80,8 @@ class Eye:
         """
         (u, v), half = self.middle, 0.5 * turn
         place = (x - u, v - y, self.height - z)
+        # A half turn about an axis in the image plane: the camera looks down, and the part is
+        # turned.
         return np.array([*place, 0.0, math.cos(half), -math.sin(half), 0.0])
 
     def shapes(self, target: Array, q: Array, scenario: Scenario) -> Shapes:
@@ -110,10 +113,12 @@ class Eye:
         The noise is the sensor's, so that of the settings has no part in it.
         """
         exact = self.picture(self.shapes(sight.target, sight.q, scenario), self.camera)
+        # The bits of the frame's normal numbers are the seed, so that each frame has its own noise.
         rng = np.random.default_rng(sight.draws.view(np.uint64).tolist())
         depth = sense(exact, self.camera, self.sensor, rng)
         part = shape("sphere", self.radius)
         place, covariance = self.find(depth, self.camera, self.sensor, part, self.table)
+        # The image's y runs against the base's, so the mixed terms change their sign.
         turned = np.array([[1.0, -1.0], [-1.0, 1.0]])
         x, y = self.middle
         return np.array([x + place[0], y - place[1]]), turned * covariance, FRAME, sight.captured

@@ -57,6 +57,7 @@ def _interval(share: float, n: float) -> tuple[float, float]:
     middle = share + 0.5 * square / n
     half = math.sqrt(square * (share * (1.0 - share) + 0.25 * square / n) / n)
     low, high = ((middle + sign * half) / (1.0 + square / n) for sign in (-1.0, 1.0))
+    # The interval contains the share, whatever rounding does at 0 and 1.
     return min(max(low, 0.0), share), max(min(high, 1.0), share)
 
 
@@ -74,12 +75,14 @@ def _estimate(weights: Array, runs: int, unbiased: int, mean: Array, width: Arra
     n, total, square = weights.size, float(weights.sum()), float(np.sum(weights**2))
     share = min(total / n, 1.0)  # weights are noisy: their mean may exceed 1
     error = math.sqrt(max(square / n - share * share, 0.0) / n)
+    # A sample without spread says nothing of its error; Wilson's interval does.
     if share in (0.0, 1.0) or error == 0.0:
         low, high = _interval(share, unbiased)
         error = (high - low) / _TWO_SIGMA
     else:
         # The number of plain runs with the same standard error enters Wilson's formula.
         low, high = _interval(share, share * (1.0 - share) / error**2)
+    # Kish's effective sample size, of the failures alone.
     effective = total * total / square if square else 0.0
     heaviest = float(weights.max()) / max(total, 1e-300)
     return Rare(share, error, low, high, runs, effective, heaviest, mean, width)
@@ -146,6 +149,7 @@ def cross_entropy(
         z = (x - mean[:, None]) / width[:, None]
         # Likelihood ratio of the proposal to the standard normal.
         ratio = np.exp(0.5 * np.sum(x * x - z * z, axis=0)) / np.prod(width)
+        # Density over that of the mixture from which the run was drawn.
         return x, 1.0 / (share + (1.0 - share) * ratio)
 
     for _ in range(rounds):
@@ -153,6 +157,7 @@ def cross_entropy(
         bad = _severities(severity, x)
         # Elites: the worst runs of the round, or all failures once there are enough; weighted.
         worst = weight * (bad >= min(float(np.quantile(bad, 1.0 - elite)), 0.0))
+        # Fit of a normal distribution to the weighted elites, each disturbance by itself.
         mean = x @ worst / worst.sum()
         spread = np.sqrt((x - mean[:, None]) ** 2 @ worst / worst.sum())
         # A floor on the width keeps the proposal from collapsing onto one run.

@@ -88,6 +88,7 @@ class Record:
 
     def _arrived(self) -> list[int]:
         order = np.argsort(self.timetable.arrived, kind="stable")
+        # USED is still 0 for a frame that has not arrived.
         return [int(k) for k in order if self.sightings[k, by.USED] != 0.0]
 
     def _crossing(self, k: int, place: int, spread: int) -> Crossing:
@@ -200,7 +201,9 @@ class Run:
             np.zeros((steps + 1, 11)),
         )
         self._progress, self._aim = np.zeros((), by.PROGRESS)[()], np.zeros((), by.AIM)[()]
+        # No plan is due yet, and a negative stamp marks that nothing was seen so far.
         self._progress["due"], self._aim["stamp"] = by.FAR, -1.0
+        # Until its first plan the arm waits where it starts.
         self._aim["wait"] = scenario.start
         world = scenario.world()
         self.log[0, Q:V] = self.log[0, REFERENCE:SENT] = scenario.start
@@ -243,6 +246,7 @@ class Run:
             return drive, (ours[0], ours[1])
 
         def their_law(_n, _model, log, k, desired):
+            # Copies, so that a stage from outside can't change the log.
             q, v = log[k, Q:V].copy(), log[k, V:REFERENCE].copy()
             torque = stages.control(q, v, desired.copy(), scenario, settings)
             log[k, SENT : SENT + 2] = _pair("control", torque, "the torques [N m]")
@@ -257,11 +261,13 @@ class Run:
 
         between = compiled(by.between, by.BETWEEN)
         if not (law and moved):
+            # Only what is not the course's own runs as plain Python.
             pair = by.law_loop if law else their_law, by.step_loop if moved else their_step
             between = functools.partial(by.advance, *pair)
         return by.drive, (compiled(by.observe, by.LOOK) if observed else self._observe, between)
 
     def _observe(self, k, n, times, noise, log, progress, observed) -> None:
+        # The arm as it is at the first step that is not before the capture.
         when, q = int(times[k, 0]), log[progress["now"], Q:V].copy()
         target = self.scenario.at(1e-6 * when) + noise[k, :2]
         sight = Sight(int(k), when, target, q, noise[k, 3:].copy(), float(noise[k, 2]))
@@ -302,6 +308,7 @@ class Run:
     def _ask(self) -> None:
         """Ask for a plan from where the reference is, and note when it will be ready."""
         progress, settings = self._progress, self._settings
+        # The frame that arrived last is the one that asked for this plan.
         k = self._order[progress["arrived"] - 1]
         now = int(self.timetable.arrived[k])
         start = self.log[progress["now"], REFERENCE:SENT].copy()
@@ -333,8 +340,10 @@ class Run:
         """Put the plan that was waited for into force, if there is one."""
         progress, aim, path = self._progress, self._aim, self._pending
         if path.motion is not None:
+            # The clock of the motion starts when the plan is ready, not when it was requested.
             progress["planned"], progress["interval"], progress["origin"] = 1, 0, progress["due"]
             aim["goal"], aim["side"] = path.goal, path.side
+            # The end is corrected at once for what the target has done since the request.
             aim["fresh"] = 1.0
             self._table = path.motion.table
         progress["busy"], progress["due"] = 0, by.FAR
@@ -421,6 +430,8 @@ def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb |
     """Return the camera's, and what disturbs it; what disturbs an ideal stage is taken back."""
     before = frames(settings, seconds, seed)
     after = before if disturb is None else disturb(before)
+    # An ideal age restores the timetable. What befalls perception stays where the frames are the
+    # same.
     if "age" in settings.ideal:
         shift = after if after.captured.size == before.captured.size else before
         after = replace(before, shift=shift.shift, scale=shift.scale)
@@ -432,7 +443,9 @@ def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb |
 def _numbers(scenario: Scenario, settings: Settings) -> Any:
     """Return the settings as the compiled loops read them, a record of `drive.SETTINGS`."""
     h, ideal, actuator = step_of(settings), settings.ideal, settings.actuator
+    # The weaker of the arm's own limit and the actuator's.
     limits = [min(largest, actuator.limit) for largest in scenario.arm.torques]
+    # First-order lag over one step, exactly: 1 - exp(-h / lag).
     sharp = -math.expm1(-1e-6 * h / actuator.lag) if actuator.lag > 0.0 else 1.0
     values = (
         h,

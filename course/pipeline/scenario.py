@@ -80,6 +80,7 @@ class Scenario:
         start, velocity = np.asarray(self.target), np.asarray(self.velocity)
         square, times = float(velocity @ velocity), [0.0, self.seconds]
         for x, y in [(0.0, 0.0), *((x, y) for x, y, _ in self.discs)] if square else ():
+            # Time of the closest approach, within the run.
             nearest = float((np.array([x, y]) - start) @ velocity) / square
             times.append(min(max(nearest, 0.0), self.seconds))
         return times
@@ -176,6 +177,7 @@ class Settings:
             raise invalid("control", self.control, allowed + "step only the last would act")
 
 
+# A run asks for the same worlds again and again.
 @functools.lru_cache(maxsize=64)
 def _world(lengths: tuple[float, float], radius: float, discs: Discs) -> World:
     return planar_arm(lengths, radius, discs=np.array(discs, dtype=float).reshape(-1, 3))
@@ -204,6 +206,7 @@ def repair(settings: Settings, *stages: str) -> Settings:
 def subsets(stages: Iterable[str] = STAGES) -> list[tuple[str, ...]]:
     """Return all choices among the stages, the empty one first: 2^n of them."""
     every = tuple(stages)
+    # The bits of a number choose the stages.
     return [
         tuple(name for i, name in enumerate(every) if bits >> i & 1)
         for bits in range(1 << len(every))

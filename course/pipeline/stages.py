@@ -130,10 +130,13 @@ def frames(settings: Settings, seconds: float, seed: int) -> Frames:
     if settings.overrun == "drop":
         retained &= free(taken.astype(float), np.full(taken.size, float(late)))
     elif settings.overrun == "block":
+        # The camera waits for its worker, so that later captures are delayed.
         taken = taken[0] + np.arange(taken.size) * max(period, late)
         arrived = taken + late
     elif settings.overrun == "queue":
+        # A single server with constant times: frames leave it one after the other.
         arrived = taken[0] + late + np.arange(taken.size) * max(period, late)
+    # A capture that is delayed beyond the end does not happen.
     retained &= taken < microseconds(seconds)
     zero = np.zeros((taken.size, 2))
     whole = Frames(taken, arrived, taken.copy(), zero, np.ones(taken.size), draws)
@@ -198,8 +201,10 @@ def plan_path(
     world, status = scenario.world(), "goal in collision"
     requested = [0]
     postures = two_link_ik(scenario.arm.lengths, goal).q
+    # Wrap the angles to -pi to pi.
     postures = (postures + math.pi) % (2.0 * math.pi) - math.pi
     here = clearance(world, start)
+    # The nearer elbow first; the other one only if no path is found to it.
     for side in np.argsort(
         np.linalg.norm(postures - start[:, None], axis=0), kind="stable"
     ).tolist():
@@ -213,6 +218,7 @@ def plan_path(
         test = compiled(wide.edge_free, EDGE)
 
         def free(a: Array, b: Array, test: Any = test, wide: World = wide) -> bool:
+            # Checks for shortcuts cost time in the story as well.
             requested[0] += 1
             return bool(test(wide.obstacles, wide.body, a, b))
 
@@ -243,6 +249,7 @@ def control(q: Array, v: Array, desired: Array, scenario: Scenario, settings: Se
         scenario: the arm.
         settings: the law, its gains, and the arm that it believes in.
     """
+    # The law reads these three settings only.
     numbers = np.zeros((), SETTINGS)[()]
     numbers["law"] = LAWS.index(settings.law)
     numbers["kp"], numbers["kd"] = settings.kp, settings.kd

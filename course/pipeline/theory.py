@@ -65,6 +65,7 @@ def settling(
     """
     T, e = positive("period", period, unit="s"), np.array([1.0, 0.0])
     F, Q = np.array([[1.0, T], [0.0, 1.0]]), drift**2 * np.outer((T * T / 2, T), (T * T / 2, T))
+    # In units of a picture's noise: its variance is 1, that of the unknown speed ratio^2.
     P, mean, C = np.diag([1.0, ratio**2]), np.array([0.0, -1.0, 0.0]), np.diag([1.0, 0.0, 1.0])
     A, take = np.diag([0.0, 0.0, retain]), 1.0 - retain
     # Kalman recursion for a target of constant velocity; (mean, C) follow the true error, with the
@@ -193,6 +194,7 @@ def growth(arm: TwoLink, q: ArrayLike, kp: float, kd: float, dt: float, held: in
     law = -np.hstack([kp * np.eye(2), kd * np.eye(2)])
     state = np.eye(4)
     for _ in range(n):
+        # Every step of the period applies the torque of the state that was sampled at its start.
         state = free @ state + push @ law
     return float(np.abs(np.linalg.eigvals(state)).max())
 
@@ -219,6 +221,7 @@ def modes(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> Modes:
     omega, zeta = np.sqrt(kp * m), 0.5 * (kd + arm.damping[0]) * np.sqrt(m / kp)
     inner = np.sqrt(np.maximum(1.0 - zeta**2, POSITIVE))
     overshoot = np.where(zeta < 1.0, np.exp(-np.pi * np.minimum(zeta, 1.0) / inner), 0.0)
+    # Decay rate of the slower pole: zeta omega below critical damping, the slower real pole above.
     slow = omega * (zeta - np.sqrt(np.maximum(zeta**2 - 1.0, 0.0)))
     return Modes(omega, zeta, overshoot, math.log(50.0) / slow)
 
@@ -236,6 +239,7 @@ def look_limit(frames: int) -> float:
 
 def look_matrix(gain: float, frames: int) -> Array:
     """Return that loop as a matrix on (e[t], e[t - 1], ..., e[t - k]), shape (k + 1, k + 1)."""
+    # A shift register of past errors, with the feedback from the oldest one.
     matrix = np.eye(count("frames", frames) + 1, k=-1)
     matrix[0, 0] = 1.0
     matrix[0, -1] -= finite("gain", gain)

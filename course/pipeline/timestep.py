@@ -59,6 +59,7 @@ def chain(
     selected = math.exp(-dt / path.horizon) if gamma is None else finite("gamma", gamma, 0.0, 1.0)
     paid = path.horizon * -math.expm1(-dt / path.horizon) if per_step is None else per_step
     P, R = np.zeros((n + 2, 3, n + 2)), np.zeros((n + 2, 3, n + 2))
+    # Probability of a fall within a step, for falls at a constant rate (Poisson process).
     falls = -math.expm1(-path.fall * dt)
     for s in range(n):
         for a, (steps, cost) in enumerate(((1, path.cost), (2, path.cost + path.effort))):
@@ -79,6 +80,7 @@ def repeated(process: Process, times: int) -> Process:
     step = np.einsum("ijk,ijk->ji", process.transition, process.reward)
     paid, through = np.zeros(step.shape), np.broadcast_to(np.eye(P.shape[1]), P.shape)
     for k in range(count("times", times, 1)):
+        # `through` is the transition after k repetitions, over which the rewards are discounted.
         paid = paid + process.gamma**k * np.einsum("aij,aj->ai", through, step)
         through = through @ P
     reward = np.repeat(paid.T[:, :, None], P.shape[1], axis=2)
@@ -93,6 +95,7 @@ def prefers(process: Process, limit: int | None = None) -> tuple[str, float]:
         limit: steps after which an episode is cut off, None for never.
     """
     value = np.zeros(process.terminal.size) if limit else policy_iteration(process).value
+    # With a limit, backward induction; without one a single greedy look at the optimal values.
     for _ in range(limit or 1):
         q = process.backup(value)
         value = q.max(axis=1)

@@ -70,6 +70,7 @@ def _dot(a, b):
 def _to_point(p, d, c):
     """Return the distance of the segment from p along d from the point c."""
     e = scaled(c, p, -1.0)
+    # Project the point onto the line and clamp; a segment without length is a point.
     length, along = _dot(d, d), _dot(e, d)
     t = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
     e = scaled(e, d, -t)
@@ -161,6 +162,7 @@ def _gap(row, p, d, thick):
     elif row[KIND] == SEGMENT:
         gap = _to_segment(p, d, scaled(centre, half, -1.0), scaled((0.0, 0.0, 0.0), half, 2.0))
     else:
+        # Into the frame of the box, whose axes are the columns of its rotation.
         e = scaled(p, centre, -1.0)
         x, y, z = (
             (row[9], row[12], row[15]),
@@ -195,6 +197,7 @@ def _speed(body, i, pose, p, d, rates):
     The bound is the sum of |dq_k| rho_k over the joints below the capsule, with rho_k the larger
     distance of the segment's two ends from axis k.
     """
+    # The frame of the tool, number n, moves with the last joint.
     total, k = 0.0, min(int(body[i, FRAME]), rates.size - 1)
     while k >= 0:
         if body[k, SLIDES] != 0.0:
@@ -216,6 +219,8 @@ def _freed(obstacles, body, pose, rates, far):
     This is the step of conservative advancement around the posture `pose`. It is negative where the
     arm is free by less than `FLOOR`.
     """
+    # Capsules towards the hand are last in the table and tested first: they sweep farthest, which
+    # makes an early exit likely.
     for i in range(body.shape[0] - 1, rates.size, -1):
         p, d = _line(body, i, pose)
         thick, bound, speed = body[i, THICK], 0.0, -1.0
@@ -249,6 +254,8 @@ def _state(obstacles, body, q):
 
 
 def _edge(obstacles, body, a, b):
+    # A halving adds at most one waiting interval, and `LEAST` ends them after about 40: 64 rows
+    # suffice.
     n = a.size
     pose, rates, waiting = np.empty((n + 1, 7)), np.abs(b - a), np.empty((64, 2))
     # The end first: it is what most often collides.
@@ -344,6 +351,8 @@ def capsule_arm(
         one_of("frame", frame, range(n + 1))
         a, b = vector("capsule end", a, (3,)), vector("capsule end", b, (3,))
         row[FRAME], row[FROM:TO], row[TO:THICK], row[THICK] = frame, a, b, radius
+        # Triangle inequality along the chain: no posture takes the capsule's line farther than
+        # `far` from joint k. A prismatic joint moves every point by its own rate.
         far, k = max(np.linalg.norm(a), np.linalg.norm(b)), min(frame, n - 1)
         far += np.linalg.norm(chain.tool[:3]) if frame == n else 0.0
         while k >= 0:
@@ -407,6 +416,8 @@ class Shelf:
             spot[0] += 0.12
             forward = np.array([1.0, *rng.uniform(-0.3, 0.3, 2)])
             forward /= np.linalg.norm(forward)
+            # The flange's frame: z points into the bay, y, along which the hand is wide, is
+            # horizontal.
             side = np.cross([0.0, 0.0, 1.0], forward)
             side /= np.linalg.norm(side)
             quat = from_matrix(np.column_stack((np.cross(side, forward), side, forward)))

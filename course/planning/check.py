@@ -104,6 +104,7 @@ def check_path(
             return Verdict(False, "it does not end at the goal", states.shape[1] - 1, states[:, -1])
     if world.kind not in JUDGES:
         raise invalid("world.kind", world.kind, f"one of {', '.join(JUDGES)}")
+    # A path of a single state is judged as an edge from that state to itself.
     for k in range(max(1, states.shape[1] - 1)):
         hit = JUDGES[world.kind](world, states[:, k], states[:, min(k + 1, states.shape[1] - 1)])
         if hit is not None:
@@ -130,6 +131,7 @@ def _obstacles(world: World) -> Iterator[tuple[Any, float]]:
 def _to_segments(p: Any, a: Any, b: Any) -> Any:
     """Return the distance of points from segments, complex arrays that broadcast."""
     along = b - a
+    # The smallest float makes a segment without length a point instead of a division by 0.
     square = np.maximum(np.abs(along) ** 2, np.finfo(float).tiny)
     t = np.clip(((p - a) * np.conj(along)).real / square, 0.0, 1.0)
     return np.abs(p - a - t * along)
@@ -139,6 +141,8 @@ def _depth(p: Any, ring: Any) -> Array:
     """Return how deep points (m,) are in a polygon, by winding number; negative outside."""
     ends = np.roll(ring, -1)
     away = _to_segments(p[:, None], ring, ends).min(axis=1)
+    # Winding number: the angles under which a point sees the sides sum to 2 pi inside and to 0
+    # outside. At a corner, a division by 0, the angle is set to 0: the depth is 0 there anyway.
     with np.errstate(all="ignore"):
         turn = np.nan_to_num(np.angle((ends - p[:, None]) / (ring - p[:, None]))).sum(axis=1)
     return np.where(np.abs(turn) > math.pi, away, -away)
@@ -147,6 +151,8 @@ def _depth(p: Any, ring: Any) -> Array:
 def _pieces(a: complex, b: complex, ring: Any) -> Array:
     """Return the middles, from 0 to 1, of the pieces that a polygon's sides cut a segment into."""
     along, sides = b - a, np.roll(ring, -1) - ring
+    # Quotient of two cross products: where the lines meet, as a share of the segment. Parallel
+    # lines give an infinity or NaN, which the comparisons below remove.
     with np.errstate(all="ignore"):
         met = ((ring - a) * np.conj(sides)).imag / (along * np.conj(sides)).imag
     cuts = np.unique(np.concatenate(([0.0, 1.0], met[(met > 0.0) & (met < 1.0)])))
@@ -155,12 +161,14 @@ def _pieces(a: complex, b: complex, ring: Any) -> Array:
 
 def _judge_plane(world: World, a: Array, b: Array) -> Array | None:
     p, q = complex(*a), complex(*b)
+    # Discs: the depth is the radius minus the distance of the centre from the segment.
     _, x, y, radii, _ = world.obstacles[world.obstacles[:, 0] == DISC].T
     deep = radii - _to_segments(x + 1j * y, p, q)
     if deep.max(initial=0.0) > TOLERANCE:
         k, along = deep.argmax(), abs(q - p) ** 2
         t = ((complex(x[k], y[k]) - p) * (q - p).conjugate()).real / along if along else 0.0
         return np.asarray(a + min(max(t, 0.0), 1.0) * (b - a))
+    # Polygons: no side cuts a piece, so all of it is inside or outside, as its middle is.
     for ring in (ring for ring, radius in _obstacles(world) if radius < 0.0):
         parts = _pieces(p, q, ring)
         deep = _depth(p + parts * (q - p), ring)
@@ -188,6 +196,7 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
     middles, half = np.array([0.5]), 0.5
     ends = np.array([0.0, 1.0])
     fastest = np.asarray(speeds, dtype=float)[:, None]
+    # The ends first: an end that collides ends the proof.
     free = gaps(a[:, None] + ends * (b - a)[:, None]).min(axis=0)
     if free.min() < -TOLERANCE:
         return np.asarray(a + ends[free.argmin()] * (b - a))
@@ -196,8 +205,10 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
         least = free.min(axis=0)
         if least.min() < -TOLERANCE:
             return np.asarray(a + middles[least.argmin()] * (b - a))
+        # Within half a part the arm moves less than `RESOLVED`: what is undecided passes as free.
         if fastest.max() * half < RESOLVED:
             return None
+        # Only the parts that the clearance at their middle does not cover are halved again.
         open_ones = middles[(free < fastest * half).any(axis=0)]
         half *= 0.5
         middles = np.concatenate((open_ones - half, open_ones + half))
@@ -213,6 +224,8 @@ def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
         np.minimum(_to_segments(p, u, v), _to_segments(q, u, v)),
         np.minimum(_to_segments(u, p, q), _to_segments(v, p, q)),
     )
+    # Parameters of the lines' intersection, by Cramer's rule. Parallel lines give an infinity or
+    # NaN and do not count as crossing.
     along, side = q - p, v - u
     with np.errstate(all="ignore"):
         area = (along * np.conj(side)).imag
@@ -227,6 +240,7 @@ def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
     obstacles = list(_obstacles(world))
 
     def gaps(q: Array) -> Array:
+        # Forward kinematics in the complex plane: a link is its length times exp(i angle).
         steps = lengths[:, None] * np.exp(1j * np.cumsum(q, axis=0))
         tips = np.cumsum(steps, axis=0)
         bases = tips - steps
@@ -238,6 +252,8 @@ def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
                 ends = np.roll(obstacle, -1)
                 apart = _between(bases[..., None], tips[..., None], obstacle, ends).min(axis=-1)
                 deep = _depth(tips.ravel(), obstacle).reshape(tips.shape)
+                # A link that just touches a side, at distance 0, counts as a collision: the offset
+                # takes it below -`TOLERANCE`.
                 apart = np.where(deep > 0.0, -deep, apart - 2.0 * TOLERANCE * (apart == 0.0))
             least = np.minimum(least, apart - thick[:, None])
         return least
@@ -265,6 +281,8 @@ def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
         blocks.append(points(row[CENTRE:HALF, None] + corners, row[RADIUS]))
     reach = np.linalg.norm(table[:, PLACE : PLACE + 3], axis=1)
     rates, fastest = np.abs(b - a), np.zeros(len(capsules))
+    # Triangle inequality down the chain to the base: `far` bounds the distance of the capsule's
+    # line from joint k, in every posture.
     for i, row in enumerate(capsules):
         k, far = int(row[FRAME]), float(np.linalg.norm(ends[i], axis=0).max())
         while k >= 0:
@@ -293,6 +311,7 @@ def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
 def _judge_function(world: World, a: Array, b: Array) -> Array | None:
     function = function_behind(world)
     assert function is not None
+    # The same points as the planner's edge check tries, including the tolerance in the rounding.
     pieces = max(1, math.ceil(math.dist(a, b) / world.body[0, 0] - 1e-9))
     for t in np.arange(pieces + 1) / pieces:
         q = a + t * (b - a) if t < 1.0 else b

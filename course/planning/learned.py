@@ -65,6 +65,7 @@ def answered(scene: Scene, seed: int, points: int) -> Array | None:
         return None
     rng = np.random.default_rng(seed)
     path = shortcut(result.path, scene.world, rng, rounds=60)
+    # Resample the path in equal steps of arc length.
     at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path), axis=0))))
     return np.array([np.interp(np.linspace(0.0, at[-1], points), at, row) for row in path])
 
@@ -79,6 +80,7 @@ def picture(scene: Scene) -> Array:
     low, high = world.bounds
     q = low + (high - low) * np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1)
     observed = [[free(world.obstacles, world.body, p) for p in row] for row in q]
+    # Gaussian bumps with a standard deviation of 0.5 m around both ends.
     near = [np.exp(-2.0 * np.sum((q - end) ** 2, axis=-1)) for end in (scene.start, scene.goal)]
     return np.array([observed, *near], dtype=float)
 
@@ -139,6 +141,7 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
         scene = slits(rng)
         path = answered(scene, int(rng.integers(2**31)), 100)
         if path is not None:
+            # The target is a distribution over cells: the share of the path's 100 points in each.
             i, j = np.minimum((CELLS * path / 10.0).astype(int), CELLS - 1)
             where = np.zeros((CELLS, CELLS))
             np.add.at(where, (i, j), 0.01)
@@ -148,6 +151,8 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
     y = torch.tensor(np.array(desired), dtype=torch.float32)
     with _alone(seed):
         layers: list[nn.Module] = []
+        # Dilated convolutions (Yu and Koltun, 2016): each output sees 65 cells, more than the image
+        # has.
         for k, wide in enumerate((1, 2, 4, 8, 16, 1)):  # each cell sees the whole picture
             layers += [nn.Conv2d(16 if k else 3, 16, 3, padding=wide, dilation=wide), nn.ReLU()]
         net = nn.Sequential(*layers, nn.Conv2d(16, 1, 1), nn.Flatten())
@@ -155,6 +160,7 @@ def train_sampler(worlds: int = 1500, steps: int = 600, seed: int = 0) -> Any:
         def loss() -> Any:
             pick, flip = torch.randint(len(x), (32,)), [-1] if torch.rand(()) < 0.5 else []
             a, b = x[pick].flip(flip), y[pick].flip(flip)  # upside down is of the family too
+            # Cross-entropy of the predicted distribution with respect to the path's.
             return -(net(a).log_softmax(1) * b.flatten(1)).sum(1).mean()
 
         return _fitted(net, loss, steps, 6e-3)
@@ -167,6 +173,7 @@ def drawn(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Array
     with _alone(0), torch.no_grad():
         logits = net(torch.tensor(picture(scene)[None], dtype=torch.float32))[0]
     share = torch.softmax(logits.double(), 0).numpy()
+    # Sample a cell, then a uniform point inside it.
     cells = rng.choice(share.size, count, p=share / share.sum())
     inside = (np.array(divmod(cells, CELLS)) + rng.uniform(size=(2, count))) / CELLS
     low, high = scene.world.bounds[:, :, None]
@@ -181,6 +188,7 @@ def _alpha_bar() -> Array:
 
     The schedule is that of Nichol and Dhariwal (2021).
     """
+    # The cosine's argument stays away from both ends, so that no share is exactly 0 or 1.
     turn = 0.5 * np.pi * (np.arange(1, STEPS + 1) / STEPS * 0.98 + 0.01)
     return np.cos(turn) ** 2
 
@@ -234,6 +242,7 @@ def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: in
         if path is not None:
             rows.append(path)
     result = np.array(rows)
+    # The network works on deviations from the straight line, which are 0 at both ends.
     lines = _lines(result[:, :, 0], result[:, :, -1])
     ends = np.concatenate((result[:, :, 0], result[:, :, -1]), axis=1) / SCALE - 1.0
     x = torch.tensor(((result - lines)[:, :, 1:-1] / NOISE).reshape(len(rows), -1)).float()
@@ -247,6 +256,8 @@ def train_diffusion(world: World, paths: int = 4000, steps: int = 8000, seed: in
 
         def loss() -> Any:
             pick, k = torch.randint(len(x), (256,)), torch.randint(STEPS, (256,))
+            # Forward process in one step (Ho et al., 2020, eq. 4). The network predicts the clean
+            # path, not the noise.
             clean, remaining = x[pick], retained[k][:, None]
             noisy = remaining.sqrt() * clean + (1.0 - remaining).sqrt() * torch.randn_like(clean)
             observed = net(torch.cat((noisy, report[pick], k[:, None] / STEPS), 1))
@@ -269,7 +280,7 @@ def denoised(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Ar
     """
     import torch
 
-    retained = np.append(_alpha_bar(), 1.0)  # kept[-1] is before any noise
+    retained = np.append(_alpha_bar(), 1.0)  # retained[-1] is before any noise
     ends = np.concatenate((scene.start, scene.goal)) / SCALE - 1.0
     report = torch.tensor(np.tile(ends, (count, 1))).float()
     x = rng.standard_normal((count, 2 * POINTS))
@@ -277,11 +288,13 @@ def denoised(net: Any, scene: Scene, count: int, rng: np.random.Generator) -> Ar
         for k in reversed(range(STEPS)):
             requested = (torch.tensor(x).float(), report, torch.full((count, 1), k / STEPS))
             observed = net(torch.cat(requested, 1)).numpy().astype(float)
+            # Mean of the posterior q(x_{k-1} | x_k, x_0), with the network's path as x_0.
             before = retained[k - 1]
             beta = 1.0 - retained[k] / before
             x = (
                 math.sqrt(before) * beta * observed + math.sqrt(1.0 - beta) * (1.0 - before) * x
             ) / (1.0 - retained[k])
+            # Standard deviation of the posterior; the last step adds no noise.
             if k:
                 spread = math.sqrt(beta * (1.0 - before) / (1.0 - retained[k]))
                 x += spread * rng.standard_normal(x.shape)

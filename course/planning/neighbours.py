@@ -48,6 +48,7 @@ def _enter(nodes, links, i):
     links[i, LEFT] = links[i, RIGHT] = -1
     links[i, AXIS] = 0
     at = 0
+    # Descend to the first empty child. The splitting axes take turns with depth (Bentley, 1975).
     while i > 0:
         axis = links[at, AXIS]
         half = LEFT if nodes[i, axis] < nodes[at, axis] else RIGHT
@@ -85,6 +86,7 @@ def entered(nodes, links, count, done):
     # as the chain is long. Steps of the golden ratio take them in an order that keeps it shallow.
     new = count - done
     stride = max(int(0.6180339887498949 * new), 1)
+    # A stride without a common divisor with the count visits each new node exactly once.
     while _divisor(stride, new) > 1:
         stride += 1
     at = 0
@@ -152,6 +154,7 @@ def within(nodes, links, count, done, q, radius, stack, result):
         How many there are.
     """
     hits, limit = 0, radius * radius
+    # Before there is a k-d tree, exhaustive search.
     if done < count:
         for i in range(count):
             if to_node(nodes, i, q) <= limit:

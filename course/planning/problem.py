@@ -161,10 +161,13 @@ class Query:
 
     def report_progress(self, done: str) -> None:
         """Say how far a long run is, every two seconds; and pass on what a function raised."""
+        # A compiled loop can't raise: an exception of the user's function comes out here, between
+        # chunks.
         function = function_behind(self.world)
         if function is not None and function.raised is not None:
             error, q = function.raised
             function.raised = None
+            # An interrupt or an exit is not the function's mistake and passes through unchanged.
             if not isinstance(error, Exception):
                 raise error
             message = f"a function that answers; it raised {error!r} at {q.tolist()}"
@@ -275,6 +278,7 @@ def plan(
         return query.answer(START_BLOCKED)
     if query.one_goal and not query.is_free(box[0]):
         return query.answer(GOAL_BLOCKED)
+    # The start already satisfies the goal: the path is a single state.
     (low, high), state = box.tolist(), here.tolist()
     if all(map(operator.le, low, state)) and all(map(operator.le, state, high)):
         return query.answer(SOLVED, here[None])

@@ -125,6 +125,7 @@ def _grow(
         i = counts[NODES]
         counts[SAMPLES] += 1
         kind = int(numbers[SAMPLER])
+        # A share of uniform samples covers what a biased sampler never reaches.
         if numbers[MIX] < 1.0 and rng.random() >= numbers[MIX]:
             kind = UNIFORM
         # SampleFree: a roadmap stores free states only.
@@ -139,6 +140,7 @@ def _grow(
         desired = int(numbers[NEAREST])
         if desired == 0:
             desired = min(64, math.ceil(math.e * (1.0 + 1.0 / n) * math.log(i + 1.0)))
+        # Neighbours are searched among the earlier nodes only, so each pair is joined at most once.
         for k in range(_closest(nodes, i, q, desired, result, gaps)):
             j, e = result[k], counts[EDGES]
             pairs[e, 0], pairs[e, 1], status[e] = j, i, UNKNOWN
@@ -147,8 +149,10 @@ def _grow(
             if numbers[LAZY] == 0.0:
                 counts[EDGE_CHECKS] += 1
                 status[e] = FREE if edge_free(obstacles, body, nodes[j], q) else BLOCKED
+                # Union of the two components: PRM's test of connectivity needs no graph search.
                 if status[e] == FREE:
                     parts[_part(parts, i)] = _part(parts, j)
+        # Nodes 0 and 1 are start and goal: one component contains both once there is a path.
         if numbers[STOP] > 0.0 and _part(parts, 0) == _part(parts, 1):
             return True
     return False
@@ -202,6 +206,8 @@ def _search(
         heap = [(0.0, 0)]  # an empty list would leave Numba without the type of its entries
         heap.pop()
         last, best = -1, np.inf
+        # A* with several sources: every node that is joined to the start enters with its cost so
+        # far.
         for i in range(count):
             cost[i], came[i] = begins[i], -1
             if begins[i] < np.inf:
@@ -214,6 +220,8 @@ def _search(
             # skipped.
             if bound > cost[i] + math.sqrt(squared(nodes[i], goal)):
                 continue  # it was reached on a shorter way since
+            # Through a node that is joined to the goal the path is complete: ends[i] is what
+            # remains.
             if cost[i] + ends[i] < best:
                 last, best = i, cost[i] + ends[i]
             for w in range(first[i], first[i + 1]):
@@ -234,6 +242,8 @@ def _search(
             chosen[steps] = came[i]
             steps += 1
             i = pairs[came[i], 0] + pairs[came[i], 1] - i
+        # Lazy collision checking (Bohlin and Kavraki, 2000): a blocked edge causes another search,
+        # which then avoids it.
         if _resolve(
             edge_free, obstacles, fresh, body, nodes, pairs, status, chosen[:steps], counts
         ):
@@ -277,6 +287,8 @@ def _attach(
     """
     n, count, other = bounds.shape[1], nodes.shape[0], 1 - side
     target, new = np.empty(n), np.empty(n)
+    # `entered` has built the roadmap's k-d tree only above this size. The small trees of the two
+    # ends are searched exhaustively.
     built = count if count > brute_below(n) else 0
     for _ in range(samples):
         if counts[TREES + side] >= trees.shape[1]:
@@ -390,6 +402,7 @@ def _roadmap(world: World, nodes: Array, pairs: Ints, status: Ints) -> Roadmap:
     first = np.concatenate(([0], np.cumsum(np.bincount(ends, minlength=len(nodes)))))
     links = np.zeros((len(nodes), WIDTH), dtype=np.int64)
     _kernel(_enter)(nodes, links)
+    # Edge e has its two ends at e and e + len(pairs) of `ends`; the remainder is its number.
     edges = order % max(len(pairs), 1)
     # Tables of its own: whoever changes those of a world in place has changed the world.
     own = replace(
@@ -417,6 +430,7 @@ def build_roadmap(
         lazy: whether edges are checked only when a path needs them.
     """
     rng = np.random.default_rng(rng)
+    # There is no start or goal yet: the bounds fill these fields, which growing does not read.
     budget = Budget(samples)
     query = Query(world, world.bounds[0], world.bounds, budget, rng, "roadmap", {}, perf_counter())
     numbers, growing = _numbers(query, neighbours, lazy, False), _Growing(query, [])
@@ -516,11 +530,13 @@ class _Growing:
         query.counts[NODES] = len(roots)
 
     def _room(self, size: int) -> None:
+        # A node brings at most 64 edges, one for each neighbour.
         for name, rows in (("nodes", 1), ("parts", 1), ("pairs", 64), ("status", 64)):
             old = getattr(self, name)
             new = np.zeros((rows * size, *old.shape[1:]), dtype=old.dtype)
             new[: len(old)] = old
             setattr(self, name, new)
+        # Each row beyond the present nodes starts as a component of its own (union-find).
         count = self.query.counts[NODES]
         self.parts[count:] = np.arange(count, size)
 
@@ -565,6 +581,7 @@ def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5
     rows = [np.asarray(path, dtype=float).T for path in paths]
     nodes = np.vstack([roadmap.nodes, *rows])
     ends = m + np.cumsum([len(row) for row in rows])
+    # The last state of a path is not joined to the first state of the next one.
     inner = np.setdiff1d(np.arange(m, len(nodes) - 1), ends - 1)
     steps = np.stack((inner, inner + 1), axis=1)
     near = [
@@ -573,6 +590,7 @@ def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5
         for j in np.argsort(np.sum((nodes[:i] - nodes[i]) ** 2, axis=1), kind="stable")[:neighbours]
     ]
     pairs = np.vstack((roadmap.pairs, steps, np.array(near, dtype=np.int64).reshape(-1, 2)))
+    # Edges along the given paths are known to be free; edges to neighbours wait for a lazy search.
     known = (roadmap.status, np.full(len(steps), FREE), np.full(len(near), UNKNOWN))
     return _roadmap(roadmap.world, nodes, pairs, np.concatenate(known))
 
@@ -601,6 +619,7 @@ def _shortest_path(
         came,
         query.counts,
     )
+    # Follow the incoming edges back. The sum of an edge's two ends less this one is the other end.
     path = [last] if last >= 0 else []
     while path and came[path[-1]] >= 0:
         path.append(int(roadmap.pairs[came[path[-1]]].sum()) - path[-1])
@@ -620,17 +639,22 @@ def prm(query: Query) -> Plan:
     if root is None:
         return query.answer(GOAL_BLOCKED)
     growing, budget, chunk = _Growing(query, [query.start, root]), query.budget, 16
+    # The straight line from start to goal is the first edge, unchecked.
     growing.pairs[0], growing.status[0], query.counts[EDGES] = (0, 1), UNKNOWN, 1
     path, spent = list[int](), False
     while not (path or spent):
         remaining = budget.samples - int(query.counts[SAMPLES])
         joined = growing.more(numbers, min(chunk, remaining))
         spent = query.counts[SAMPLES] >= budget.samples or query.seconds >= budget.seconds
+        # Lazy PRM searches after each chunk, PRM once start and goal share a component, PRM* when
+        # its budget is spent.
         if joined or lazy or spent:
             roadmap = growing.roadmap()
             begins, ends = np.full((2, len(roadmap.nodes)), np.inf)
             begins[0] = ends[1] = 0.0
             path = _shortest_path(query, roadmap, begins, ends, root)
+            # Copy the results of the edge checks back, so that the next chunk's roadmap starts with
+            # them.
             growing.status[: len(roadmap.status)] = roadmap.status
         chunk = min(2 * chunk, 256)
         query.report_progress(f"{query.counts[SAMPLES]} of {budget.samples} samples")
@@ -644,6 +668,7 @@ def prm(query: Query) -> Plan:
 def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple[Array, Any]:
     """Return the cost from an end to each roadmap node, (m,), and through which tree node."""
     costs, through = np.full(len(roadmap.nodes), np.inf), {}
+    # Several tree nodes may hang on the same node of the roadmap: store the cheapest of them.
     for i, node in hooks.tolist():
         chain = np.vstack((roadmap.nodes[node], tree[_chain(parents, i)]))
         cost = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
@@ -680,6 +705,7 @@ def on_roadmap(query: Query) -> Plan:
     room, gaps = np.empty(count, dtype=np.int64), np.empty(count)
     trees[0, 0], trees[1, 0], counts[TREES : TREES + 2] = query.start, root, 1
     edge, tables = world.kernels[1], (world.obstacles, world.body)
+    # "trees" begins with one edge from each end to the roadmap and grows further ones on demand.
     for side in range(2):
         largest = LIST if attach == "list" else 1
         _kernel(_list)(edge, *tables, roadmap.nodes, trees, hooks, counts, side, largest)

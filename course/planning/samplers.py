@@ -96,9 +96,11 @@ def draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, 
             if state_free(obstacles, body, out):
                 return
         if kind != BRIDGE and free != partner:
+            # The pair has a free and a blocked state in either order: make `out` the free one.
             if partner:
                 for i in range(out.size):
                     out[i], other[i] = other[i], out[i]
+            # Bisection towards the obstacle; `out` stays the free end of the interval.
             for _ in range(HALVINGS if kind == OBSTACLE else 0):  # up to the obstacle's surface
                 counts[STATE_CHECKS] += 1
                 middle = 0.5 * (out + other)
@@ -107,4 +109,6 @@ def draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, 
                 else:
                     other[:] = middle
             return
+        # This pair does not qualify: begin again. After `TRIES` pairs the last uniform state is the
+        # answer.
         uniform(bounds[0], bounds[1], rng, out)

@@ -51,6 +51,7 @@ def _field(distance: Distance) -> Callable[[Array], Array]:
     """Return distances of states that are rows, shape (m, n) -> (m,)."""
     if not isinstance(distance, World):
         return lambda X: np.asarray(distance(X.T))
+    # One compiled call measures all waypoints and their displaced copies.
     measure = function_argument(compiled(distance.clearance, CLEARANCE))
     count, obstacles, body = _clearances_kernel(), distance.obstacles, distance.body
     return lambda X: count(measure, obstacles, body, np.ascontiguousarray(X))
@@ -236,6 +237,7 @@ def _between(states: int, pieces: int) -> Array:
     Each edge has the given number of points, ends included.
     """
     places = np.arange(pieces * (states - 1) + 1) / pieces
+    # Linear hat functions: each row weights the two states next to its point.
     return np.maximum(1.0 - np.abs(places[:, None] - np.arange(states)), 0.0)
 
 
@@ -295,6 +297,8 @@ def covariant_gradient(
         # CHOMP's obstacle cost: linear inside an obstacle, quadratic within the margin, 0 beyond.
         lack = np.maximum(margin - d, 0.0)
         c = np.where(d < 0.0, 0.5 * margin - d, lack**2 / (2.0 * margin))
+        # Velocity over a time of 1, by central differences. The floor on its norm protects the
+        # divisions where neighbouring states coincide.
         v = 0.5 * (N + 1) * (X[2:] - X[:-2])
         speed = np.maximum(np.linalg.norm(v, axis=1), 1e-9)[:, None]
         # The speed weights the cost by arc length, so that hurrying through an obstacle is no gain.
@@ -341,6 +345,7 @@ def sequential_convex(
     X, A, ends = _prepared(path, points)
     margin, mu, near = positive("margin", margin), positive("penalty", penalty), 1.0
     ask, N = _field(distance), count("points", points, 1)
+    # Hinges act at the waypoints and at the middles of edges, without the two fixed ends.
     S = _between(N + 2, 2)[1:-1]
     inner = S[:, 1:-1]
 
@@ -352,6 +357,7 @@ def sequential_convex(
         here = _smoothness(X) + mu * lack(d)
         # Only what is near: the rest is looked at again before a step is taken.
         active = np.flatnonzero(d < 3.0 * margin)
+        # Linearise the distances: gradients, and the weights of the inner states at each point.
         G, J = _slope(ask, (S @ X)[active]), inner[active]
         requested += 2 * G.size
         while True:
@@ -377,6 +383,7 @@ def sequential_convex(
         if got > 0.0:
             X, d = new, present
         costs.append(_smoothness(X) + mu * lack(d))
+        # Widen the trust region again for the next linearisation.
         near = min(2.0 * near, 1e3)
         # Converged for this penalty: stop if the margins hold, else raise the penalty.
         if gain <= 1e-6 * here:
@@ -446,9 +453,11 @@ class Trajectory:
         # Along an interval with constant acceleration u the squared speed is linear in arc length;
         # rounding at its end may leave it below 0.
         speed = np.maximum(self.speeds[i] + self.push[i] * past, 0.0)
+        # At constant acceleration the arc length is the mean speed times the time.
         r = 0.5 * (self.speeds[i] + speed) * past
         first = self.first[i].T + self.second[i].T * r
         q = self.place[i].T + 0.5 * (self.first[i].T + first) * r
+        # Chain rule for the second derivative by time: q'' = first * push + second * speed^2.
         a = first * self.push[i] + self.second[i].T * speed**2
         moving = (t.ravel() >= 0.0) & (t.ravel() <= self.duration)
         return np.stack((q, first * speed * moving, a * moving)).reshape(3, -1, *t.shape)
@@ -486,6 +495,7 @@ def state_at(table, t, i, out):
     m, n = table.shape[0] - 1, out.shape[1]
     inside = table[0, 0] <= t <= table[m, 0]
     t = min(max(t, table[0, 0]), table[m, 0])
+    # Time runs forward in a simulation, so a short walk from the last interval finds the next one.
     while i < m - 1 and t >= table[i + 1, 0]:
         i += 1
     past, push = t - table[i, 0], table[i, 3]
@@ -516,11 +526,14 @@ def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]
         # At most half an edge on either side, so neighbouring corners do not overlap.
         cut = min(blend, 0.5 * far[i - 1], 0.5 * far[i])
         turn = edges[i] - edges[i - 1]
+        # Halve a rounding that collides, at most 12 times; after that the corner becomes a stop.
         for _ in range(12 if free is not None else 0):
             # Twice as many chords come four times as near.
             n = math.ceil(math.sqrt(0.25 * cut * float(np.linalg.norm(turn)) / _CHORD)) + 1
             s = np.linspace(0.0, 2.0 * cut, n + 1)[:, None]
             arc = path[i] - cut * edges[i - 1] + s * edges[i - 1] + 0.25 * s * s / cut * turn
+            # Check the arc's chords together with the straight pieces between it and the middles of
+            # its edges.
             ends = [0.5 * (path[i - 1] + path[i]), 0.5 * (path[i] + path[i + 1])]
             if cut <= 0.0 or _all_free(np.vstack((ends[0], arc, ends[1])), free):
                 break
@@ -538,6 +551,7 @@ def _curve(path: Array, blend: float, free: Any, grid: int) -> tuple[Array, ...]
             bends = np.broadcast_to(turn, place.shape)
             parts.append((np.full(grid, h), place, edges[i - 1] + s * turn, bends, [False] * grid))
         line = far[i] - cuts[i] - cuts[i + 1]
+        # Two roundings may use up the edge between them; a piece without length is dropped.
         if line > 1e-12 * far[i]:
             stop = i == 0 or cuts[i] == 0.0
             parts.append(([line], [path[i] + cuts[i] * edge], [edge], [0.0 * edge], [stop]))
@@ -578,6 +592,8 @@ def _reach(h, first, second, cap, limit, x):
     x[m] = 0.0
     for i in range(m - 1, -1, -1):
         x[i] = cap[i]
+        # A zero-inertia point (Pham, 2014): where the factor of u is 0, the joint's acceleration is
+        # second * x, which limits x itself.
         for j in range(n):
             if second[i, j] != 0.0 and first[i, j] * (first[i, j] + 3.0 * h[i] * second[i, j]) == 0:
                 x[i] = min(x[i], limit[j] / abs(second[i, j]))
@@ -640,6 +656,7 @@ def time_parameterise(
     )
     finite("blend", blend, 0.0)
     step = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    # Repeated waypoints would make edges without a direction.
     path = path[np.concatenate(([True], step > 0.0))]
     if len(path) < 2:
         empty = np.zeros((1, n))
@@ -651,6 +668,7 @@ def time_parameterise(
     with np.errstate(divide="ignore"):
         rate = np.maximum(np.abs(first), np.abs(first + h[:, None] * second))
         top = np.min(v / rate, axis=1) ** 2
+        # On a straight piece the tangent alone limits the acceleration along the path.
         strength = np.min(a / np.abs(first), axis=1)
     # A station's cap is the lower one of its two pieces; stops have speed 0.
     cap = np.minimum(np.append(top, np.inf), np.append(np.inf, top))
@@ -663,8 +681,12 @@ def time_parameterise(
         rows.append((0.0, here, i))
         # On a straight piece the motion may speed up to a peak and brake again within the piece.
         if not curved[i]:
+            # In the phase plane the squared speed rises and falls along lines of slope 2 *
+            # strength, which meet at this peak unless the rate limit cuts it off.
             peak = min(top[i], 0.5 * (here + other) + strength[i] * h[i])
             up, down = 0.5 * (peak - here) / strength[i], h[i] - 0.5 * (peak - other) / strength[i]
+            # The two switching points of the trapezoid; those at an end of the piece, or equal
+            # ones, add no interval.
             for at in (up, down):
                 if rows[-1][0] + 1e-13 * h[i] < at < (1.0 - 1e-13) * h[i]:
                     rows.append((at, peak, i))
@@ -672,6 +694,7 @@ def time_parameterise(
     begins = np.concatenate(([0.0], np.cumsum(h)))
     stations = np.append(begins[piece] + r, begins[-1])
     square, w = np.append(square, 0.0), np.sqrt(np.append(square, 0.0))
+    # Distance to the next station: within the same piece, or up to the end of the piece.
     gaps = np.append(np.where(np.diff(piece) > 0, h[piece[:-1]], r[1:]) - r[:-1], h[-1] - r[-1])
     # Constant acceleration between stations: u = (x1 - x0) / (2 gap), time = 2 gap / (w0 + w1).
     push = 0.5 * np.diff(square) / gaps

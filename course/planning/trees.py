@@ -88,6 +88,8 @@ def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
 def _near(nodes, links, counts, side, q, stack, gaps):
     """Return the node of one tree nearest to q."""
     count = counts[NODES + side]
+    # Nodes added since the last query enter the k-d tree now, as one batch, which `entered` can
+    # order so that the tree stays shallow.
     counts[DONE + side] = entered(nodes[side], links[side], count, counts[DONE + side])
     return nearest(nodes[side], links[side], count, counts[DONE + side], q, stack, gaps)
 
@@ -98,6 +100,8 @@ def _steer(origin, target, step, out):
 
     It returns the distance of that state from the origin.
     """
+    # Steer of Karaman and Frazzoli (2011). Within a step the target is copied exactly, so that two
+    # trees can meet without a tolerance.
     distance = math.sqrt(squared(origin, target))
     if distance <= step:
         out[:] = target
@@ -173,6 +177,8 @@ def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, ou
     Listed states are the last rows of the frame; after them comes uniform too.
     """
     kind = int(numbers[SAMPLER])
+    # A share of uniform targets preserves probabilistic completeness, which a biased sampler alone
+    # may lose.
     if numbers[MIX] < 1.0 and rng.random() >= numbers[MIX]:
         kind = UNIFORM
     if kind == LISTED:
@@ -235,6 +241,8 @@ def _grow(
         # Nearest and Steer: extend the nearest node by at most a step.
         near = _near(nodes, links, counts, 0, target, stack, gaps)
         length = _steer(tree[near], target, step, new)
+        # The target is a node already, a goal state drawn twice for example: there is no edge to
+        # add.
         if length == 0.0:
             continue
         counts[EDGE_CHECKS] += 1
@@ -278,11 +286,13 @@ def _grow(
         length = math.sqrt(squared(new, joint))
         last = counts[LAST]
         at = -1
+        # The new node itself lies in the goal's box.
         if length == 0.0:
             at = i
         elif length <= step and (last < 0 or cost[i] + length < cost[last]):
             counts[EDGE_CHECKS] += 1
             if edge_free(obstacles, body, new, joint):
+                # The best goal node is this very state: rewire it instead of adding a duplicate.
                 if last >= 0 and squared(tree[last], joint) == 0.0:
                     _move(parent_of, link, cost, tree, last, i, stack)
                 else:
@@ -335,11 +345,16 @@ def _connect(
         region = region or goal[0, k] < goal[1, k]
     began = counts[SAMPLES]
     while counts[CHAIN] > 0 or counts[SAMPLES] - began < samples:
+        # Free rows for a root in the goal's box, the extension and one node of a chain. The chain
+        # checks for more room itself.
         if max(counts[NODES], counts[NODES + 1]) + 3 > nodes.shape[1]:
             return FULL
         if counts[CHAIN] == 0:
+            # Swap: the trees take turns, by the parity of the samples (Kuffner and LaValle, 2000).
             side = counts[SAMPLES] % 2
             counts[SAMPLES] += 1
+            # Draw further states of a goal region as roots, about one for every two nodes of that
+            # tree: a single root could lie in a dead end.
             if region and counts[ROOTS] <= counts[NODES + 1] // 2:  # another state of the goal
                 counts[ROOTS] += 1
                 counts[STATE_CHECKS] += 1
@@ -360,6 +375,7 @@ def _connect(
                     continue  # trapped
                 cost = costs[side, at] + length
                 meeting = _add(nodes, parents, links, costs, counts, side, new, at, cost)
+                # The chain begins at the other tree's node nearest to the new one.
                 target[:] = new
                 at = _near(nodes, links, counts, 1 - side, target, stack, gaps)
                 counts[CHAIN], counts[MEETING], counts[TURN] = at + 1, meeting, side
@@ -373,6 +389,8 @@ def _connect(
             for k in range(n):
                 here[k] = nodes[1 - side, at, k]
             length = _steer(here, target, step, new)
+            # Steer has copied the target if it was less than a step away; the second test catches a
+            # target exactly one step away.
             reached = length < step or squared(new, target) == 0.0
             free = True
             if length > 0.0:
@@ -382,18 +400,22 @@ def _connect(
                 if free:
                     cost = costs[1 - side, at] + length
                     at = _add(nodes, parents, links, costs, counts, 1 - side, new, at, cost)
+            # Store the front of the chain, so that the next call can resume it.
             counts[CHAIN] = at + 1
             if reached or not free:
                 break
             if counts[NODES + 1 - side] == nodes.shape[1]:
                 return FULL
+        # Trapped: drop the chain. The next sample begins another one.
         if not free:
             counts[CHAIN] = 0
         elif reached:
             counts[CHAIN] = 0
+            # The trees share this state: store its node in each, where tracing the path begins.
             counts[LAST + side], counts[LAST + 1 - side] = meeting, at
             return FOUND
         else:
+            # A chain still under way is charged as one more sample, so that the budget ends it too.
             counts[SAMPLES] += 1
             if counts[SAMPLES] - began >= samples:
                 break
@@ -430,6 +452,7 @@ def _run(
     The world's functions and the random generator are passed as addresses. The root of each tree is
     its node 0. After a solution `room` holds the nodes of the path of each tree.
     """
+    # First call: enter the roots, which the caller has stored in row 0 of each tree.
     if counts[NODES] == 0:
         counts[LAST] = counts[LAST + 1] = -1
         for side in range(nodes.shape[0]):
@@ -475,6 +498,7 @@ def _run(
             draws,
             samples,
         )
+    # Trace the path back from the goal node, or from the meeting in both trees, to the roots.
     for side in range(nodes.shape[0] if counts[LAST] >= 0 else 0):
         at, steps = counts[LAST + side], 0
         while at >= 0:
@@ -534,12 +558,15 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
         arrays[0][side, 0] = roots[side]
     kernel, timed, rng = _kernel(), seconds < math.inf, address_of(query.rng)
     tables = (world.obstacles, world.body, world.bounds, query.goal, numbers, frame)
+    # The clock is read only between chunks, so with a time limit the first chunks are small.
     chunk, star, history, best = 4 if timed else 64, numbers[STAR] > 0.0, [], math.inf
     code, done, now = GO_ON, 0, 0.0
     while code != FOUND and done < samples and now < seconds:
         code = kernel(*world.addresses, rng, *tables, *arrays, counts, min(chunk, samples - done))
         last, now, done = now, query.seconds, int(counts[SAMPLES])
         if code == FULL:
+            # Double the arrays, so that growth costs O(1) per node, and call again: all state of
+            # the loop is in these arrays and in `counts`.
             larger = _arrays(sides, 2 * len(arrays[5]), n)
             for old, new in zip(arrays, larger, strict=True):
                 new[tuple(slice(k) for k in old.shape)] = old
@@ -555,6 +582,8 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
     _, _, _, _, count, others, _, _, end, _, _, far, onward, *_ = counts.tolist()
     tree = {"nodes": nodes[0, :count], "parents": parents[0, :count], "costs": costs[0, :count]}
     if sides == 2:
+        # The plan has one list of nodes: parents in the second tree are shifted by the size of the
+        # first, and its roots stay at -1.
         above = parents[1, :others]
         rest = (nodes[1, :others], above + count * (above >= 0), costs[1, :others])
         for name, more in zip(("nodes", "parents", "costs"), rest, strict=True):
@@ -605,6 +634,8 @@ def _frame(query: Query, numbers: Array, listed: Array) -> Array:
     if numbers[INFORMED]:
         along = query.goal[0] - query.start
         numbers[SHORTEST] = np.linalg.norm(along)
+        # Householder reflection of the first axis to the direction of the goal, up to its sign,
+        # which does not matter to an ellipsoid. Equal signs in the pivot avoid cancellation.
         mirror = along / numbers[SHORTEST]
         frame[1] = 0.5 * (query.start + query.goal[0])
         frame[2 : n + 2] = np.eye(n)
@@ -638,6 +669,7 @@ def rrt_star(query: Query) -> Plan:
     """
     numbers, listed = _options(query)
     n = query.world.dim
+    # Volume of the unit ball in n dimensions.
     ball = math.pi ** (n / 2) / math.gamma(n / 2 + 1)
     volume = float(np.prod(query.world.bounds[1] - query.world.bounds[0]))
     numbers[STAR] = 1.1 * (2.0 * (1.0 + 1.0 / n) * volume / ball) ** (1.0 / n)

@@ -218,6 +218,7 @@ def segment_free(obstacles, ax, ay, bx, by):
         # times.
         if _passes(u, v, w, z, ax, ay):
             inside = not inside
+        # The last side closes the polygon: only now the parity of all crossings is known.
         if kind == LAST_SIDE:
             if inside:
                 return False
@@ -246,6 +247,7 @@ def segment_gap(obstacles, ax, ay, bx, by):
             nearest = min(nearest, _point_to_segment(u, v, ax, ay, bx, by))
         if _passes(u, v, w, z, ax, ay):
             inside = not inside
+        # Only with the last side is the polygon's sign known.
         if kind == LAST_SIDE:
             least = min(least, -nearest if inside else nearest)
             nearest, inside = np.inf, False
@@ -299,6 +301,8 @@ def _arm_reach(obstacles, body, a, b, t):
         gap = segment_gap(obstacles, x, y, ex, ey) - body[i, 1]
         if gap < FLOOR:
             return -1.0
+        # A comparison without a division: while nothing moves, the product is NaN (infinity times
+        # 0), and the reach stays infinite.
         if gap < reach * fastest:
             reach = gap / fastest
         x, y = ex, ey
@@ -321,6 +325,7 @@ def _arm_edge(obstacles, body, a, b):
         reach = _arm_reach(obstacles, body, a, b, middle)
         if reach < LEAST:
             return False
+        # The remainders on both sides of the proved middle wait.
         if middle - reach > low:
             waiting[top, 0], waiting[top, 1] = low, middle - reach
             waiting[top + 1, 0], waiting[top + 1, 1] = middle + reach, high
@@ -368,6 +373,7 @@ def _ask(number: int, q: Array) -> bool:
 
 def _function_state(obstacles, body, q):
     number = int(obstacles[0, 0])
+    # Object mode: Numba returns to the Python interpreter for this call.
     with numba.objmode(free="boolean"):
         free = _ask(number, q)
     return free
@@ -378,6 +384,7 @@ def _function_edge(obstacles, body, a, b):
     square = 0.0
     for i in range(a.size):
         square += (b[i] - a[i]) ** 2
+    # Equal pieces no longer than the resolution; the tolerance keeps rounding from adding one more.
     pieces = max(1, math.ceil(math.sqrt(square) / body[0, 0] - 1e-9))
     for k in range(pieces + 1):
         q = a + (k / pieces) * (b - a) if k < pieces else b
@@ -414,10 +421,13 @@ def _is_simple(corners: Array) -> bool:
             - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
         )
 
+    # Two sides cross properly if each separates the ends of the other. Sides that only touch, as
+    # neighbours do, give a product of 0.
     first, second = (corners[:, None], b[:, None]), (a[None], b[None])
     crossing = (side(*first, second[0]) * side(*first, second[1]) < 0.0) & (
         side(*second, first[0]) * side(*second, first[1]) < 0.0
     )
+    # Shoelace formula: twice the signed area.
     area = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
     return bool(area != 0.0 and not crossing.any())
 
@@ -441,6 +451,7 @@ def _plane_obstacles(discs: ArrayLike, boxes: ArrayLike, polygons: Sequence[Arra
             raise invalid(f"polygons[{i}]", polygon, allowed)
     for ring in corners:
         sides = [[SIDE, *p, *q] for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True)]
+        # The last side is marked, so that the loops see where a polygon ends.
         sides[-1][0] = LAST_SIDE
         rows += sides
     return np.array(rows, dtype=float).reshape(-1, 5)

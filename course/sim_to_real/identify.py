@@ -182,7 +182,9 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
         h = np.where(point + 1e-7 * size > high, -1e-7, 1e-7) * size
         result = run(point[:, None] + np.hstack([np.zeros((P, 1)), np.diag(h)]))
         r = (desired - result[..., 0]).ravel()
+        # A simulation that diverged costs infinitely much, so that its step is rejected.
         cost = float(r @ r) if np.isfinite(result).all() else math.inf
+        # Derivatives with respect to relative changes, so that all columns are comparable.
         return r, cost, (result[..., 1:] - result[..., :1]).reshape(-1, P) * (size / h)
 
     r, cost, J = tried(x)
@@ -191,13 +193,16 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
     damping, taken, against = 1e-4, 0, ["not settled"]
     while taken < steps and against[:1] == ["not settled"]:
         taken += 1
+        # Normal equations of Gauss-Newton.
         A, g = J.T @ J, J.T @ r
         # Marquardt's scaling; what does not show stays where it is.
         A += np.diag(damping * np.maximum(np.diag(A), 1e-12 * np.trace(A) + 1e-300))
         # Active set: parameters that are pushed against a bound do not move.
         held = ((x <= low) & (g < 0.0)) | ((x >= high) & (g > 0.0))  # pushed against its bound
+        # Their equations become those of the identity, with a step of 0.
         A[held], A[:, held], A[held, held], g[held] = 0.0, 0.0, 1.0, 0.0
         point = np.clip(x + size * np.linalg.solve(A, g), low, high)
+        # A step this small ends the search, unless only the damping has made it small.
         if np.max(np.abs(point - x) / size) < 1e-6:
             against = [] if damping < 1.0 else ["no step goes down, as small as it is"]
         now = tried(point)
@@ -206,6 +211,7 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
             x, (r, cost, J), damping = point, now, 0.1 * damping
         else:
             damping *= 10.0
+    # An unbiased variance: each parameter takes a degree of freedom.
     noise, inside = math.sqrt(cost / (desired.size - P)), (low < x) & (x < high)
     slope, residual = _slope(run, x, low, high, size), r.reshape(desired.shape)
     against += [f"{names[i]} is at its bound, {x[i]:g}" for i in np.flatnonzero(~inside)]
@@ -251,8 +257,8 @@ def scan(
     cost = np.array([result.noise**2 for result in tries])
     best = int(np.argmin(cost))
     if not 0 < best < given.size - 1:
-        # Parabola through the best value and its neighbours.
         raise invalid("values", given, f"some on both sides of {given[best]:g}, which is the best")
+    # Vertex of the parabola through the best value and its two neighbours.
     near = slice(best - 1, best + 2)
     bend, slope, _ = np.polyfit(given[near] - given[best], cost[near], 2)
     return float(given[best] - 0.5 * slope / bend), tries[best]
@@ -300,9 +306,11 @@ def _visible(
     s = np.pad(s, (0, which.size - s.size))
     # A direction shows if one relative unit of it moves the log by more than the noise.
     shows = s > max(1.0, 1e-8 * s.max(initial=0.0))
+    # Covariance by the pseudoinverse on the directions that show, in the parameters' own units.
     root = V[shows].T / s[shows] * size[which][:, None]
     covariance = np.full((size.size, size.size), np.inf)
     covariance[np.ix_(which, which)] = root @ root.T
+    # A parameter with a part in a hidden direction is not known at all.
     hidden = which[np.linalg.norm(V[~shows], axis=0) > 1e-3]
     covariance[hidden], covariance[:, hidden] = np.inf, np.inf
     directions = np.zeros((shows.size - np.count_nonzero(shows), size.size))
@@ -317,6 +325,7 @@ def _visible(
 
 
 def _sentence(names: Sequence[str], row: Array, size: Array) -> str:
+    # Entries below one per cent of the largest stay out of the sentence.
     parts = np.flatnonzero(np.abs(row) > 1e-2 * np.abs(row).max()).tolist()
     if len(parts) == 1:
         return f"{names[parts[0]]} does not show"
@@ -338,10 +347,12 @@ def whiteness(residual: Array) -> float:
 
     n, T = residual.shape
     lags = np.arange(1, min(LAGS, T - 1) + 1)
+    # The floor guards a residual of exactly 0.
     power = np.maximum(np.sum(residual**2, axis=1), 1e-300)
     # Ljung and Box's statistic (1978) of the autocorrelations, chi-squared for white noise.
     share = np.array([np.sum(residual[:, k:] * residual[:, :-k], axis=1) for k in lags]) / power
     Q = T * (T + 2.0) * np.sum(share**2 / (T - lags)[:, None])
+    # Probability of a larger value of chi squared, with one degree of freedom per signal and lag.
     return float(gammaincc(0.5 * n * lags.size, 0.5 * Q))
 
 
@@ -356,5 +367,6 @@ def late(result: Fit, log: Log) -> tuple[float, float]:
     others = result.slope.reshape(rate.size, -1)
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
     rate -= others @ np.linalg.lstsq(others, rate, rcond=1e-8)[0]
+    # Least squares with a single unknown: its value, and its standard deviation.
     power = float(rate @ rate)
     return float(rate @ result.residual.ravel()) / power, result.noise / math.sqrt(power)

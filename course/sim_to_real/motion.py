@@ -32,6 +32,7 @@ def _accelerations(arm, i, q2, v1, v2, u1, u2, s1, s2):
     f1 = u1 - arm[3, i] * v1 - s1 * arm[5, i] + arm[1, i] * s * v2 * (2.0 * v1 + v2)
     f2 = u2 - arm[4, i] * v2 - s2 * arm[6, i] - arm[1, i] * s * v1 * v1
     a1 = a2 = 0.0
+    # Both slide: Cramer's rule. One slides: the held joint does not accelerate and drops out.
     if s1 != 0.0 and s2 != 0.0:
         inverse = 1.0 / (m11 * m22 - m12 * m12)
         a1, a2 = (m22 * f1 - m12 * f2) * inverse, (m11 * f2 - m12 * f1) * inverse
@@ -106,6 +107,7 @@ def _advance(arm, i, q1, q2, v1, v2, u1, u2, h):
             s1, s2 = _sides(arm, i, q2, v1, v2, u1, u2)
         p1, p2, w1, w2 = _runge_kutta(arm, i, q1, q2, v1, v2, u1, u2, s1, s2, rest)
         stops = (dry1 and s1 * w1 < 0.0) or (dry2 and s2 * w2 < 0.0)
+        # After seven stops the remaining time is taken as one step, so that the loop ends.
         if not stops or event == 7:
             return p1, p2, w1, w2
         # A joint stops within the step: bisect the time, put it at rest exactly, and go on.
@@ -117,6 +119,7 @@ def _advance(arm, i, q1, q2, v1, v2, u1, u2, h):
                 high = middle
             else:
                 low = middle
+        # `high` is just beyond the stop, so the joint that stops has a speed of 0 or past it.
         q1, q2, v1, v2 = _runge_kutta(arm, i, q1, q2, v1, v2, u1, u2, s1, s2, high)
         v1 = 0.0 if dry1 and s1 * v1 <= 0.0 else v1
         v2 = 0.0 if dry2 and s2 * v2 <= 0.0 else v2
@@ -138,15 +141,18 @@ def _episodes(arms, numbers, starts, references, goals, noise, plan, sizes, out,
     for j in range(K * E):
         k, e = j // E, j % E
         i, n = e % arms.shape[1], e % noise.shape[2]
+        # The delay in whole samples and a rest, as in `split_delay`.
         whole = math.floor(arms[8, i] / dt + 1e-9)
         part = max(0.0, arms[8, i] - whole * dt)
         q1, q2, v1, v2 = starts[0, e], starts[1, e], starts[2, e], starts[3, e]
         memory[:] = 0.0
         u1, u2, inside, streak, distance, diverged = 0.0, 0.0, 0, 0, 0.0, False
         for t in range(T + 1):
+            # The tip's distance from its goal.
             x = sizes[6] * math.cos(q1) + sizes[7] * math.cos(q1 + q2) - goals[0, e]
             y = sizes[6] * math.sin(q1) + sizes[7] * math.sin(q1 + q2) - goals[1, e]
             distance = math.hypot(x, y)
+            # Written as a negation, so that a NaN counts as diverged.
             diverged = not (abs(v1) < sizes[5] and abs(v2) < sizes[5])
             # The streak of samples within the target decides about "held".
             streak = streak + 1 if distance <= sizes[3] else 0
@@ -175,10 +181,14 @@ def _episodes(arms, numbers, starts, references, goals, noise, plan, sizes, out,
                 at = t - whole - 1 + half
                 u1 = arms[7, i] * sent[at, 0] if at >= 0 else 0.0
                 u2 = arms[7, i] * sent[at, 1] if at >= 0 else 0.0
+                # Equal steps, none longer than the limit; the tolerance keeps rounding from adding
+                # one.
                 steps = math.ceil(length / step - 1e-9)
                 for _ in range(steps):
                     q1, q2, v1, v2 = _advance(arms, i, q1, q2, v1, v2, u1, u2, length / steps)
+        # Success: inside the target up to the end, for more samples than `HOLD` has.
         held = streak > sizes[4] and not diverged
+        # An index into `REASONS`: never there, or left; below, held, or late.
         reason = 3 if inside == 0 else 2
         if held:
             reason = 0

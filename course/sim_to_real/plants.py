@@ -87,6 +87,8 @@ class Plants:
         m, p, viscous, coulomb, torque, delay, bias, noise = (getattr(self, f) for f in FIELDS)
         a, b, d, c1, c2 = ARM.parameters
         l1, l2 = ARM.lengths
+        # The payload is a point mass at the tip: it adds to the three inertia parameters a, b and
+        # d.
         return np.array(
             [
                 m * a + p * (l1 * l1 + l2 * l2),
@@ -175,6 +177,7 @@ class Tasks:
         reference = np.take_along_axis(branches, far.argmin(axis=0)[None, None], axis=1)[:, 0]
         object.__setattr__(self, "reference", reference)
         rng = np.random.default_rng(self.seed)
+        # Drawn once for the tasks, so that every policy meets the same noise.
         noise = rng.standard_normal((round(SECONDS / DT) + 1, 2, self.size))
         object.__setattr__(self, "unit_noise", noise)
 
@@ -200,6 +203,7 @@ def tasks(n: int, seed: int) -> Tasks:
     start = rng.uniform([[-np.pi], [0.7]], [[np.pi], [2.3]], (2, count("n", n, 1)))
     move = rng.uniform(0.3, 0.8, (2, n)) * rng.choice([-1.0, 1.0], (2, n))
     end = start + move
+    # Where the elbow would leave its range it turns the other way.
     end[1] = np.where((end[1] < 0.3) | (end[1] > 2.7), start[1] - move[1], end[1])
     return Tasks(start, tip(end), seed)
 
@@ -243,6 +247,7 @@ def _columns(plants: Plants | ArrayLike) -> Array:
     if isinstance(plants, Plants):
         return plants.columns()
     arms = np.ascontiguousarray(vector("columns", plants, (len(ROWS), None)))
+    # The loop divides by the inertias a and d, and looks back by the delay.
     for row in (0, 2, 8):
         vector(f"columns[{row}]", arms[row], low=0.0 if row == 8 else POSITIVE)
     return arms

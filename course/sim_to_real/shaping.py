@@ -68,6 +68,7 @@ class Process:
 
         Reward of a step and discounted value of the next state, (S, A).
         """
+        # Bellman backup: the expected reward plus the discounted value of the next state.
         target = self.reward + self.gamma * np.asarray(value, dtype=float)
         return np.asarray(np.einsum("ijk,ijk->ij", self.transition, target))
 
@@ -104,6 +105,7 @@ def value_iteration(
         if sweeps == max_sweeps:
             rule = "more: the tolerance is not reached; near a discount of 1 use policy_iteration"
             raise invalid("max_sweeps", max_sweeps, rule)
+        # Bellman's optimality operator on all states at once.
         following = process.backup(value).max(axis=1)
         change, value, sweeps = np.abs(following - value).max(), following, sweeps + 1
         small = tolerance * max(1.0, float(np.abs(value).max()))
@@ -111,6 +113,7 @@ def value_iteration(
         # change.
         if change * process.gamma <= small * (1.0 - process.gamma):
             break
+    # The greedy policy's value by a linear solve does not carry the error of the sweeps.
     policy = process.backup(value).argmax(axis=1)
     exact = evaluate_policy(process, policy)
     return Solution(exact, process.backup(exact), policy, sweeps)
@@ -153,6 +156,7 @@ def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
         chosen = np.eye(A)[chosen.astype(int)]
     elif np.abs(chosen.sum(axis=1) - 1.0).max() > 1e-9:
         raise invalid("policy", chosen, "rows that sum to 1")
+    # Transition and mean reward of the Markov chain that the policy makes.
     P = np.einsum("ij,ijk->ik", chosen, process.transition)
     r = np.einsum("ij,ijk,ijk->i", chosen, process.transition, process.reward)
     # Value of a policy: (I - gamma P) v = r.
@@ -172,7 +176,9 @@ def shaped(process: Process, phi: ArrayLike, *, free_end: bool = False) -> Proce
     if not free_end:
         # The potential of a terminal state is 0, else shaping changes the best policy.
         potential[process.terminal] = 0.0
+    # Potential-based shaping: gamma phi(next) - phi(state) (Ng, Harada and Russell, 1999).
     added = process.gamma * potential[None, None] - potential[:, None, None]
+    # A terminal state pays nothing, shaped or not.
     added = np.where(process.terminal[:, None, None], 0.0, added)
     return replace(process, reward=process.reward + added)
 
@@ -192,6 +198,7 @@ def grid(n: int, gamma: float = 0.95, pay: float = 1.0, step: float = 0.0) -> Pr
     P = np.zeros((S, 4, S))
     for s in range(S - 1):
         for a, (down, right) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
+            # A move against the border stays in its cell.
             row, column = np.clip((s // n + down, s % n + right), 0, n - 1)
             P[s, a, n * row + column] = 1.0
     P[S - 1, :, S - 1] = 1.0
@@ -221,6 +228,7 @@ def _learn(P, R, ends, numbers, draws, optimal, q):
         ahead = 0.0 if ends[following] > 0.0 else gamma * np.max(q[following])
         q[state, action] += rate * (R[state, action, following] + ahead - q[state, action])
         state = following
+        # The episode is over: the next one begins in state 0.
         if ends[state] > 0.0:
             state = 0
         if k % 20 == 19:  # the greedy walk from the start, where each state has one best successor

@@ -129,6 +129,7 @@ def trials(
     p, q = finite("first", first, 0.0, 1.0), finite("second", second, 0.0, 1.0)
     if p == q:
         raise invalid("second", second, f"a rate other than the first, {first}")
+    # Normal quantiles of the significance level (two-sided) and of the power.
     a = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
     b, d = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9))), abs(p - q)
     # Sample size for two proportions, two-sided (Fleiss, Levin and Paik, 2003).
@@ -139,6 +140,7 @@ def trials(
     else:
         # Paired trials: only discordant ones count (McNemar, 1947).
         both = finite("together", together, max(0.0, p + q - 1.0), min(p, q))
+        # Share of discordant trials, in which only one of the two succeeds.
         apart = p + q - 2.0 * both
         root = a * math.sqrt(apart) + b * math.sqrt(apart - d * d)
     return math.ceil((root / d) ** 2)

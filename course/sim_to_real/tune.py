@@ -78,8 +78,10 @@ class Ranges:
         for name, (low, high) in self.bounds.items():
             kind = self.kinds.get(name, "uniform")
             if kind == "log":
+                # Uniform in the logarithm: halving and doubling are equally likely.
                 drawn[name] = np.exp(rng.uniform(np.log(low), np.log(high), n))
             elif kind == "whole":
+                # The tolerance keeps a bound that is itself a multiple of the sample time.
                 first, last = np.ceil(low / DT - 1e-9), np.floor(high / DT + 1e-9)
                 if first > last:
                     raise invalid(name, (low, high), f"a range with a multiple of {DT} s in it")
@@ -120,6 +122,7 @@ def cost(outcome: Outcome) -> Array:
 
     It counts failures, and time outside the target.
     """
+    # (1 - success rate) + (1 - share of the time in the target).
     return 2.0 - outcome.rate - np.mean(outcome.inside, axis=-1) / SECONDS
 
 
@@ -155,6 +158,7 @@ def improve(
         elites: best tries of a round, to which the next one is fitted.
         spread: of the logarithm of a gain in the first round.
     """
+    # Search the logarithms relative to GUESS: gains stay positive, and a step is a factor.
     first = np.log(vector("start", start, (6,), low=1e-6) / GUESS)
     tried = [0, 0]
 
@@ -189,6 +193,7 @@ def tune(sampler: Sampler, seed: int, *, episodes: int = 32, **search: Any) -> T
     rng = np.random.default_rng((count("seed", seed), 8))
 
     def trial(sets: Array, turn: int) -> Outcome:
+        # Common random numbers: all sets of a round meet the same arms and tasks.
         plants = sampler(count("episodes", episodes, 1), rng)
         return rollouts(plants, sets, tasks(episodes, int(rng.integers(2**31))))
 
@@ -246,6 +251,7 @@ def automatic(
     positive("at_most", at_most)
     quarter = count("buffer", buffer, 4) // 4
     rng = np.random.default_rng((count("seed", seed), 5))
+    # Begin with gains that suit the simulator's own arm.
     result = tune(only(nominal()), seed, rounds=6)
     episodes, centre, farthest = result.episodes, around(nominal(), 0.0), around(nominal(), at_most)
     bounds = {name: list(bound) for name, bound in centre.bounds.items()}
@@ -253,21 +259,25 @@ def automatic(
     history = []
     for turn in range(count("rounds", rounds, 1)):
         ranges = Ranges({name: (bound[0], bound[1]) for name, bound in bounds.items()})
+        # One round of the search on the present ranges, from the present gains.
         result = tune(ranges, seed + turn, start=result.gains, rounds=1, spread=0.15)
         episodes += result.episodes
         for name, side in ((name, side) for name in bounds for side in (0, 1)):
             start, end = centre.bounds[name][side], farthest.bounds[name][side]
             if start == end:  # nothing below no friction
                 continue
+            # Boundary sampling: this parameter stands on its boundary, the others are drawn.
             arms = replace(ranges(quarter, rng), **{name: bounds[name][side]})
             tried = rollouts(arms, result.gains, tasks(quarter, int(rng.integers(2**31))))
             episodes += quarter
             filled = buffers.setdefault((name, side), [])
             filled += tried.success.tolist()
+            # A full buffer decides, and is then emptied.
             if len(filled) < 4 * quarter:
                 continue
             mean = float(np.mean(filled))
             filled.clear()
+            # 1 moves the boundary outwards, -1 inwards, 0 not at all.
             move = (mean >= high) - (mean <= low)
             if move:
                 moved = bounds[name][side] + move * (2 * side - 1) * step * WIDTH[name]
