@@ -318,7 +318,7 @@ def operational_space(
     rows: Sequence[int] = (0, 1, 2),
     gravity: ArrayLike = DOWNWARDS,
 ) -> Array:
-    """Return the tip obeys e'' + kd e' + kp e = 0; what `null` asks of the joints it does not feel.
+    """Make the tip obey e'' + kd e' + kp e = 0; it does not feel what `null` asks of the joints.
 
     Torques are J^T L (a - J' v) + bias + (I - J^T L J M^-1) null with the task inertia
     L = (J M^-1 J^T)^-1. Another projector than this dynamically consistent one (Khatib, 1987) keeps

@@ -444,7 +444,11 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
 def improve(
     policy: ActorCritic, table: Table, optimiser: Any, rng: np.random.Generator, settings: Settings
 ) -> tuple[float, float]:
-    """Return the epochs; divergence of the policy and share clipped. Raises `Diverged`."""
+    """Run the epochs of an iteration; return the policy's divergence and the share clipped.
+
+    Raises:
+        Diverged: for a loss that is not finite, and for a policy that moved too far.
+    """
     torch, gradient = pytorch(), policy.flat.grad.numpy()
     # The last good weights, and the policy that acted, to measure how far the new one moves.
     good, before = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()

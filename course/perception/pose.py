@@ -180,9 +180,17 @@ def _extent(part: Shapes) -> tuple[Array, Array]:
         size, pose = part.sizes[:, i], part.poses[:, i]
         if kind == "plane":
             raise invalid("part.kinds", part.kinds, "a thing with an end: no plane")
-        half = {"box": size, "cylinder": size[[0, 0, 1]], "sphere": size[[0, 0, 0]]}[kind]
-        # Half sides of the bounding box of a turned box; for round shapes an upper bound.
-        reach = np.abs(to_matrix(pose[3:])) @ half
+        turn = to_matrix(pose[3:])
+        # Support in the direction of each axis: a turned box reaches |R| times its half sides, a
+        # cylinder's discs add the part of their radius across the axis, a sphere does not turn.
+        if kind == "box":
+            reach = np.abs(turn) @ size
+        elif kind == "cylinder":
+            axis = turn[:, 2]
+            across = np.sqrt(np.maximum(1.0 - axis * axis, 0.0))
+            reach = size[1] * np.abs(axis) + size[0] * across
+        else:
+            reach = np.full(3, size[0])
         low, high = np.minimum(low, pose[:3] - reach), np.maximum(high, pose[:3] + reach)
     return low, high
 

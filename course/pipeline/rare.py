@@ -128,8 +128,8 @@ def cross_entropy(
         last: runs that are counted.
         elite: share of a round that the proposal is fitted to, by weight.
         least: width below which no disturbance's proposal may fall.
-        defence: share of the counted runs that is drawn as plain sampling would; a weight is then
-            below 1 / defence, so no failure can be missing much.
+        defence: share of the runs that is drawn as plain sampling would, in the search and in the
+            count; a weight is then below 1 / defence, so no failure can be missing much.
 
     Raises:
         ValueError: for a severity that is NaN, or an argument outside of its range.

@@ -212,7 +212,9 @@ def _grow(
     rng,
     samples,
 ):
-    """Return one tree from the start: RRT, and with numbers[STAR] RRT*, which goes on after a path.
+    """Grow one tree from the start: RRT, and with numbers[STAR] RRT*, which goes on after a path.
+
+    It returns a code: why it stopped.
 
     `frame` holds Halton's shift, the centre between start and goal, the axes of the ellipsoid, and
     the states of a list; `room` is scratch for stacks. counts[LAST] is the best node at the goal,

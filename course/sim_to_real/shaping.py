@@ -120,7 +120,7 @@ def value_iteration(
 
 
 def policy_iteration(process: Process) -> Solution:
-    """Return howard's iteration: evaluate a policy exactly, make it greedy, until it stays (1960).
+    """Run Howard's policy iteration (1960): evaluate exactly, make greedy, until nothing changes.
 
     Its number of solves does not depend on the discount, where that of the sweeps of
     `value_iteration` is proportional to 1 / (1 - gamma). An action is replaced only by one that is

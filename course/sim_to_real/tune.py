@@ -283,6 +283,8 @@ def automatic(
                 moved = bounds[name][side] + move * (2 * side - 1) * step * WIDTH[name]
                 bounds[name][side] = float(np.clip(moved, min(start, end), max(start, end)))
                 history.append((turn, name, 2 * side - 1, mean, bounds[name][side]))
+    # The boundaries may have moved since the last round of the search.
+    ranges = Ranges({name: (bound[0], bound[1]) for name, bound in bounds.items()})
     return Automatic(ranges, result.gains, history, episodes)
 
 

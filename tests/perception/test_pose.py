@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course.perception.camera import Sensor, render, sense, shape, together
-from course.perception.pose import STANDING, apart, locate, see_through, stand_in
+from course.perception.pose import STANDING, _extent, apart, locate, see_through, stand_in
 from course.perception.registration import DIRECTIONS
 from course.rigid_body.quaternion import exp, to_matrix
 from tests.budget import examples
@@ -256,3 +256,27 @@ def test_bad_input_is_named(change, words):
     given = {"depth": np.ones((240, 320)), "camera": CAMERA, "sensor": SENSOR, "part": BOX}
     with pytest.raises(ValueError, match=words):
         locate(**(given | change))
+
+
+@given(st.sampled_from(["box", "cylinder", "sphere"]), st.integers(0, 2**32 - 1))
+@examples(30)
+def test_the_extent_of_a_turned_shape_is_that_of_its_surface(kind, seed):
+    rng = np.random.default_rng(seed)
+    size = rng.uniform(0.01, 0.1, {"box": 3, "cylinder": 2, "sphere": 1}[kind])
+    place, turn = rng.uniform(-0.1, 0.1, 3), exp(rng.uniform(-2.0, 2.0, 3))
+    # Points of the surface, densely: corners, both rims, or the directions of a grid.
+    angle = np.linspace(0.0, 2.0 * np.pi, 721)
+    if kind == "box":
+        points = np.array(np.meshgrid(*[(-a, a) for a in size])).reshape(3, -1)
+    elif kind == "cylinder":
+        rim = size[0] * np.array([np.cos(angle), np.sin(angle)])
+        points = np.hstack([np.vstack((rim, np.full(721, z))) for z in (-size[1], size[1])])
+    else:
+        up, around = np.meshgrid(np.linspace(0.0, np.pi, 181), angle)
+        points = size[0] * np.array(
+            [np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up)]
+        ).reshape(3, -1)
+    world = to_matrix(turn) @ points + place[:, None]
+    low, high = _extent(shape(kind, *size, pose=np.concatenate((place, turn))))
+    assert low == pytest.approx(world.min(axis=1), abs=2e-4 * size.max())
+    assert high == pytest.approx(world.max(axis=1), abs=2e-4 * size.max())
