@@ -140,9 +140,9 @@ more_claims(
 # about two shapes has become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and
 # Keerthi (1988), solves it.
 #
-# Nobody constructs the whole set. A **support function** returns the point of a convex shape that lies farthest in a
-# given direction; for a box it is a corner. The Minkowski difference has a support function too: the support point of
-# $A$ in the direction $s$ minus the support point of $B$ in the direction $-s$.
+# A **support function** returns the point of a convex shape that lies farthest in a given direction; for a box it is a
+# corner. The Minkowski difference has a support function too: the support point of $A$ in the direction $s$ minus the
+# support point of $B$ in the direction $-s$.
 # %%
 show("gjk_minkowski")
 # %% [markdown]
@@ -192,10 +192,10 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 #
 # ### Contact points, and shapes that are not convex
 #
-# A box on a table touches it with a whole face. With a single contact point it would tip over, unless that lay exactly
-# under the centre of mass. So the solver needs a **manifold**, a set of points that spans the touching area. The narrow
-# phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the other. Each
-# corner of the polygon that remains becomes a contact point.
+# A box on a table touches it with a whole face. With a single contact point it would tip or rock, unless that lay
+# exactly under the centre of mass. So the solver needs a **manifold**, a set of points that spans the touching area.
+# The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
+# other. Each corner of the polygon that remains becomes a contact point.
 #
 # GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid.
 # A **convex decomposition** cuts such a shape into convex pieces before the simulation starts.
@@ -503,11 +503,11 @@ right.set_yticks([0, 1], ["velocity 1", "velocity 2"])
 right.set(title="Delassus matrix $A$ [1/kg]")
 plt.show()
 # %% [markdown]
-# The entries of $A$ can be read aloud. A unit impulse at contact 1 lifts the lower block at 1 m/s, which opens
-# contact 1 ($A_{11} = 1$) and closes contact 2 ($A_{21} = -1$). A unit impulse at contact 2 moves the blocks apart at
-# $1 + 1/2$ m/s ($A_{22} = 1.5$). If both contacts stay closed, $A p = -J v_f$. The second row says $p_1 = 1.5\,p_2$,
-# and the first gives $p_2 = 0.1962$ and $p_1 = 0.2943$ N s: the weights of 2 kg and of 3 kg, times the step. The
-# package agrees:
+# Each entry of $A$ has a plain meaning. A unit impulse at contact 1 lifts the lower block at 1 m/s, which opens contact
+# 1 ($A_{11} = 1$) and closes contact 2 ($A_{21} = -1$). A unit impulse at contact 2 moves the blocks apart at $1 + 1/2$
+# m/s ($A_{22} = 1.5$). If both contacts stay closed, $A p = -J v_f$. The second row says $p_1 = 1.5\,p_2$, and the
+# first gives $p_2 = 0.1962$ and $p_1 = 0.2943$ N s: the weights of 2 kg and of 3 kg, times the step. The package
+# agrees:
 # %% tags=["show-code"]
 step = scenes.tower([1.0, 2.0]).problem(dt=0.01)  # masses [kg], the lowest first
 print("J =", step.rows.tolist())
@@ -617,7 +617,7 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # 3. Project. For the normal row: $p_n \leftarrow \max(0, p_n)$. After both tangents: if the vector $p_t$ is longer
 #    than $\mu p_n$, shorten it to that length.
 #
-# One pass over all contacts is a **sweep**. Game engines do about ten sweeps per step and start from the impulses of
+# One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
 # %% tags=["show-code"]
 A, b = step.delassus, step.rows @ step.free  # the stack of two from above
@@ -629,10 +629,10 @@ for sweep in range(1, 9):
     if sweep in (1, 2, 4, 8):
         print(f"after {sweep} sweeps: p = {p.round(4)} N s  (solution 0.2943, 0.1962)")
 # %% [markdown]
-# Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now contact
-# 2 notices that its lower block no longer falls, and pushes: $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower block
+# Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now contact 2
+# notices that its lower block no longer falls, and pushes: $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower block
 # down again, but contact 1 will only find out in the next sweep. In this stack the error shrinks by a factor of $2/3$
-# per sweep. The simulation starts with a mass ratio of 4; at 2 it shows the numbers above:
+# per sweep. The simulation starts with a mass ratio of 4. Set it to 2 to see the numbers above:
 # %%
 simulation("sweeps")
 # %% [markdown]
@@ -895,8 +895,8 @@ for label, changed in (
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
-# Both effects belong to the default settings. A smaller time constant, a harder solimp and a larger impratio reduce
-# them a great deal. Section 6 compares the defaults with such a hardened contact.
+# With the default settings both effects are large. A smaller time constant, a harder solimp and a larger impratio
+# reduce them a great deal. Section 6 compares the defaults with such a hardened contact.
 # %%
 more_claims(
     "default_tolerance",
@@ -994,7 +994,7 @@ more_claims("mujoco_is_velocity_level")
 # %% [markdown]
 # ## 4 · Code: the reference functions
 #
-# Interviewers like to ask for three functions from this chapter. First, the overlap of two axis-aligned boxes, in any
+# Three functions of this chapter are typical interview questions. First, the overlap of two axis-aligned boxes, in any
 # dimension:
 # %% tags=["hide-code"]
 source(broad.aabb_overlap)
@@ -1136,7 +1136,7 @@ more_claims("coal_is_the_truth")
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
 #   one.
 # * **Stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
-#   pivots. Sweeps are fine if light bodies stand on heavy ones.
+#   pivots. Sweeps are fine if light bodies stand on heavy ones and stacks are low.
 # * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you
 #   accept.
 # * **Games:** ten sweeps with a warm start, or one sweep in each of several sub-steps. The motion looks right.
@@ -1226,7 +1226,7 @@ more_claims("mujoco_timer")
 #
 # ### Two axis-aligned boxes
 #
-# The first question of many interviews. Write it for any number of dimensions.
+# A typical interview question. Write it for any number of dimensions.
 # %%
 card("aabb")
 

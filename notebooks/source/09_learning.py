@@ -165,8 +165,7 @@ table(*rows)
 #
 # $$\nabla_\theta J = \mathbb{E}\Big[\sum_t A_t\,\nabla_\theta \log \pi_\theta(a_t \mid s_t)\Big].$$
 #
-# (With a discount, the exact formula has another factor $\gamma^t$ in the sum. PPO and most other implementations drop
-# it, and so do we.)
+# (The exact formula has another factor $\gamma^t$ in the sum, which PPO drops, as most implementations do.)
 #
 # Read it from the right. The vector $\nabla_\theta \log \pi_\theta(a_t \mid s_t)$ is the direction that makes the
 # sampled action more likely. The **advantage** $A_t$ is a number: how much better that action turned out than the
@@ -203,8 +202,7 @@ plt.show()
 # %% [markdown]
 # Each dot is a sampled action; its arrow is its vote, advantage times $(a - \mu)/\sigma^2$. A good action to the right
 # pulls the mean to the right. A bad action on the left pushes the mean to the right too, because moving away from it is
-# an improvement. The thick arrow on top is the average of all votes. It points towards the best action, although none
-# of the samples contains its position.
+# an improvement. The thick arrow on top is the average of all votes. It points towards the best action.
 #
 # **A worked example.** Let $\mu = 0$ and $\sigma = 1$. The action 0.5 had an advantage of +2, so it votes
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
@@ -212,11 +210,12 @@ plt.show()
 #
 # The rest of the chapter needs a few terms. A **neural network** is a function with many adjustable numbers, its
 # **weights**. "Two layers of 16 units" means that two intermediate results with 16 numbers each lie between input and
-# output. In training, one draws a **batch** of data, computes the gradient of an objective with respect to all weights,
+# output.
+#
+# In training, one draws a **batch** of data, computes the gradient of an objective with respect to all weights,
 # and moves the weights a little along it: one **gradient step**, whose length the **step size** sets (here with the
-# optimiser Adam, which scales each weight's step by its recent gradients). Large batches are split into
-# **minibatches**, with one gradient step each. All random numbers follow from a **seed**. Another seed means another
-# run.
+# optimiser Adam). Large batches are split into **minibatches**, with one gradient step each. All random numbers follow
+# from a **seed**.
 #
 # In the simulation the actions have two components, and the reward is a formula with one peak, so the true gradient can
 # be computed. Play to let the mean follow the average vote, then switch off the baseline, which is explained below the
@@ -483,8 +482,8 @@ table(("reward", "share of the optimum after training", "interval"),
 # With the potential, PPO learns a policy that is close to the optimum. With minus the distance and its default
 # rescaling it learns no more than with the sparse reward, in these four seeds. Proportion may be one reason: over an
 # episode the distances add up to tens, and the prize is only 1. By default our PPO **rescales rewards**, dividing them
-# by a running standard deviation. That divides distances and prize by the same number, so it cannot change the
-# proportion. Without rescaling, this reward does better, but the seeds differ widely. We have not found out why.
+# by a running standard deviation. Without rescaling, this reward does better, but the seeds differ widely. We have not
+# found out why.
 #
 # The *interval* in this and later tables is a 95 % bootstrap interval over the seeds, for the mean of the middle half
 # of the seeds (the interquartile mean). The right panel repeats the sparse reward with larger discs: the more often
@@ -522,11 +521,10 @@ for kind, name in names.items():
 table(*rows)
 
 # %% [markdown]
-# In the two rows with a bonus, all starts lie within 0.5 m of the goal. Never moving also earns a little in other rows.
-# One of the 64 starts already lies in the disc. The bonus paid once is collected at the start. The potential pays
-# $(1-\gamma)$ times the distance for each step at rest. All this is harmless, because moving pays more. Under the bonus
-# per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects the bonus a
-# hundred times. Select *Hovering* in the simulation at the top to watch a learner discover this.
+# In the two rows with a bonus, all starts lie within 0.5 m of the goal. Never moving also earns a little in other rows,
+# which is harmless, because moving pays more. Under the bonus per step, never moving is worth *more* than the fastest
+# policy: the point stands where it is and collects the bonus a hundred times. Select *Hovering* in the simulation at
+# the top to watch a learner discover this.
 #
 # **The usual listing.** Tutorials show a reward for reaching that looks like this: minus the distance, plus a bonus of
 # 1 within 5 cm "for getting close, not for staying", minus penalties for speed near the goal and for angles near their
@@ -794,8 +792,9 @@ more_claims("code_of_zero")
 # *An answer to the interview question.* Not the squared error: it would fold neither sleeve. For two clear modes a
 # mixture is enough; it is cheaper to run than a flow or diffusion policy, and you can read off how probable each mode
 # is. For actions with many components, and an unknown number of modes, choose a flow or a diffusion policy. In both
-# cases predict a chunk of actions at once, so that the policy finishes on the side on which it started. Always run the
-# nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more dimensions.
+# cases predict a chunk of actions at once, so that the policy finishes on the side on which it started.
+#
+# Always run the nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more dimensions.
 # Then judge by runs: count successes and the share of each way.
 #
 # ### Denoising and flows, step by step
@@ -889,8 +888,8 @@ source(learning.denoise, "a, s = mix")
 #
 # ![Error over evaluations of the field, exact and trained; success over evaluations](../docs/charts/samplers.png)
 #
-# You will often read that diffusion takes "10 to 50 steps and is therefore slow". Here ten evaluations come close to
-# the network's own error. How many you need depends on the network: find the number at which the error stops falling.
+# How many evaluations you need depends on the network: find the number at which the error stops falling. Here ten come
+# close to it.
 
 # %%
 more_claims(
@@ -964,9 +963,8 @@ show("react_less")
 # action is the weighted mean of all predictions for this step. The weights are $e^{-m i}$, with $i = 0$ for the
 # oldest chunk. This smooths the motion. It also averages, so it is safe only if the chunks agree on the mode.
 #
-# How many demonstrations does all this need? "50 to 100" is what some papers had. You need enough demonstrations that
-# the rarest way you want occurs in them; the checkpoint at the end asks you to derive the number. And look for
-# pauses: a person who waits shows one state with two labels, *wait* and *go*.
+# How many demonstrations does all this need? Enough that the rarest way you want occurs in them; the checkpoint asks
+# you to derive the number. And look for pauses: a person who waits shows one state with two labels, *wait* and *go*.
 
 # %%
 more_claims("pauses")
@@ -976,8 +974,8 @@ more_claims("pauses")
 #
 # ### One table, each line tested
 #
-# An automatic test compares each number in the table with the measurement it comes from. ACT itself was not run: its
-# line has numbers of our small autoencoder (the code) and of the nearest demonstration (the pauses).
+# An automatic test compares each number with its measurement. ACT's line has numbers of our small autoencoder (the
+# code) and of the nearest demonstration (the pauses).
 
 # %% tags=["hide-code"]
 f = figure
@@ -1057,7 +1055,7 @@ show("own_normaliser")
 #
 # Two seeds of one learner can differ more than two methods do, so the curves of this chapter have a band over several
 # seeds. `sweep` runs a function with many arguments. Its argument `executor` takes any pool of workers, so it can run
-# on several processors or machines. The results do not depend on where a job ran.
+# on several processors or machines.
 
 
 # %% tags=["show-code"]
@@ -1122,8 +1120,8 @@ for attempt in (
 
 # %% [markdown]
 # Now break the learner. The presets of the simulation *A point learns to reach a disc* at the top remove one thing
-# each: *One epoch*, *Discount 0.9*, *No reward scaling*, *Hovering*, *First to finish*. Before you select one, say
-# what return and success rate will do. The dashed line is the exact optimum.
+# each: *One epoch*, *Discount 0.9*, *No reward scaling*, *Hovering*, *First to finish*. Before you select one, say what
+# return and success rate will do.
 
 # %%
 simulation("point")
@@ -1179,7 +1177,7 @@ show("gradient_cost")
 # Copying that hand-written law is cheaper. (The test here uses other targets than the one above, so the law itself
 # reaches 73 %.) At the same number of labels DAgger gains a little over plain cloning, and a wider network with longer
 # training gains more. PPO, with the settings that solve the point, is far below after half a million steps. This page
-# therefore does not show that PPO solves a hard task. It shows what PPO costs on an easy one.
+# therefore does not show that PPO solves a hard task.
 #
 # ![Targets reached by clones of a hand-written law, and by PPO](../docs/charts/arm_learned.png)
 

@@ -270,7 +270,7 @@ def _box_panel(n: int, repeats: int) -> Panel:
     return panel
 
 
-RADIUS, WALL, TIMECONST, DMAX = 0.02, 0.01, 0.02, 0.95
+RADIUS, WALL, TIMECONST = 0.02, 0.01, 0.02
 REACH, STILL = RADIUS + WALL / 2, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
@@ -311,14 +311,14 @@ def tunnelling_limit(
 ) -> Iterator[Panel]:
     """Chart the least speed at which a ball passes through a wall, by step, with two cures."""
     speeds = np.geomspace(1.0, 400.0, grid)
-    soft = math.e * REACH / (DMAX * TIMECONST)
+    soft = math.e * REACH / TIMECONST
     panel = Panel(
         "A ball of 20 mm radius, a wall of 10 mm: the lowest speed that passes",
         "step [s]",
         "speed [m/s]",
         scale="log",
         theory="geometric limit (2 r + w) / dt",
-        lines=[("y", soft, "soft limit e (r + w/2) / (dmax timeconst)")],
+        lines=[("y", soft, "soft limit e (r + w/2) / timeconst")],
     )
     ratio = float(speeds[1] / speeds[0])
     panel.notes.append(f"speeds on a grid of {100 * (ratio - 1):.0f} %; soft limit {soft:.2f} m/s")
