@@ -157,6 +157,7 @@ def _tokens(text: str) -> list[tuple[str, str]]:
     result = []
     position = 0
     text = text.rstrip()
+    # One regular expression per token; what it does not know is refused by name.
     while position < len(text):
         match = _TOKEN.match(text, position)
         if match is None:
@@ -218,6 +219,7 @@ class _Parser:
             if word in ("*", "/"):
                 self._take()
                 node = (word, node, self._factor())
+            # Implicit multiplication: "2 sqrt(m/k)" and "2(m/k)" need no sign between the factors.
             elif kind in ("number", "name") or word in ("(", "√"):
                 node = ("*", node, self._factor())
             else:
@@ -234,6 +236,8 @@ class _Parser:
             node = self._atom()
             if self._peek()[1] == "^":
                 self._take()
+                # The exponent is a factor again, so that powers associate to the right and "2^-1"
+                # works; a sign in front of the base binds more loosely than the power.
                 node = ("^", node, self._factor())
         self.depth -= 1
         return node
@@ -300,6 +304,7 @@ def _read(text: str, names: frozenset[str]) -> Node:
 
 
 def _bounded(value: Any) -> Any:
+    # Every intermediate value is bounded, so that no text can make the evaluation slow.
     size = abs(value)
     if not size < _HUGE:  # also catches nan
         raise _Undefined("a value becomes too large")
@@ -311,6 +316,7 @@ def _power(base: Any, exponent: Any, mp: Any) -> Any:
         if mp.re(exponent) <= 0:
             raise _Undefined("it divides by zero")
         return base
+    # Checked before the power is computed: 9^9^9^9 must not be attempted.
     if abs(exponent * mp.log(base)) > 340:  # exp(340) is about _HUGE
         raise _Undefined("a power becomes too large or too small")
     return base**exponent
@@ -365,6 +371,7 @@ def _sympy(node: Node, values: Mapping[str, Any], sympy: Any) -> Any:
         return getattr(sympy, name)(_sympy(node[2], values, sympy))
     left, right = _sympy(node[1], values, sympy), _sympy(node[2], values, sympy)
     if kind == "^":
+        # SymPy would expand large powers; the numerical comparison handles those.
         if not (right.is_Rational and abs(right) <= 12):
             raise _Undefined("only small powers are worth confirming")
         return left**right

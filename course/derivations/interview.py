@@ -58,6 +58,7 @@ def hundred_trials(result):
     gate, worse = result.input("gate", 0.7), result.input("worse", 0.65)
     tried = int(result.input("n", 100))
     passed = result.measure("passed", round(gate * tried))
+    # Exact binomial tail: at least `passed` successes.
     lucky = result.measure("lucky", binom.sf(passed - 1, tried, worse))
     fair = result.measure("fair", binom.sf(passed - 1, tried, gate))
     low, high = (float(x) for x in wilson(passed, tried))
@@ -66,6 +67,7 @@ def hundred_trials(result):
     observed = np.mean(result.rng.binomial(tried, worse, 40_000) >= passed)
     needed = int(result.formula.subs({p: gate, d: 0.05}))
     draws = result.rng.binomial(needed, gate, 40_000) / needed
+    # The normal approximation's own promise, 95 % within the half width, checked by sampling.
     inside = np.mean(np.abs(draws - gate) < 0.05)
     result.statement = "Binomial sums, and 40,000 draws of a hundred trials."
     result.statement_holds(lucky < 0.025)
@@ -117,6 +119,7 @@ def imu_reads_acceleration(result):
     fall = np.linalg.norm(read(5.0, 0.2)[0])
     deviation = 0.0
     for turn in result.rng.normal(size=(6, 4)):
+        # Specific force: acceleration less gravity, rotated into the sensor's frame.
         felt, acceleration, axes = read(5.0, 0.0, turn / np.linalg.norm(turn))
         deviation = max(deviation, np.abs(felt - axes.T @ (acceleration - model.opt.gravity)).max())
     bias, seconds = result.input("bias", 0.05), result.input("seconds", 10)
@@ -159,10 +162,12 @@ def stop_at_ten_newtons(result):
     late, limit = result.input("late_ms", 8) / 1000, result.input("felt", 10)
 
     def peak(start, braking):
+        # 1 us is far below the contact's period, so that the peak is not missed between steps.
         place, rate, felt, largest, now, dt = 0.0, start, None, 0.0, 0.0, 1e-6
         while rate > 0:
             force = stiff * place
             felt = now if felt is None and force >= limit else felt
+            # The brake acts only after the detection delay.
             on = braking and felt is not None and now >= felt + late
             rate -= dt * (force + (brake if on else 0.0)) / mass
             place += dt * rate
@@ -203,6 +208,7 @@ def stiff_is_position(result):
     stiff, mass = result.input("stiff", 2000), result.input("mass", 1)
     seconds, hand, dt = result.input("seconds", 5), 3.0, 1e-4
 
+    # The same hand twice, as a pure spring and damper and with an integral in the law.
     def remaining(integral):
         place, rate, total = 0.0, 0.0, 0.0
         for _ in range(round(seconds / dt)):
@@ -249,6 +255,7 @@ def derivative_is_filtered(result):
     rates, state = np.diff(samples) / dt, 0.0
     smooth = np.empty_like(rates)
     for i, rate in enumerate(rates):
+        # First-order low-pass (exponential smoothing).
         state += alpha * (rate - state)
         smooth[i] = state
     report = float(result.formula.subs({s: noise, h: dt}))
@@ -308,6 +315,7 @@ def growing_energy(result):
         place = state[0] + dt * middle
         return np.array([place, middle + dt / 2 * rate(place, middle)])
 
+    # Halving the step separates the integrator's growth, which falls, from a force's, which stays.
     whole, half = (growth(explicit, dt, 0.0) for dt in (4e-3, 2e-3))
     fed, fed_half = (growth(verlet, dt, -0.4) for dt in (4e-3, 2e-3))
     result.measure("whole", whole)
@@ -333,6 +341,7 @@ def growing_energy(result):
         while remaining:
             before = energy(state)
             state = np.array([[1.0, dt], [0.0, 1.0]]) @ state + pull
+            # Energy change in flight alone, so that a gain can be attributed to the contact rule.
             flown = max(flown, abs(energy(state) - before) / start)
             if state[0] < 0.0:
                 state, remaining = np.array([0.0, -state[1]]), remaining - 1

@@ -172,8 +172,8 @@ def sweeps_and_masses(result):
     sweeps = result.measure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
     upside = result.measure("upside", sweeps_needed([ratio, 1.0]), tolerance=0.01)
     ratios = result.rng.uniform(50.0, 2000.0, 6)
-    # Sweeps counted with the solver itself; the leading term misses 1/2 of a sweep factor, hence 3
-    # %.
+    # Sweeps counted with the solver itself; the leading term is off by about 1 / (2 r), at most 1 %
+    # here.
     counted = [sweeps_needed([1.0, x]) / ((1 + x) * np.log(1e6)) for x in ratios]
     result.statement = f"Counted over (1 + r) ln(1/e): {min(counted):.3f} to {max(counted):.3f}."
     result.statement_holds(sweeps < 2 * upside)
