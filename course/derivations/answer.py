@@ -408,6 +408,7 @@ def _sympy_symbols(formula: Formula) -> dict[str, Any]:
 
 def _points(formula: Formula) -> Iterator[Values]:
     """Round numbers first, so that a counter-example reads well; then random ones."""
+    # Seeded with the formula: a learner who tries again sees the same counter-example.
     generator = random.Random(formula.expression)  # the same points every time
     for nice in (1.0, 2.0, 3.0, 0.5, 4.0):
         point = {}
@@ -430,6 +431,7 @@ def _all_values(formula: Formula, point: Values, mp: Any) -> dict[str, Any]:
 
 
 def _real(value: Any, mp: Any) -> float | None:
+    # Intermediate roots may be complex; a value counts as real if its imaginary part is rounding.
     return float(mp.re(value)) if abs(mp.im(value)) <= _AGREE * abs(value) else None
 
 
@@ -450,6 +452,7 @@ def _difference(formula: Formula, theirs: Node) -> tuple[dict[str, Any], str] | 
             try:
                 value = _value(theirs, values, mp)
                 defined += 1
+                # Relative, but absolute where the right value is 0.
                 if abs(value - ours) <= allowed * (abs(ours) or 1):
                     continue
                 yours = _real(value, mp)
@@ -494,6 +497,7 @@ def _proved(formula: Formula, theirs: Node) -> bool:
 
     symbols = _sympy_symbols(formula)
     try:
+        # simplify has no bound on its time, so an alarm ends it.
         with _deadline(_CONFIRM_SECONDS):
             names = frozenset(formula.symbols)
             also = {k: _sympy(_read(e, names), symbols, sympy) for k, e in formula.also.items()}
@@ -523,6 +527,7 @@ def _strip_relation(formula: Formula, text: str) -> str:
         rest = sides[1]
     elif sides[1] in formula.left_sides:
         rest = sides[0]
+        # "2/omega > dt" is the same limit written from the right.
         sign = sign.translate(str.maketrans("<>", "><"))
     else:
         raise _Unreadable(f"one side must be a single name (here: {allowed})")
@@ -542,6 +547,7 @@ def _describe(result: dict[str, Any], reason: str) -> str:
     if reason:
         return f"{where}: yours {reason}, the right one gives {result['ours']:.6g}."
     yours, ours = result["yours"], result["ours"]
+    # As many digits as it takes for the two numbers to look different.
     digits = next((n for n in range(6, 17) if f"{yours:.{n}g}" != f"{ours:.{n}g}"), 17)
     message = f"{where}: yours gives {yours:.{digits}g}, the right one gives {ours:.{digits}g}."
     if abs(yours - ours) < 1e-3 * abs(ours):

@@ -454,9 +454,11 @@ def complete_planners(result):
         found_open = 0
         for shift in result.rng.uniform(0, cell, places):
             edges = np.arange(-10, 11) * cell + shift
+            # A cell of the gap is free only if both of its edges are inside.
             rows = (edges[:-1] >= -1e-12) & (edges[1:] <= gap + 1e-12)  # wholly within the gap
             free = np.ones((20, 9), dtype=bool)
             free[:, 4] = rows
+            # Connected components of free cells: what A* can reach on its grid.
             areas, _ = label(free)
             found_open += areas[0, 0] == areas[0, 8]
         return found_open / places
@@ -483,6 +485,7 @@ def complete_planners(result):
                 ends = [(a, side * b) for a in (-half, half) for b in (gap / 2, 10.0)]
                 xs = [cos * a - sin * b for a, b in ends]
                 ys = [sin * a + cos * b for a, b in ends]
+                # Separating axis test of two rectangles: the wall's axes, then the grid's.
                 apart = [u.min(0) - half, -half - u.max(0), gap / 2 - (side * w).max(0)]
                 apart += [x - max(xs), min(xs) - x - cell, y - max(ys), min(ys) - y - cell]
                 free &= np.max(apart, axis=0) >= -1e-12
@@ -559,6 +562,7 @@ def computing_and_cycle(result):
         """
         place, rate, now, dt = 0.0, 0.0, 0.0, 1e-5
         while place < far - 1e-7 and now < 10:
+            # Bang-bang: brake once the stopping distance v^2 / (2 a) equals what is left.
             brakes = far - place <= rate * rate / (2 * limit)
             rate = max(rate - limit * dt, 1e-4) if brakes else min(rate + limit * dt, fast)
             place, now = place + rate * dt, now + dt
@@ -621,6 +625,7 @@ def loss_of_a_policy(result):
         """Return how far the two slopes are apart, as a share of the return's."""
         rewards, scores = result.rng.normal(size=(2, 4))
         drawn = share(scores)
+        # Expected value of A log pi with the actions weighted as the data were drawn.
         gain = drawn * (rewards - drawn @ rewards)
         at = scores + away * result.rng.normal(size=4)
         loss = gradient(lambda x: -gain @ np.log(share(x)), at)
@@ -664,6 +669,7 @@ def joints_by_sums(result):
     whole = sympy.eye(3)
     for length, angle in zip(lengths, angles, strict=True):
         c, s = sympy.cos(angle), sympy.sin(angle)
+        # Homogeneous transforms: turn about the joint, then move along the link.
         whole = whole * sympy.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         whole = whole * sympy.Matrix([[1, 0, length], [0, 1, 0], [0, 0, 1]])
     result.formula = sympy.simplify(whole[1, 2])

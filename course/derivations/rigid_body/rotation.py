@@ -389,7 +389,8 @@ def renormalising_repairs(result):
         truth = quaternion.exp(rate * h * steps)
         ends = _spun(rate, h, steps, quaternion.normalise)
         angle = np.linalg.norm(rate) * h
-        # Projection onto the sphere turns tan into the angle: 2 atan(omega h / 2) a step.
+        # Adding the rate moves q along a tangent; scaled back, it has turned by 2 atan(omega h /
+        # 2).
         law = steps * (angle - 2 * np.arctan(angle / 2))
         return *(float(quaternion.angle_between(truth, end)) for end in ends), law
 

@@ -421,7 +421,7 @@ def large_step_at_contact(result):
         all(b.fastest < 1.0 for b in every),
         not any(b.held for b in direct),
         all(
-            # Between 0.9 and 1.5 of the damped limit, as several contacts act at once.
+            # From 10 % below the limit of one spring and damper to 50 % above it.
             lost(1.5, x, z) and not lost(0.9, x, z)
             for x, z in zip(stiff, 3 * (1.0, 2.0), strict=True)
         ),
