@@ -98,11 +98,14 @@ def measure_rates(
     """
     rates: Rates = {name: {} for name in contenders}
     for n in sizes:
+        # The same actions for all, drawn before the clock starts.
         actions = np.random.default_rng(0).uniform(-1, 1, (n, 2)).astype(np.float32)
         running = {name: c.make(n) for name, c in contenders.items() if n <= c.max_envs}
+        # Reset outside the timer; a first, uncounted call follows in `interleaved`.
         for envs in running.values():
             envs.reset(seed=0)
         samplers = [calls(envs.step, actions, clock=clock) for envs in running.values()]
+        # Round after round in turn, so that other work on the machine hits all contenders alike.
         timed = interleaved(samplers, repeats=repeats, sample=sample)
         for (name, envs), result in zip(running.items(), timed, strict=True):
             rates[name][n] = result
@@ -137,6 +140,7 @@ def paired_ratio(
     for envs in both:
         envs.reset(seed=0)
     samplers = [calls(envs.step, actions, clock=clock) for envs in both]
+    # Ratios of neighbouring samples cancel slow changes of the machine; then the median.
     (ratio,) = pairwise_ratios(samplers[::-1], pairs=pairs, sample=sample)
     for envs in both:
         envs.close()
@@ -163,6 +167,8 @@ def tip_error(make: Callable[[int], Any], samples: int = 32, steps: int = 99) ->
             actions = rng.uniform(-1, 1, (samples, 2)).astype(np.float32)
         a, _, over, late, _ = envs.step(actions)
         b, _, truly, *_ = fine.step(actions)
+        # An arm that has arrived restarts elsewhere in one of the two runs: it is no longer
+        # compared.
         going &= ~(over | late | truly)  # one that has reached its target starts again elsewhere
         worst = max(worst, float(np.max(np.hypot(*(a - b)[going, 6:].T), initial=0.0)))
     return worst
@@ -203,6 +209,7 @@ def cost_of_processes(
     data: dict[str, list[float]] = {name: [] for name in names}
     actions = np.zeros((n, 2), dtype=np.float32)
     for size in sizes:
+        # An environment whose step only computes for a chosen time.
         build = partial(Busy, size)
         every: list[Any] = [
             VectorizedEnv(build, n),
@@ -215,6 +222,7 @@ def cost_of_processes(
         samplers += [calls(envs.step, actions) for envs in every]
         timed = interleaved(samplers, repeats=repeats, sample=5e-3)
         for name, result in zip(names, timed, strict=True):
+            # The best round: waiting for a busy core is not a property of the method.
             data[name].append(result.best)
         for envs in every:
             envs.close()
@@ -244,6 +252,7 @@ def predicted_by_size(data: Mapping[str, ArrayLike], n: int, workers: int) -> Ar
     cost, so would be these, and the crossing; busy cores, which the workers wait for, raise it.
     """
     cost, loop, processes = (np.array(data[name]) for name in ("cost", "loop", "processes"))
+    # What remains after N c / W is the time of waking the workers and passing the data.
     waking = processes - n * (cost - cost[0]) / workers
     return np.array([predicted_crossing(loop[0], r, n, workers, cost[0]) for r in waking])
 
@@ -255,6 +264,7 @@ def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | 
     """
     c = np.log(np.array(cost, dtype=float))
     gap = np.log(np.array(processes, dtype=float) / np.array(loop, dtype=float))
+    # The last change of sign: noise may make the curves cross more than once.
     below = np.flatnonzero((gap[:-1] > 0.0) & (gap[1:] <= 0.0))
     if below.size == 0:
         return None
@@ -289,6 +299,7 @@ def vector_env(
         scale="log",
     )
     disturbed = max(result.busy for row in rates.values() for result in row.values())
+    # The footer says in what share of the rounds the machine was disturbed.
     left.footer = machine(disturbed)
     left.notes.append(f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes))
     for name, contender in CONTENDERS.items():
@@ -313,6 +324,7 @@ def vector_env(
         left.notes.append(f"{name:<38}" + "".join(f"{cells.get(n, '-'):>10}" for n in sizes))
     at = COMPARED_AT if COMPARED_AT in sizes else sizes[-1]
     for fast, slow in ((BATCH, SYNC), (CLOSED, SYNC), (CLOSED, SYNC_CLOSED)):
+        # Ratios are measured in pairs, not as quotients of two medians from different moments.
         times_as_fast = paired_ratio(CONTENDERS[slow], CONTENDERS[fast], at, repeats)
         left.notes.append(
             f"at N = {at}, median of {repeats} interleaved pairs: {fast} beside {slow}: "
@@ -413,6 +425,7 @@ def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Pane
         ("Targets reached within 2 s", "share of 200 targets", ".2f"),
     )
     for k, (title, unit, form) in enumerate(panels, 1):
+        # Range over seeds, as single runs differ more than the methods do.
         low, middle, high = np.quantile(curves[:, :, k], (0.0, 0.5, 1.0), axis=0)
         panel = Panel(title, "environment steps", unit)
         panel.lines = [("y", by_hand[k - 1], "hand-written law")]
@@ -449,6 +462,7 @@ class Arm:
         c1, s1, c2, s2, *rates, dx, dy = states.T
         task.q[:], task.v[:] = (np.arctan2(s1, c1), np.arctan2(s2, c2)), rates
         near, far = task.arm[5], task.arm[6]  # the links' lengths
+        # Forward kinematics of the tip, less the observed offset, gives the target back.
         task.target[0] = near * c1 + far * (c1 * c2 - s1 * s2) - dx
         task.target[1] = near * s1 + far * (s1 * c2 + c1 * s2) - dy
         return task.move(np.asarray(actions, dtype=np.float32), 1)[0]
@@ -491,6 +505,7 @@ def arm_learned(
         "cloned": [(number, 0, small), (largest, 0, small)],
         "cloned, longer training": [(largest, 0, {"width": 128, "steps": 2 * fit})],
     }
+    # The expert's own share, which cloning tries to reach.
     by_hand = arm.reached(arm.expert, judged)
     panel = Panel(
         "Cloned, same number of labels",

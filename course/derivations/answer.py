@@ -157,6 +157,7 @@ def _tokens(text: str) -> list[tuple[str, str]]:
     result = []
     position = 0
     text = text.rstrip()
+    # One regular expression per token; what it does not know is refused by name.
     while position < len(text):
         match = _TOKEN.match(text, position)
         if match is None:
@@ -218,6 +219,7 @@ class _Parser:
             if word in ("*", "/"):
                 self._take()
                 node = (word, node, self._factor())
+            # Implicit multiplication: "2 sqrt(m/k)" and "2(m/k)" need no sign between the factors.
             elif kind in ("number", "name") or word in ("(", "√"):
                 node = ("*", node, self._factor())
             else:
@@ -234,6 +236,8 @@ class _Parser:
             node = self._atom()
             if self._peek()[1] == "^":
                 self._take()
+                # The exponent is a factor again, so that powers associate to the right and "2^-1"
+                # works; a sign in front of the base binds more loosely than the power.
                 node = ("^", node, self._factor())
         self.depth -= 1
         return node
@@ -300,6 +304,7 @@ def _read(text: str, names: frozenset[str]) -> Node:
 
 
 def _bounded(value: Any) -> Any:
+    # Every intermediate value is bounded, so that no text can make the evaluation slow.
     size = abs(value)
     if not size < _HUGE:  # also catches nan
         raise _Undefined("a value becomes too large")
@@ -311,6 +316,7 @@ def _power(base: Any, exponent: Any, mp: Any) -> Any:
         if mp.re(exponent) <= 0:
             raise _Undefined("it divides by zero")
         return base
+    # Checked before the power is computed: 9^9^9^9 must not be attempted.
     if abs(exponent * mp.log(base)) > 340:  # exp(340) is about _HUGE
         raise _Undefined("a power becomes too large or too small")
     return base**exponent
@@ -365,6 +371,7 @@ def _sympy(node: Node, values: Mapping[str, Any], sympy: Any) -> Any:
         return getattr(sympy, name)(_sympy(node[2], values, sympy))
     left, right = _sympy(node[1], values, sympy), _sympy(node[2], values, sympy)
     if kind == "^":
+        # SymPy would expand large powers; the numerical comparison handles those.
         if not (right.is_Rational and abs(right) <= 12):
             raise _Undefined("only small powers are worth confirming")
         return left**right
@@ -401,6 +408,7 @@ def _sympy_symbols(formula: Formula) -> dict[str, Any]:
 
 def _points(formula: Formula) -> Iterator[Values]:
     """Round numbers first, so that a counter-example reads well; then random ones."""
+    # Seeded with the formula: a learner who tries again sees the same counter-example.
     generator = random.Random(formula.expression)  # the same points every time
     for nice in (1.0, 2.0, 3.0, 0.5, 4.0):
         point = {}
@@ -423,6 +431,7 @@ def _all_values(formula: Formula, point: Values, mp: Any) -> dict[str, Any]:
 
 
 def _real(value: Any, mp: Any) -> float | None:
+    # Intermediate roots may be complex; a value counts as real if its imaginary part is rounding.
     return float(mp.re(value)) if abs(mp.im(value)) <= _AGREE * abs(value) else None
 
 
@@ -443,6 +452,7 @@ def _difference(formula: Formula, theirs: Node) -> tuple[dict[str, Any], str] | 
             try:
                 value = _value(theirs, values, mp)
                 defined += 1
+                # Relative, but absolute where the right value is 0.
                 if abs(value - ours) <= allowed * (abs(ours) or 1):
                     continue
                 yours = _real(value, mp)
@@ -487,6 +497,7 @@ def _proved(formula: Formula, theirs: Node) -> bool:
 
     symbols = _sympy_symbols(formula)
     try:
+        # simplify has no bound on its time, so an alarm ends it.
         with _deadline(_CONFIRM_SECONDS):
             names = frozenset(formula.symbols)
             also = {k: _sympy(_read(e, names), symbols, sympy) for k, e in formula.also.items()}
@@ -516,6 +527,7 @@ def _strip_relation(formula: Formula, text: str) -> str:
         rest = sides[1]
     elif sides[1] in formula.left_sides:
         rest = sides[0]
+        # "2/omega > dt" is the same limit written from the right.
         sign = sign.translate(str.maketrans("<>", "><"))
     else:
         raise _Unreadable(f"one side must be a single name (here: {allowed})")
@@ -535,6 +547,7 @@ def _describe(result: dict[str, Any], reason: str) -> str:
     if reason:
         return f"{where}: yours {reason}, the right one gives {result['ours']:.6g}."
     yours, ours = result["yours"], result["ours"]
+    # As many digits as it takes for the two numbers to look different.
     digits = next((n for n in range(6, 17) if f"{yours:.{n}g}" != f"{ours:.{n}g}"), 17)
     message = f"{where}: yours gives {yours:.{digits}g}, the right one gives {ours:.{digits}g}."
     if abs(yours - ours) < 1e-3 * abs(ours):

@@ -58,6 +58,7 @@ def hundred_trials(result):
     gate, worse = result.input("gate", 0.7), result.input("worse", 0.65)
     tried = int(result.input("n", 100))
     passed = result.measure("passed", round(gate * tried))
+    # Exact binomial tail: at least `passed` successes.
     lucky = result.measure("lucky", binom.sf(passed - 1, tried, worse))
     fair = result.measure("fair", binom.sf(passed - 1, tried, gate))
     low, high = (float(x) for x in wilson(passed, tried))
@@ -66,6 +67,7 @@ def hundred_trials(result):
     observed = np.mean(result.rng.binomial(tried, worse, 40_000) >= passed)
     needed = int(result.formula.subs({p: gate, d: 0.05}))
     draws = result.rng.binomial(needed, gate, 40_000) / needed
+    # The normal approximation's own promise, 95 % within the half width, checked by sampling.
     inside = np.mean(np.abs(draws - gate) < 0.05)
     result.statement = "Binomial sums, and 40,000 draws of a hundred trials."
     result.statement_holds(lucky < 0.025)
@@ -117,6 +119,7 @@ def imu_reads_acceleration(result):
     fall = np.linalg.norm(read(5.0, 0.2)[0])
     deviation = 0.0
     for turn in result.rng.normal(size=(6, 4)):
+        # Specific force: acceleration less gravity, rotated into the sensor's frame.
         felt, acceleration, axes = read(5.0, 0.0, turn / np.linalg.norm(turn))
         deviation = max(deviation, np.abs(felt - axes.T @ (acceleration - model.opt.gravity)).max())
     bias, seconds = result.input("bias", 0.05), result.input("seconds", 10)
@@ -159,10 +162,12 @@ def stop_at_ten_newtons(result):
     late, limit = result.input("late_ms", 8) / 1000, result.input("felt", 10)
 
     def peak(start, braking):
+        # 1 us is far below the contact's period, so that the peak is not missed between steps.
         place, rate, felt, largest, now, dt = 0.0, start, None, 0.0, 0.0, 1e-6
         while rate > 0:
             force = stiff * place
             felt = now if felt is None and force >= limit else felt
+            # The brake acts only after the detection delay.
             on = braking and felt is not None and now >= felt + late
             rate -= dt * (force + (brake if on else 0.0)) / mass
             place += dt * rate
@@ -203,6 +208,7 @@ def stiff_is_position(result):
     stiff, mass = result.input("stiff", 2000), result.input("mass", 1)
     seconds, hand, dt = result.input("seconds", 5), 3.0, 1e-4
 
+    # The same hand twice, as a pure spring and damper and with an integral in the law.
     def remaining(integral):
         place, rate, total = 0.0, 0.0, 0.0
         for _ in range(round(seconds / dt)):
@@ -249,6 +255,7 @@ def derivative_is_filtered(result):
     rates, state = np.diff(samples) / dt, 0.0
     smooth = np.empty_like(rates)
     for i, rate in enumerate(rates):
+        # First-order low-pass (exponential smoothing).
         state += alpha * (rate - state)
         smooth[i] = state
     report = float(result.formula.subs({s: noise, h: dt}))
@@ -308,6 +315,7 @@ def growing_energy(result):
         place = state[0] + dt * middle
         return np.array([place, middle + dt / 2 * rate(place, middle)])
 
+    # Halving the step separates the integrator's growth, which falls, from a force's, which stays.
     whole, half = (growth(explicit, dt, 0.0) for dt in (4e-3, 2e-3))
     fed, fed_half = (growth(verlet, dt, -0.4) for dt in (4e-3, 2e-3))
     result.measure("whole", whole)
@@ -333,6 +341,7 @@ def growing_energy(result):
         while remaining:
             before = energy(state)
             state = np.array([[1.0, dt], [0.0, 1.0]]) @ state + pull
+            # Energy change in flight alone, so that a gain can be attributed to the contact rule.
             flown = max(flown, abs(energy(state) - before) / start)
             if state[0] < 0.0:
                 state, remaining = np.array([0.0, -state[1]]), remaining - 1
@@ -445,9 +454,11 @@ def complete_planners(result):
         found_open = 0
         for shift in result.rng.uniform(0, cell, places):
             edges = np.arange(-10, 11) * cell + shift
+            # A cell of the gap is free only if both of its edges are inside.
             rows = (edges[:-1] >= -1e-12) & (edges[1:] <= gap + 1e-12)  # wholly within the gap
             free = np.ones((20, 9), dtype=bool)
             free[:, 4] = rows
+            # Connected components of free cells: what A* can reach on its grid.
             areas, _ = label(free)
             found_open += areas[0, 0] == areas[0, 8]
         return found_open / places
@@ -474,6 +485,7 @@ def complete_planners(result):
                 ends = [(a, side * b) for a in (-half, half) for b in (gap / 2, 10.0)]
                 xs = [cos * a - sin * b for a, b in ends]
                 ys = [sin * a + cos * b for a, b in ends]
+                # Separating axis test of two rectangles: the wall's axes, then the grid's.
                 apart = [u.min(0) - half, -half - u.max(0), gap / 2 - (side * w).max(0)]
                 apart += [x - max(xs), min(xs) - x - cell, y - max(ys), min(ys) - y - cell]
                 free &= np.max(apart, axis=0) >= -1e-12
@@ -550,6 +562,7 @@ def computing_and_cycle(result):
         """
         place, rate, now, dt = 0.0, 0.0, 0.0, 1e-5
         while place < far - 1e-7 and now < 10:
+            # Bang-bang: brake once the stopping distance v^2 / (2 a) equals what is left.
             brakes = far - place <= rate * rate / (2 * limit)
             rate = max(rate - limit * dt, 1e-4) if brakes else min(rate + limit * dt, fast)
             place, now = place + rate * dt, now + dt
@@ -612,6 +625,7 @@ def loss_of_a_policy(result):
         """Return how far the two slopes are apart, as a share of the return's."""
         rewards, scores = result.rng.normal(size=(2, 4))
         drawn = share(scores)
+        # Expected value of A log pi with the actions weighted as the data were drawn.
         gain = drawn * (rewards - drawn @ rewards)
         at = scores + away * result.rng.normal(size=4)
         loss = gradient(lambda x: -gain @ np.log(share(x)), at)
@@ -655,6 +669,7 @@ def joints_by_sums(result):
     whole = sympy.eye(3)
     for length, angle in zip(lengths, angles, strict=True):
         c, s = sympy.cos(angle), sympy.sin(angle)
+        # Homogeneous transforms: turn about the joint, then move along the link.
         whole = whole * sympy.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         whole = whole * sympy.Matrix([[1, 0, length], [0, 1, 0], [0, 0, 1]])
     result.formula = sympy.simplify(whole[1, 2])

@@ -44,6 +44,7 @@ def _convex(coal: ModuleType, vertices: Array) -> Any:
     triangles = coal.StdVec_Triangle()
     for (i, j, k), plane in zip(hull.simplices, hull.equations, strict=True):
         p, q, r = vertices[:, i], vertices[:, j], vertices[:, k]
+        # Qhull's triangles have no orientation; Coal needs them counter-clockwise from outside.
         outward = np.dot(np.cross(q - p, r - p), plane[:3]) > 0.0
         j, k = (j, k) if outward else (k, j)
         triangles.append(coal.Triangle(number[int(i)], number[int(j)], number[int(k)]))
@@ -97,6 +98,7 @@ class Pair:
 
     def loop(self, at_a: Iterable[Any], at_b: Iterable[Any]) -> list[float]:
         """Return signed distances, one call of Coal a pair: the part to be timed."""
+        # Local names: attribute look-ups stay outside the timed loop.
         distance, a, b = self._distance, self.a, self.b
         request, result = self.request, self.result
         outcome = []

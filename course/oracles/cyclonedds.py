@@ -69,6 +69,7 @@ def library() -> ModuleType:
     """
     if "<Tag>course-" not in os.environ.get("CYCLONEDDS_URI", ""):
         me = os.getpid()
+        # Domain and tag from the process number keep runs on one machine apart.
         xml = CONFIGURATION.format(domain=1 + me % 230, process=me)
         os.environ["CYCLONEDDS_URI"] = xml
     try:
@@ -104,6 +105,7 @@ def read_back() -> dict[str, str]:
         trace = Path(folder) / "trace"
         traced = f"<Tracing><Verbosity>config</Verbosity><OutputFile>{trace}</OutputFile></Tracing>"
         xml = os.environ["CYCLONEDDS_URI"].replace("</Domain>", f"{traced}</Domain>")
+        # In a child process, since the configuration is read once, at the first import.
         code = (
             "from pathlib import Path\nfrom course.oracles import cyclonedds\n"
             "def groups(): return Path('/proc/net/igmp').read_text().count('\\t\\t\\t\\t')\n"
@@ -150,6 +152,7 @@ def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> A
     from cyclonedds.util import duration
 
     def time_of(seconds: float) -> int:
+        # DDS counts in nanoseconds and has its own infinity.
         return duration(infinite=True) if math.isinf(seconds) else round(1e9 * seconds)
 
     def selected(depth: float) -> Any:
@@ -233,9 +236,11 @@ def verdicts(pairs: Sequence[tuple[QoS, QoS]]) -> list[Verdict]:
     result = []
     with participant() as member:
         for offered, requested in pairs:
+            # A topic of its own for each pair, so that no earlier writer is matched.
             topic = Topic(member)
             writer, reader = topic.writer(offered), topic.reader(requested)
             topic.write(writer, 1)
+            # The counters are read after the write: in one process matching is finished by then.
             ends = (
                 writer.get_offered_incompatible_qos_status(),
                 reader.get_requested_incompatible_qos_status(),

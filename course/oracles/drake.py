@@ -147,6 +147,7 @@ class DrakeRun(Run):
         result = geometry.ProximityProperties()
         geometry.AddContactMaterial(friction=friction, properties=result)
         if self._settings.applies("hydroelastic"):
+            # A rigid ground and compliant boxes: patches need at least one compliant side.
             if number < 0:
                 geometry.AddRigidHydroelasticProperties(resolution_hint=_GROUND, properties=result)
             else:
@@ -280,6 +281,7 @@ class DrakeRun(Run):
                 joint.set_translation_rate(context, float(np.dot(body.guide, w[:3])))
             else:
                 turn = plant.EvalBodyPoseInWorld(context, part).rotation().matrix()
+                # The spatial velocity is expressed in the world: rotation first, then translation.
                 speed = self._drake.multibody.math.SpatialVelocity(turn @ w[3:], w[:3])
                 plant.SetFreeBodySpatialVelocity(context, part, speed)
 

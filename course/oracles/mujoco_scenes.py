@@ -126,6 +126,7 @@ def mjcf(scene: Scene, dt: float, settings: Settings = FAIR) -> str:
     # Sliding friction of both geoms is the scene's; MuJoCo takes the larger of the two.
     contact = f'friction="{scene.friction:.17g}"'
     for name, value in fair.items():
+        # An explicit option wins over the fair value, and that over MuJoCo's default.
         if name in settings.options or settings.applies(name):
             contact += f' {name}="{_text(settings.options.get(name, value))}"'
     ground = f'<geom type="plane" size="0 0 1" {contact}/>' if scene.ground else ""
@@ -154,6 +155,7 @@ class _Run(Run):
             option.solver = getattr(mujoco.mjtSolver, f"mjSOL_{str(options['solver']).upper()}")
         if settings.applies("autoreset"):
             self._disable("autoreset")
+        # Without shapes nothing can touch, so the solver's overhead is saved for a fair timing.
         smooth = all(body.half is None for body in scene.bodies)
         if smooth and settings.applies("constraint"):
             self._disable(*CONTACT_OFF, *ALWAYS_OFF)
@@ -250,6 +252,7 @@ class _Run(Run):
         self.taken = 0
 
     def save(self) -> Any:
+        # The integration state includes the warm start, so that a restored run repeats bit for bit.
         kind = self.lib.mjtState.mjSTATE_INTEGRATION
         saved = np.empty(self.lib.mj_stateSize(self.model, kind))
         self.lib.mj_getState(self.model, self.data, saved, kind)

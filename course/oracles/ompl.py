@@ -90,6 +90,7 @@ def defaults(dim: int = 2) -> dict[str, Any]:
     information = _information(base, np.array([[0.0] * dim, [1.0] * dim]))
     information.setup()
     setup = geometric.SimpleSetup(information)
+    # OMPL settles its defaults only once a query has a start and a goal.
     first = information.getStateSpace().allocState()
     for i in range(dim):
         first[i] = 0.5
@@ -123,6 +124,7 @@ def approximate(samples: int = 200, seed: int = 1) -> tuple[bool, bool, float]:
         q[0], q[1] = x, 0.5
     setup.setStartAndGoalStates(*ends)
     setup.setPlanner(geometric.RRT(information))
+    # The budget is counted in calls of the condition, one for each iteration, not in time.
     requested = itertools.count(1)
     status = setup.solve(base.PlannerTerminationCondition(lambda: next(requested) > samples))
     problem = setup.getProblemDefinition()
@@ -175,10 +177,12 @@ def solve(
     """
     base, geometric, util = _ompl()
     one_of("method", method, PLANNERS)
+    # Before anything is allocated: the random generators of the plan are seeded when they are made.
     util.RNG.setSeed(count("seed", seed, 1))  # for 0 OMPL draws one of its own
     information = _information(base, np.asarray(bounds, dtype=float))
     begin, end = np.asarray(start, dtype=float).tolist(), np.asarray(goal, dtype=float).tolist()
     n = len(begin)
+    # Set-up calls of the callbacks are not charged to the plan.
     polls, checks, states, spent = 0, 0, 0, 0.0
     motion_validator: Any = base.MotionValidator
     sampleable_region: Any = base.GoalSampleableRegion
@@ -186,6 +190,7 @@ def solve(
     def edge_test(a, b) -> bool:
         return information.checkMotion(a, b) if edge is None else edge(a, b)
 
+    # OMPL calls this for every edge, except those that `distanceGoal` tests itself.
     class Motions(motion_validator):
         def checkMotion(self, a, b) -> bool:
             nonlocal checks, spent
@@ -247,6 +252,7 @@ def solve(
         # Only the distance 0 that `JoinedGoal` gives counts: the next edge is part of the solution.
         region.setThreshold(float(np.finfo(float).tiny))
     else:
+        # RRT-Connect and RRT* join the goal by an edge that OMPL checks anyway.
         region = base.GoalState(information)
         region.setState(aim)
     problem.setGoal(region)
@@ -263,6 +269,7 @@ def solve(
 
     begun = time.perf_counter()
     planner.solve(base.PlannerTerminationCondition(enough))
+    # Only `solve` is timed: building the problem and reading the tree are outside.
     seconds = time.perf_counter() - begun
 
     tree = base.PlannerData(information)
@@ -322,6 +329,7 @@ def roadmap(
     planner.getPlannerData(graph)
     n, number = np.shape(bounds)[1], graph.numVertices()
     states = [graph.getVertex(i).getState() for i in range(number)]
+    # The graph stores every edge in both directions.
     pairs = [(i, j) for i in range(number) for j in graph.getEdges(i) if i < j]
     return np.array([[q[k] for k in range(n)] for q in states]), np.array(pairs).reshape(-1, 2)
 
@@ -339,6 +347,7 @@ def points_along(bounds: ArrayLike, state: StateTest, resolution: float) -> Edge
     information.setStateValidityChecker(state)
     information.setStateValidityCheckingResolution(resolution)
     information.setup()
+    # Allocated once: the test is called in a loop.
     ends = [information.getStateSpace().allocState() for _ in range(2)]
 
     def edge(a: Any, b: Any) -> bool:
@@ -356,6 +365,7 @@ def points_along(bounds: ArrayLike, state: StateTest, resolution: float) -> Edge
 def tests(world: World) -> tuple[StateTest, EdgeTest]:
     """Return the compiled tests of a world, for states of OMPL."""
     n, (free, joined) = world.dim, world.kernels
+    # Reused buffers, so that a call allocates nothing.
     here, other = np.empty(n), np.empty(n)
     obstacles, body = world.obstacles, world.body
 
@@ -394,6 +404,7 @@ def plain(world: World) -> StateTest:
         rings[-1].append((x, y))
         if kind == LAST_SIDE:
             rings.append([])
+    # Each ring closed: the last corner is joined to the first.
     sides = [list(zip(ring, ring[1:] + ring[:1], strict=True)) for ring in rings[:-1]]
     links = world.body.tolist()
 
@@ -414,6 +425,7 @@ def plain(world: World) -> StateTest:
 
     def apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
         dx, dy = bx - ax, by - ay
+        # Projection onto the segment, clamped to its ends.
         t = min(max(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
         return math.hypot(x - ax - t * dx, y - ay - t * dy)
 
@@ -434,6 +446,7 @@ def plain(world: World) -> StateTest:
                 if apart(cx, cy, x, y, u, v) <= size + radius:
                     return False
             for ring in sides:
+                # A link may lie inside a polygon without crossing a side.
                 if inside(u, v, ring):
                     return False
                 for a, b in ring:

@@ -31,6 +31,7 @@ def library() -> ModuleType:
     """
     os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")  # which prints in notebooks
     threads = os.environ.get("OMP_NUM_THREADS")
+    # Read when the library is loaded, so it is set before the import and put back after it.
     os.environ["OMP_NUM_THREADS"] = "1"
     try:
         import libusb_package
@@ -58,6 +59,7 @@ def matrix(pose: ArrayLike) -> Array:
 
 def pose_of(T: Array) -> Array:
     """Return the pose (7,) of a 4 x 4 matrix, turned to the nearest rotation where it is none."""
+    # Polar projection onto the rotations.
     u, _, vt = np.linalg.svd(T[:3, :3])
     return np.concatenate((T[:3, 3], from_matrix(u @ vt)))
 
@@ -81,6 +83,7 @@ class Rays:
 
     def cast(self) -> Any:
         """Return all rays, in one call: the part to be timed."""
+        # The rays are built before the clock starts.
         return self._scene.cast_rays(self._rays, nthreads=1)
 
     def picture(self) -> tuple[Array, Ids]:
@@ -167,6 +170,7 @@ class Cloud:
         plane = np.asarray(result, dtype=float)
         mask = np.zeros(len(self.handle.points), bool)
         mask[near] = True
+        # The sign of a plane is arbitrary: the camera, at the origin, is on its positive side.
         return (-plane if plane[3] < 0.0 else plane), mask
 
     def normals(self, neighbours: int = 12) -> None:

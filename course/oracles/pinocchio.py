@@ -79,6 +79,7 @@ def _depth_first(chain: Chain) -> list[int]:
     while waiting:
         joint = waiting.pop()
         result += [joint] if joint >= 0 else []
+        # Reversed onto the stack, so that the lowest number comes first.
         waiting += np.flatnonzero(chain.parent == joint)[::-1].tolist()
     return result
 
@@ -131,6 +132,7 @@ class Arm:
         self._damping = chain.damping
 
     def _pose(self, place: Any) -> Array:
+        # Pinocchio's quaternions have the scalar last.
         x, y, z, w = self._library.Quaternion(place.rotation).coeffs()
         return np.array([*place.translation, w, x, y, z])
 
@@ -214,6 +216,7 @@ class Arm:
         one_of("what", what, ("rnea", "aba"))
         compute = getattr(self._library, f"{what}InParallel")
         pool = self._library.ModelPool(self.model, 1)
+        # Column-major, as Eigen reads it: no copy is made inside the timed call.
         states = [np.asfortranarray(state[self.order]) for state in (q, v, x)]
         result = np.empty_like(states[0])
 
@@ -246,7 +249,9 @@ class Arm:
                 desired, rate, a = motion[:, :, k]
                 ahead, fast = q + half * v + 0.5 * half**2 * a, v + half * a
                 a = a + kp * (desired - ahead) + kd * (rate - fast)
+                # rnea has no damping, so the joints' friction is added to its torque.
                 tau = rnea(model, data, ahead, fast, a) + damping * fast
+                # Classical RK4 with the torque held over the step.
                 a1 = move(q, v, tau)
                 s2 = v + half * a1
                 a2 = move(q + half * v, s2, tau)

@@ -160,6 +160,7 @@ class PyBulletRun(Run):
         for link in links:
             if self._settings.applies("damping"):
                 self._ask("changeDynamics", body, link, linearDamping=0.0, angularDamping=0.0)
+            # PyBullet starts every joint with a velocity motor; force 0 switches it off.
             if link >= 0 and self._settings.applies("motors"):
                 mode = self._lib.VELOCITY_CONTROL
                 self._ask("setJointMotorControl2", body, link, mode, force=0.0)
@@ -183,6 +184,7 @@ class PyBulletRun(Run):
                 raise invalid(f"force of {body.name}", body.force, "none: it isn't on a rail")
             if body.guide:
                 # A link on a base that stands where the body starts and touches nothing.
+                # The link's frame is turned with the body, so axis and force go into that frame.
                 back = conjugate(pose[3:])
                 axis, force = (rotate(back, np.array(x)) for x in (body.guide, body.force))
                 here, upright = [[0, 0, 0]], [[0, 0, 0, 1]]
@@ -218,6 +220,7 @@ class PyBulletRun(Run):
 
     def advance(self, steps: int) -> None:
         """Advance by this many steps of dt, applying forces and torques before each."""
+        # Names bound outside the loop: attribute look-ups are not charged to the engine.
         step, client, lib = self._lib.stepSimulation, self.client, self._lib
         turn, mode, turning = lib.setJointMotorControlArray, lib.TORQUE_CONTROL, self._torque.any()
         for _ in range(steps):
@@ -253,6 +256,7 @@ class PyBulletRun(Run):
         rows = self._ask("getContactPoints") if self._steps and not self.scene.urdf else ()
         if not rows:
             return NO_CONTACTS
+        # PyBullet's body numbers to the scene's; the ground is -1.
         number = {body: i for i, body in enumerate(self.bodies)} | {self._ground: -1}
         bodies = np.array([(number[row[1]], number[row[2]]) for row in rows]).T
         point, gap = np.array([row[6] for row in rows]).T, np.array([row[8] for row in rows])

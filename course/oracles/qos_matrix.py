@@ -87,6 +87,7 @@ def pair_rows() -> list[Row]:
         message = result.writer if one else f"{result.writer} / {result.reader}"
         cyclone = "heard" if result.matched and one and not message else f"silent: {message}"
         ours = "heard" if not failing else f"silent: {', '.join(failing)}"
+        # Naming one of several failing policies counts as agreement.
         if message in failing:
             cyclone = ours
         shown = _label(name, offered), _label(name, requested)
@@ -224,6 +225,7 @@ def missed(deadline: float = SHORT, gap: float = 0.12, gaps: int = 5) -> Missed:
         for number in range(count("gaps", gaps, 1) + 1):
             if number:
                 time.sleep(gap)
+            # Clock before and after each write: the true gap lies between two bounds.
             before = time.monotonic()
             topic.write(writer, number)
             times.append((before, time.monotonic()))
@@ -231,6 +233,7 @@ def missed(deadline: float = SHORT, gap: float = 0.12, gaps: int = 5) -> Missed:
             writer.get_offered_deadline_missed_status().total_count,
             reader.get_requested_deadline_missed_status().total_count,
         )
+    # One event for each whole deadline that fits into the gap.
     least = sum(math.floor((b[0] - a[1]) / deadline) for a, b in pairwise(times))
     largest = sum(math.floor((b[1] - a[0]) / deadline) for a, b in pairwise(times))
     return Missed(*ends, least, largest)
@@ -254,6 +257,8 @@ def silence(qos: QoS, seconds: float = 4 * SHORT) -> tuple[int, int, int]:
         topic.write(writer, 0)
         time.sleep(seconds)
         if qos.liveliness != "automatic":
+            # Wait until the reader has noticed that the lease ran out; how soon it does is not
+            # fixed.
             until(lambda: reader.get_liveliness_changed_status().alive_count == 0)
         lost = writer.get_liveliness_lost_status().total_count
         alive = reader.get_liveliness_changed_status().alive_count
@@ -304,6 +309,7 @@ def _two_writers(qos: QoS, strengths: tuple[int, ...], stamps: tuple[float, ...]
     exclusive = qos.ownership == "exclusive"
     with participant() as member:
         topic, now = Topic(member), time.time()
+        # One writer per strength: the same writer may send more than once.
         writers = {s: topic.writer(qos, strength=s * exclusive) for s in sorted(set(strengths))}
         reader = topic.reader(qos)
         for number, (strength, stamp) in enumerate(zip(strengths, stamps, strict=True), 1):

@@ -90,6 +90,7 @@ def _probe(pinocchio: Any, model: Any) -> list[float]:
     Then the accelerations are none.
     """
     q, still = pinocchio.neutral(model), np.zeros(model.nv)
+    # An axis that cannot be normalised makes the accelerations NaN.
     result = pinocchio.aba(model, model.createData(), q, still, still)
     return [1.0 + 0.0 * float(np.sum(result))]
 
@@ -106,6 +107,8 @@ def _drake(text: str) -> Facts:
     result = [body.CalcSpatialInertiaInBodyFrame(context) for body in bodies]
     joints = [plant.get_joint(i) for i in plant.GetJointIndices(arm)]
     moments = [
+        # Drake's inertias are about the body's origin; moments are compared about the centre of
+        # mass.
         i.Shift(i.get_com()).get_unit_inertia().CalcPrincipalMomentsOfInertia() * i.get_mass()
         for i in result
     ]
@@ -164,6 +167,7 @@ READERS: dict[str, tuple[Callable[[], Any], Callable[[str], Facts]]] = {
 def _alone(read: Callable[[str], Facts], text: str) -> Reading:
     """Return a text read in a forked process, with all that is printed there."""
     with tempfile.TemporaryFile("w+") as answer:
+        # A crash of the reader ends the child only; an empty answer is the sign of it.
         child = os.fork()
         if not child:
             try:
@@ -191,6 +195,7 @@ def _all(name: str) -> dict[str, Reading]:
     result = {"sound": usual}
     for model in MODELS:
         reading = _alone(read, model.text)
+        # What the reader prints about the sound model as well is no warning.
         new = "" if reading.messages == usual.messages else reading.messages
         result[model.name] = Reading(reading.rejection, reading.crashed, new, reading.facts)
     return result

@@ -77,6 +77,8 @@ def vec_env(envs: Any) -> VecEnv:
             # SB3 has one flag `done`; truncation is told apart in the info, for bootstrapping.
             dones, result = over | late, rows(infos, self.num_envs)
             for i, info in enumerate(result):
+                # SB3 resets by itself: the info of the new episode and the last observation are
+                # swapped.
                 if dones[i]:
                     last = {**info.pop("final_info"), "terminal_observation": info.pop("final_obs")}
                     self.reset_infos[i], result[i] = info, last
@@ -181,6 +183,7 @@ def ppo(
                 self.record_progress()
 
         def record_progress(self) -> None:
+            # Processor time without the judging: the clock is moved on by what a score takes.
             spent = time.process_time() - self.started
 
             def policy(observations: Any) -> Any:
@@ -202,10 +205,12 @@ def ppo(
             device="cpu",
             n_steps=settings.horizon,
             learning_rate=(lambda remaining: rate * remaining) if settings.anneal else rate,
+            # SB3 counts steps in a minibatch, ours the number of minibatches.
             batch_size=batch // settings.minibatches,
             n_epochs=settings.epochs,
             gamma=settings.discount,
             gae_lambda=settings.trace,
+            # Infinity means "off" in our settings; PyTorch needs a finite number.
             clip_range=min(settings.clip, 1e9),
             ent_coef=settings.entropy,
             vf_coef=settings.value_weight,

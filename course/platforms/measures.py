@@ -25,6 +25,7 @@ def position_error(engine: Engine, scene: Scene, dt: float, settings: Settings =
     """Return `Scene.error` at the end of the motion [m or rad]."""
     run = prepared(engine, scene, dt, settings)
     try:
+        # Whole steps; the truth is taken at the time that was really reached.
         steps = max(1, round(scene.duration / dt))
         run.run(steps)
         return scene.error(run.state(), steps * dt)
@@ -72,6 +73,7 @@ def path_error(
     """
     free = [i for i, body in enumerate(scene.bodies) if body.half and not body.guide]
     steps = max(1, round(scene.duration / dt))
+    # Hops last for single steps, so scenes with contact are looked at after each.
     every = 1 if free else max(1, steps // count("samples", samples, 1))
     run, largest, airborne, taken = prepared(engine, scene, dt, settings), 0.0, 0, 0
     counted = steps if math.isinf(moving) else count("moving / dt", round(moving / dt), 1, steps)
@@ -187,6 +189,7 @@ def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) ->
     """
     run = prepared(engine, scene, dt, settings)
     half = max(1, round(0.5 * scene.duration / dt))
+    # The first half lets the contact settle into its steady creep.
     run.run(half)
     first = run.state().q[:3, 0]
     run.run(half)
@@ -303,6 +306,7 @@ def squeezed(
     run.close()
     # Slipping accelerates; creeping moves evenly.
     first, last = -np.diff(heights) / (third * dt)
+    # Held if it is slow in the last third, or if it no longer accelerates.
     held = last <= 0.02 or last - first <= 0.005 * GRAVITY * third * dt
     return bool(held), float(-heights[-1])
 
@@ -322,6 +326,7 @@ def grasp_limit(
         return squeezed(engine, ratio, dt, settings, friction)[0]
 
     low, high = 0.5, 2.0
+    # The interval must contain the threshold before it is halved.
     if held(low):
         return 0.0
     if not held(high):
@@ -356,6 +361,7 @@ def effects(engine: Engine, scene: Scene, dt: float) -> list[Effect]:
     kind = "joints" if scene.chain else "bodies"
     shipped, fair = (position_error(engine, scene, dt, s) for s in (AS_SHIPPED, FAIR))
     keys = [change.key for change in engine.changes if change.kind in ("all", kind)]
+    # Each change switched alone, from both ends: as shipped with it, and fair without it.
     turned = [
         [position_error(engine, scene, dt, s.using(but=(key,))) for s in (AS_SHIPPED, FAIR)]
         for key in keys
@@ -417,6 +423,7 @@ def reach(
     now = run.state()
     for _ in range(round(duration / dt)):
         # Computed torque with critical damping: acceleration w^2 e - 2 w v.
+        # The torque is of the state before the step, as in a sampled controller.
         desired = PACE * (PACE * (goal - now.q) - 2.0 * now.v)
         run.set_torque(
             kinematics.inverse_dynamics(chain, now.q, now.v, desired, gravity=scene.gravity)

@@ -54,6 +54,7 @@ def _changed(name: str, kind: str, fault: str, *edits: tuple[str, str], more: st
     """Return the sound text with the fore link or the elbow edited, and more at its end."""
     fore, elbow = _FORE, _ELBOW
     for old, new in edits:
+        # Each edit must match exactly one of the two texts, or the fault would not be in the model.
         assert (old in fore) != (old in elbow), old
         fore, elbow = fore.replace(old, new, 1), elbow.replace(old, new, 1)
     return Model(
@@ -199,6 +200,7 @@ def possible(facts: dict[str, Any]) -> bool:
     for name in ("masses", "moments", "places", "axes", "damping"):
         if not np.isfinite(np.array(facts[name], dtype=float)).all():
             return False
+    # Written after the check for finite numbers: NaN compares as false.
     if min(facts["masses"]) <= 0.0 or min(facts["damping"], default=0.0) < 0.0:
         return False
     if any(low > high for low, high in facts["limits"]):
@@ -236,6 +238,7 @@ def verdict(model: Model, reading: Reading) -> str:
         return "crashed"
     if reading.rejection:
         return "refused"
+    # A warning counts more than what became of the model: the user was told.
     if reading.messages:
         return "warned"
     assert reading.facts is not None

@@ -152,6 +152,7 @@ class Touching(Run):
             # The ground is shape 0, at the origin; below it has the number -1.
             pose = np.column_stack((np.array([0.0, 0, 0, 1, 0, 0, 0]), self.q))
         # Speculative contacts: within the travel of a step anything may touch.
+        # The largest speed bounds how far two bodies approach each other in a step.
         travel = float(np.max(np.abs(free[:3]))) * dt
         result = contact.contacts(self.shapes, pose, NEAR + 2.0 * travel)
         bodies, nothing = result.bodies - int(scene.ground), np.zeros_like(result.point)
@@ -168,6 +169,8 @@ class Touching(Run):
             ours = np.flatnonzero(np.isin(bodies[1], members))
             if not ours.size:
                 continue
+            # One contact problem of chapter 2 for the island: Delassus matrix, gaps and free
+            # velocities.
             step = step_of(scene, before, free, report.only(ours), dt, members, self.recovery)
             # Warm start: the impulses of the last step, if the same bodies touch in the same order.
             key = tuple(bodies[:, ours].ravel())
@@ -185,6 +188,7 @@ class Touching(Run):
         of = list(range(len(self.scene.bodies)))
 
         def root(i: int) -> int:
+            # Follow the parents to the island's representative.
             while of[i] != i:
                 i = of[i]
             return i

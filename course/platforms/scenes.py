@@ -133,11 +133,13 @@ class Scene:
             return math.inf
         true = self.truth(self.duration if time is None else time)
         if self.judge == "turn":
+            # An engine's quaternion may have drifted from unit length; the angle must not see that.
             turn = quaternion.normalise(state.q[3:, 0])
             return float(quaternion.angle_between(turn, true[3:, 0]))
         deviation = state.q - true
         if self.judge == "joints":
             return float(np.max(np.abs(deviation)))
+        # NaN in the truth marks what is not compared.
         return float(np.max(np.linalg.norm(np.nan_to_num(deviation[:3]), axis=0)))
 
     def energy(self, state: State) -> float:
@@ -149,6 +151,7 @@ class Scene:
         for body, q, v in zip(self.bodies, state.q.T, state.v.T, strict=True):
             total += 0.5 * body.mass * float(v[:3] @ v[:3]) - body.mass * float(down @ q[:3])
             total += 0.5 * float(np.array(body.moments) @ v[3:] ** 2)
+            # A constant force has the potential -f . x.
             total -= float(np.array(body.force) @ q[:3])
         return total
 
@@ -166,6 +169,7 @@ def urdf(chain: Chain, name: str = "arm") -> str:
     """
 
     def pose(place: Array) -> str:
+        # URDF's rpy are fixed-axis angles, which are ZYX Euler angles in reverse order.
         yaw, pitch, roll = quaternion.to_euler_zyx(place[3:])
         return f'<origin xyz="{_text(place[:3])}" rpy="{_text((roll, pitch, yaw))}"/>'
 
@@ -211,6 +215,7 @@ def linked(
         return kinematics.forward_dynamics(chain, q, v, np.zeros(chain.n), gravity=down)
 
     still = np.zeros(chain.n)
+    # Integrated by chapter 1 to rounding, with chapter 4's dynamics: no engine takes part.
     system = System(name, acceleration, np.zeros(0), start, still, compile=False)
 
     @functools.lru_cache(maxsize=64)
@@ -249,6 +254,7 @@ def arm(duration: float = 0.5, tolerance: float = 5e-2, damping: float = 0.0) ->
     It falls without limits, and without its motors' inertia, for which URDF has no word; its
     damping is 0 unless asked for [N m s/rad].
     """
+    # What URDF cannot express is removed, so that every engine gets the same arm.
     robot = replace(kinematics.panda(), armature=0.0, damping=damping, lower=-np.inf, upper=np.inf)
     return linked("arm", robot, [0.3, -0.4, 0.2, -1.8, 0.4, 1.6, 0.1], duration, tolerance)
 
@@ -265,6 +271,7 @@ def box(
 ) -> Body:
     """Return a uniform upright box with its centre at a place; `more` are fields of `Body`."""
     x, y, z = vector("half", half, (3,), unit="m").tolist()
+    # A third of the mass: moments of a box in terms of half sizes.
     m = positive("mass", mass, unit="kg") / 3.0
     moments = (m * (y * y + z * z), m * (x * x + z * z), m * (x * x + y * y))
     pose = (*(float(c) for c in place), *UPRIGHT)
@@ -331,6 +338,7 @@ def slope(
     finite("friction", friction, 0.0)
     body = _block()
     s, c = math.sin(angle), math.cos(angle)
+    # Coulomb: it slides down with g (sin - mu cos), or stays.
     rate = GRAVITY * max(0.0, s - friction * c)
     return Scene(
         "rest" if rate == 0.0 else "slide",
@@ -363,6 +371,7 @@ def brake(
     positive("friction", friction)
     along = np.array([math.cos(heading), math.sin(heading), 0.0])
     body = _block((*(speed * along), 0.0, 0.0, 0.0))
+    # After this time the block stays: friction holds it.
     stop = speed / (friction * GRAVITY)
 
     def path(time: float) -> Array:
@@ -421,6 +430,7 @@ def grasp(
         )
         for name, side in (("left", -1.0), ("right", 1.0))
     ]
+    # Both fingers carry up to mu F each; the rest of the weight accelerates the part.
     rate = max(0.0, GRAVITY - 2.0 * friction * squeeze / mass)
     bodies = (part, *fingers)
     still = _unmoved(bodies)

@@ -34,6 +34,7 @@ def braking_distance(
     loss = positive("friction", friction) * positive("gravity", gravity, unit="m/s^2")
     if not finite("dt", dt, 0.0, unit="s"):
         return speed**2 / (2.0 * loss)
+    # Whole steps with a positive speed left; the arithmetic series of their speeds.
     n = math.floor(speed / (loss * dt))
     return dt * (n * speed - loss * dt * n * (n + 1) / 2)
 
@@ -85,6 +86,7 @@ def stop(
     if cone == "box":
         x, y = x * np.abs(c), y * np.abs(s)
     elif cone == "inscribed":
+        # By symmetry only the larger and the smaller component of the heading matter.
         large, small = np.maximum(np.abs(c), np.abs(s)), np.minimum(np.abs(c), np.abs(s))
         near, far = full, full * 2.0 * large * small
         x = np.copysign(np.where(np.abs(c) >= np.abs(s), near, far), c)
@@ -118,6 +120,7 @@ def creep_speed(
         **softness: fields of chapter 2's `Softness`: cone, impratio, solref, solimp.
     """
     soft = Softness(**softness)
+    # Impedance at the depth at which the contact rests.
     d = float(soft.impedance(np.array([finite("gap", gap, unit="m")]))[0])
     b = soft.stiffness(soft.solref, positive("dt", dt, unit="s"))[1]
     weight = inverse_mass * (1.0 + friction**2 if soft.cone == "pyramidal" else 1.0)

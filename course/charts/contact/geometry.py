@@ -26,6 +26,7 @@ SIZES = (100, 300, 1000, 3000, 10_000, 30_000, 100_000)
 
 
 def _power(x: Sequence[float], y: Sequence[float]) -> float:
+    # Slope in a log-log plot.
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
@@ -60,6 +61,7 @@ def broad_phase(
             sweep = contact.SweepAndPrune(axis=0)
             pairs.append(sweep.pairs(boxes).shape[1])
             tests.append(sweep.tests)
+            # A second sweep after a small motion: temporal coherence shows in the number of swaps.
             sweep.pairs(_moved(boxes, rng))
             swaps.append(sweep.swaps)
         exponent, grown, swapped = (_power(n, result) for result in (tests, pairs, swaps))
@@ -95,6 +97,7 @@ def broad_phase(
         )
         methods = {
             "sweep and prune": calls(lambda b=boxes: contact.SweepAndPrune(axis=0).pairs(b)),
+            # Two states in turn, so that every call has something to re-sort.
             "kept order": calls(lambda k=retained, w=paths: k.pairs(next(w))),
             "uniform grid": calls(contact.uniform_grid, boxes),
         }
@@ -102,6 +105,7 @@ def broad_phase(
             methods["brute force"] = calls(contact.brute_force, boxes)
         if size <= mujoco:
             methods["MuJoCo"] = mujoco_shapes.BroadPhase(boxes).seconds
+        # All methods that can still take this size, in turn.
         timings = interleaved(list(methods.values()), repeats=repeats)
         for name, timing in zip(methods, timings, strict=True):
             result.setdefault(name, []).append((size, timing))
@@ -149,6 +153,7 @@ def drawn_pairs(a: Shape, b: Shape, n: int, apart: bool) -> tuple[Array, Array]:
     retained: list[tuple[Array, Array]] = []
     while sum(pair[0].shape[1] for pair in retained) < n:
         pose_a, pose_b = (random_poses(rng, 4 * n, 1.2 if apart else 0.5) for _ in range(2))
+        # Rejection sampling of one kind of pair.
         some = (contact.distance(a, pose_a, b, pose_b).distance > 0.0) == apart
         retained.append((pose_a[:, some], pose_b[:, some]))
     first, second = (np.hstack([pair[k] for pair in retained])[:, :n] for k in (0, 1))
@@ -162,11 +167,13 @@ def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> tuple[floa
     before the clock starts, in the form that each of them reads.
     """
     pair, batch, clock = coal.Pair(a, b), coal.Batch(a, qa, b, qb), time.process_time
+    # The same pairs three ways; transforms are built before the clock starts.
     samplers = [
         calls(contact.distance, a, qa, b, qb, clock=clock),
         calls(batch.compute, clock=clock),
         calls(pair.loop, coal.transforms(qa), coal.transforms(qb), clock=clock),
     ]
+    # Our absolute time, and the ratios from paired samples.
     (own,) = interleaved(samplers[:1], repeats=repeats, sample=2e-3)
     return own.median / qa.shape[1], pairwise_ratios(samplers, pairs=repeats, sample=2e-3)
 
@@ -209,6 +216,7 @@ def box_scenes(n: int) -> dict[str, tuple[Array, Array]]:
     rng = np.random.default_rng(5)
     pose_a, pose_b = random_poses(rng, n, 0.8), random_poses(rng, n, 0.8)
     near = pose_b.copy()
+    # All but parallel edges, where the cross products of the separating axes vanish.
     near[3:] = product(pose_a[3:], exp(1e-8 * rng.normal(size=(3, n))))
     aligned = np.zeros((7, n))
     aligned[3] = 1.0
@@ -242,6 +250,7 @@ def _box_panel(n: int, repeats: int) -> Panel:
     }
     for qa, qb in scenes.values():
         given = qa, qb, coal.transforms(qa), coal.transforms(qb)
+        # All pairs of features: slow, without iteration, and independent of GJK.
         truth = contact.enumerated(box, qa, box, qb)
         samplers = [calls(run, *given, clock=time.process_time) for run in methods.values()]
         timings = interleaved(samplers, repeats=repeats)
@@ -283,6 +292,7 @@ def checked(dt: float, speed: float, phase: float) -> bool:
     ball, wall = _ball_and_wall()
     step = speed * dt
     at = np.tile(STILL[:, None], 2 + int(2 * REACH / step))
+    # Positions at the tests, from one step before the wall to behind it.
     at[0] = -REACH - step * (1.0 - phase) + step * np.arange(at.shape[1])
     still = np.tile(STILL[:, None], at.shape[1])
     return bool((measured(ball, at, wall, still)[0] > 0.0).all())
@@ -294,6 +304,7 @@ def advanced(dt: float, speed: float, phase: float) -> bool:
     start, go = STILL.copy(), np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
     start[0] = -REACH - speed * dt * (1.0 - phase)
     for _ in range(2 + int(2 * REACH / (speed * dt))):
+        # A finite time of impact within the step stops the ball.
         if np.isfinite(contact.time_of_impact(ball, start, go, wall, STILL, 0 * go, dt).time):
             return False
         start[0] += speed * dt
@@ -332,6 +343,7 @@ def tunnelling_limit(
     for name, (passes, tried) in rows.items():
         shares = (np.arange(tried) + 0.5) / tried
         result = [
+            # The slowest speed of the grid at which some phase passes.
             next((float(v) for v in speeds if any(passes(dt, v, p) for p in shares)), np.inf)
             for dt in steps
         ]

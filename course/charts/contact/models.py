@@ -139,6 +139,7 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
 
 def _steps(dt: float) -> tuple[int, float]:
     """Return so many steps, and the step that they then have [s]."""
+    # Whole steps that end exactly at the compared time.
     n = round(DURATION / dt)
     return n, DURATION / n
 
@@ -146,6 +147,7 @@ def _steps(dt: float) -> tuple[int, float]:
 def _ours(name: str, question: Question, dt: float) -> scenes.Run:
     model, options = OURS[name]
     if model == "penalty":
+        # Critical damping for the lightest body of the scene.
         damping = 2.0 * math.sqrt(question.stiffness * question.lightest)
         options = {"stiffness": question.stiffness, "damping": damping}
     n, h = _steps(dt)
@@ -185,9 +187,11 @@ def _mujocos(
         n, h = _steps(dt)
         options = Options(h, integrator, solver, cone=cone, tolerance=1e-10, **softness)
         runner = question.ask_mujoco(options)
+        # Compiled models and the count of iterations are prepared here, outside the timed function.
         runners[dt] = runner, n, n + mujoco_contact.iterations(runner, n)
 
     def once(dt: float) -> Result:
+        # Only the run itself is timed: one call of MuJoCo's own loop.
         runner, n, cost = runners[dt]
         return Result(question.answer(runner.run(n)[0]), cost)
 
@@ -211,6 +215,8 @@ def work_precision(
     # Sweeps at a fine step, their positions made those of the trapezoid rule, of second order.
     n, h = _steps(2e-4)
     fine = run(question.scene, "pgs", h, n, sweeps=20000)
+    # An independent check of the closed form: end positions of first order, corrected to the
+    # trapezoid rule.
     check = fine.q[:, -1] - 0.5 * h * (fine.v[:, -1] - fine.v[:, 0])
     methods = [_our_method(ours, question, steps) for ours in OURS]
     methods.append(_compiled(question, steps))
@@ -306,6 +312,7 @@ def leg_forces(dt: float = 2e-3) -> dict[str, Array]:
     question, (n, h) = QUESTIONS["legs"], _steps(dt)
     result = {name: _ours(name, question, dt).impulses[:, 0, -1] / h for name in OURS}
     for solver in mujoco_contact.SOLVERS:
+        # Enough iterations that the distribution is the model's and not the solver's.
         runner = question.ask_mujoco(Options(h, solver=solver, iterations=3000))
         runner.run(n)
         state = mujoco_contact.contact_state(runner)
@@ -369,6 +376,7 @@ def penalty_step(zeta: float, scheme: str, dt: float) -> Callable[[Array], Array
         x, v = state
         # Shifted by a large depth, so that the contact never opens: its force is then linear.
         penalty_force(1e3 - x, np.array([v]), 1.0, 2.0 * zeta, np.zeros(0), 1.0, True, force)
+        # A constant load balances the shift, so that the state is the deviation from rest.
         new = v + dt * (force[0] - 1e3)
         return np.array([x + dt * (v if scheme == "explicit" else new), new])
 
@@ -416,6 +424,7 @@ def calm(zeta: float, ratio: float, refsafe: bool, time: float = 0.02) -> bool:
     # Of constant impedance d: (1 - d) g = d k d r.
     stiffness = options.softness().stiffness(options.solref, options.dt)[0]
     rest = -0.1 * GRAVITY / (0.9**2 * stiffness)
+    # A small deviation: within the contact, so that the system stays linear.
     runner.q0[:] = 1.001 * rest
     return bool(abs(runner.run(400)[0][0] / rest - 1.0) < 1e-3)
 
@@ -444,6 +453,7 @@ def _clamped(zetas: Sequence[float]) -> Panel:
 
     def limited(zeta: float, safe: bool) -> float:
         near = soft_limit(zeta)
+        # Bisection from half to one and a half times the theory.
         return limit(lambda ratio: calm(zeta, ratio, safe), 0.5 * near, 1.5 * near, rel=1e-2)
 
     for safe in (False, True):
@@ -521,6 +531,7 @@ def cube_limit(springs: int = 2, stiffness: float = 1e4) -> float:
             v = solve("penalty", problem, stiffness=stiffness, damping=0.0).velocity
             return np.concatenate((state[:2] + dt * v, v))
 
+        # Amplification matrix of the real step, by columns; its spectral radius decides.
         return spectral_radius(amplification(step, 4)) <= 1.0 + 1e-7
 
     return limit(stable, 1e-4, 1.0, rel=1e-7)
@@ -540,6 +551,7 @@ def ejected(dt: float, model: str = "pgs", depth: float = 0.01, cap: float = mat
         depth: at the start [m].
         cap: on the speed of recovery, of ours [m/s].
     """
+    # 50 ms at any step, so that all have the same time to leave.
     steps = max(2, round(0.05 / dt))
     if model == "MuJoCo":
         runner = mujoco_contact.tower(Options(dt, condim=1), [1.0])
@@ -591,10 +603,12 @@ def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, at_most: int
     """Return sweeps of projected Gauss-Seidel until a tower's forces are right to the tolerance."""
     problem = scenes.tower(masses).problem(0.01)
     A, b, g = problem.scaled, problem.offset, np.zeros(len(masses))
+    # Each contact carries all the weight above it: impulses of one step of 10 ms.
     truth = 0.01 * GRAVITY * np.cumsum(np.asarray(masses)[::-1])[::-1]
 
     def error(sweeps: int) -> float:
         result = g.copy()
+        # Always from zero, with a tolerance that never stops the sweeps early.
         gauss_seidel(A, b, result, 1, associated=False, sweeps=sweeps, tolerance=1e-300)
         return float(np.max(np.abs(result / truth - 1.0)))
 
@@ -602,6 +616,7 @@ def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, at_most: int
     while error(high) > tolerance and high < at_most:
         high *= 2
     low = high // 2
+    # Bisection to 1 in 500: the error falls monotonically with the sweeps.
     while high - low > max(1, high // 500):
         middle = (low + high) // 2
         low, high = (low, middle) if error(middle) <= tolerance else (middle, high)
@@ -633,6 +648,7 @@ def contact_sweeps(
     def series(
         label: str, key: str, x: Sequence[float], result: list[int], last: int, law: Theory | None
     ) -> Series:
+        # Slope of the large ratios only, where the asymptotic law holds.
         slope = np.polyfit(np.log(x[-last:]), np.log(result[-last:]), 1)[0]
         note = f"{label:<28} slope {slope:6.3f}, at {x[-1]:g}: {result[-1]:.0f} sweeps"
         return Series(label, x, result, key, theory=law, note=note)
@@ -678,6 +694,7 @@ def stopped(
     """
     t, mu = math.radians(degrees), 0.5
     velocity = (speed * math.cos(t), speed * math.sin(t))
+    # 1.6 times the time that Coulomb's law takes to stop the block.
     steps = round(1.6 * speed / (mu * GRAVITY) / dt)
     if name in ("pyramidal", "elliptic"):
         stiff = Options(dt, cone=name, **options)
@@ -713,6 +730,7 @@ def contact_steering(
         end = math.degrees(math.atan(math.sin(math.radians(2.0 * a))))
         return (end if a <= 45.0 else 90.0 - end) - a
 
+    # A box brakes each axis by itself: the stop is at (cos^2, sin^2) of the way.
     def boxed(a: float) -> float:
         return (
             math.degrees(math.atan2(math.sin(math.radians(a)) ** 2, math.cos(math.radians(a)) ** 2))
@@ -795,6 +813,7 @@ def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> f
     for _ in range(steps):
         problem = scene.problem(dt, q, v)
         a, b = problem.delassus[0, 0], problem.offset[0]
+        # Positive root of the relaxed complementarity condition f (a f + b) = softness.
         impulse = (-b + math.sqrt(b * b + 4.0 * a * softness)) / (2.0 * a)  # f (a f + b) = softness
         v = problem.after([[impulse]])
         q = q + dt * v
@@ -809,6 +828,7 @@ def rebound(start: float, dt: float = 0.02) -> float:
     x, v = -start, 1.0
     for _ in range(round(1.0 / dt)):
         x += dt * v
+        # The late impact: reversed only at the end of the step, with the overlap left in.
         if x > 0.0:
             v = -abs(v)
     return x
@@ -827,6 +847,7 @@ def smoothed_slope(
     It is estimated from pairs of values alone.
     """
     e = rng.standard_normal(draws)
+    # Score function of a Gaussian with antithetic pairs: no derivative of f is needed.
     values = [(f(x + width * z) - f(x - width * z)) * z / (2.0 * width) for z in e]
     return float(np.mean(values))
 
@@ -858,6 +879,7 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     panel.series.append(Series("truth", speeds, truth, "theory", "steps", marker=""))
     for label, (key, derivative) in methods.items():
         y = np.array([derivative(p) for p in speeds])
+        # Without the speeds next to touch, where differences straddle the kink.
         before, after = y[speeds < 0.19], y[speeds > 0.21]
         panel.series.append(
             Series(

@@ -24,6 +24,7 @@ def largest(growth: Callable[[float], float], low: float, high: float) -> float:
 
     `high` if all do.
     """
+    # No limit within the range.
     if growth(high) <= sampled.STABLE:
         return high
     return stability.limit(lambda gain: growth(gain) <= sampled.STABLE, low, high, 1e-6)
@@ -41,6 +42,7 @@ def mujoco_growth(
     """Return growth per sample of MuJoCo's joint under a linear law of angle and speed."""
 
     def step(state: Array) -> Array:
+        # A linear law on a linear joint: one step from each unit state gives the matrix.
         joint.reset(unit * state[0], unit * state[1])
         joint.step(command(joint.q, joint.v))
         return np.array([joint.q, joint.v]) / unit
@@ -69,8 +71,10 @@ def delay_limit(
     )
 
     def theory(D: float) -> float:
+        # A zero-order hold delays by half a sample on average.
         return sampled.delay_limit(J, B, D + 0.5 * DT)[0]
 
+    # The approximation of the hold by half a sample, judged by the exact matrix.
     error = max(abs(k / theory(D) - 1.0) for D, k in zip(late, exact, strict=True))
     panel.series = [
         Series(
@@ -129,6 +133,7 @@ def pd_triangles(points: int = 60) -> Iterator[Panel]:
     Args:
         points: of each curve.
     """
+    # Dimensionless gains: in units of J / dt and J / dt^2 all joints have the same triangle.
     V = np.linspace(0.02, 1.98, points)
     panel = Panel(
         "The rate's delay shrinks the triangle",
@@ -218,7 +223,9 @@ def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
         ("filtered difference", "filtered", np.geomspace(5e-4, 0.05, 9)),
         ("tracking observer", "observer", np.geomspace(5e-4, 0.05, 9)),
     ):
+        # A steady acceleration: the lag is what the estimate is behind at the end.
         lag = [t[-1] - rates(0.5 * t**2, DT, kind, tau)[-1] for tau in taus]
+        # After 2,000 samples, when the filter has forgotten its start.
         result = [float(np.std(rates(noise, DT, kind, tau)[2000:])) for tau in taus]
         panel.series.append(
             Series(
@@ -258,6 +265,7 @@ def caught(
         return pull - np.clip(gain * (q + v), -share, share)
 
     for _ in range(round(30.0 / h)):
+        # Explicit midpoint rule with the saturated torque.
         a = turn(q, v)
         b = turn(q + 0.5 * h * v, v + 0.5 * h * a)
         lost = np.abs(q) > 1.5  # beyond the horizontal it is swinging up, another question
@@ -273,6 +281,7 @@ def edge_of_rest(share: float, gain: float = 30.0, linear: bool = False) -> floa
     low, high = 0.0, 1.5
     for _ in range(4):
         grid = np.linspace(low, high, 41)
+        # The last caught angle of the grid and the next one bracket the edge.
         good = caught(grid, 0.0, share, gain, linear)
         last = int(np.argmin(good)) - 1
         low, high = float(grid[last]), float(grid[last + 1])
@@ -341,6 +350,7 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
         return float(np.ptp(run.command[2000:]))
 
     def bound(tau: float) -> float:
+        # Peak to peak: a line through the gain of the difference and through P, in both directions.
         return line * 2.0 * (kd / (tau + DT) + kp)
 
     result = [ripple(t) for t in taus]
@@ -374,6 +384,7 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
     def hunting(ratio: float, ki: float) -> float:
         joint = Joint(0.05, 0.05, 0.0, 0.1, 0.1 * ratio)
         run = run_joint(joint, Actuator(), Encoder(), Gains(6.4, ki, 0.7, 0.005), 0.5, DT, 60.0)
+        # The last 30 of 60 s: the limit cycle, not the approach.
         return 1e3 * float(np.ptp(run.q[-30_000:]))
 
     for ki in (0.0, 25.6):
@@ -419,6 +430,7 @@ def judged(kp: float, ki: float, kd: float, delay: float) -> Judged:
     dt, gains = delay / SAMPLES, Gains(kp, ki, kd)
     plant = sampled.held(*sampled.joint_system(1.0, 1.0), dt, delay)
     growth = sampled.growth(sampled.loop_matrix(plant, gains.law(dt)))
+    # Long enough for slow and for late joints: 60 delays or 30 s.
     seconds = round(max(60.0 * delay, 30.0) / dt) * dt
     run = run_joint(Joint(1.0, 1.0), Actuator(delay=delay), Encoder(), gains, 1.0, dt, seconds)
     result = step_metrics(run.times, run.q, 1.0)
@@ -439,6 +451,7 @@ def placed(delay: float) -> Judged:
     """
     D = delay + delay / SAMPLES  # the hold and the difference are half a sample each
     s = (math.sqrt(D * D + 8.0) - D - 4.0) / (2.0 * D)
+    # kp and kd from value and slope of the characteristic function at the triple root.
     kd = -math.exp(s * D) * (D * (s * s + s) + 2.0 * s + 1.0)
     return judged(-math.exp(s * D) * (s * s + s) - kd * s, 0.0, kd, delay)
 

@@ -75,6 +75,7 @@ class WindingPID(PID):
 
     def update(self, setpoint: float, measurement: float) -> float:
         """See `PID.update`."""
+        # Integrated in any case: the base class may freeze it at the limit.
         integral = self.integral + self.ki * (setpoint - measurement) * self.dt
         command = super().update(setpoint, measurement)
         self.integral = integral
@@ -94,6 +95,7 @@ def theoretical_growth(loop: Loop, steps: int = 0) -> float:
     law = sampled.pid_law(loop.kp, loop.ki, loop.kd, dt=loop.dt, tau=loop.tau)
     plant = sampled.held(*sampled.joint_system(loop.inertia, loop.damping), loop.dt)
     if steps:
+        # The plant as a simulator steps it, instead of the exact one.
         plant = sampled.stepped(loop.inertia, loop.damping, loop.dt, steps)
     return sampled.growth(sampled.loop_matrix(plant, law))
 
@@ -107,6 +109,7 @@ def loop_step(loop: Loop, joint: Joint | MotorJoint) -> Callable[[Array], Array]
     controller = loop.controller(limit=math.inf)
 
     def step(state: Array) -> Array:
+        # Angle, speed and all of the controller's memory: the full state of the sampled loop.
         q, v, controller.integral, controller.rate, controller.last = state.tolist()
         joint.reset(q, v)
         joint.step(controller.update(0.0, q))
@@ -220,6 +223,7 @@ def jammed(
     """
     n = round(DURATION / loop.dt)
     times = np.linspace(0.0, n * loop.dt, n + 1)
+    # A hair less than the jam, so that rounding of the times does not add a jammed sample.
     angles, commands = closed_loop(
         loop.controller(kind), joint or loop.joint(), np.full(n, STEP), times[:n] < jam - 1e-9
     )
@@ -232,6 +236,7 @@ def recovery(times: Array, angles: Array, jam: float = JAM) -> Recovery:
     Raises:
         ValueError: if the joint is not settled at the end.
     """
+    # Settled after the last sample outside the band.
     outside = np.flatnonzero(np.abs(angles - STEP) > BAND)
     if outside[-1] + 1 >= times.size:
         raise invalid("angles[-1]", angles[-1], f"a number within {BAND:g} rad of {STEP:g}")

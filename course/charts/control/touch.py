@@ -40,6 +40,7 @@ def force_edge_mujoco(
     wall: float, delay: float, kind: str, substeps: int = 1, impedance: float = 0.9
 ) -> float:
     """Return the stability limit measured in MuJoCo, with a force that keeps contact throughout."""
+    # Pressed with 20 N, so that the deviation never opens the contact.
     whole, press = round(delay / DT), 20.0
     probe = mujoco.Probe(
         ARM.mass, ARM.damping, wall, DT, wall=kind, impedance=impedance, substeps=substeps
@@ -54,6 +55,7 @@ def force_edge_mujoco(
             size[k] = abs(probe.x * wall / press - 1.0) + abs(force / press - 1.0)
             if not size[k] < 0.9:
                 return 2.0
+        # Stable if the last fifth swings less than the beginning after the transient.
         return 2.0 if np.max(size[-500:]) > np.max(size[100:600]) else 1.0
 
     low, high = 1e-4, 1e2
@@ -73,6 +75,7 @@ def stiffest(wall: float, delay: float = DELAY, damping: float = 0.0) -> float:
 
 def stiffest_damped(wall: float, delay: float = DELAY, points: int = 25) -> float:
     """Return the same with the best active damping."""
+    # No damping and a logarithmic range of it.
     tried = np.append(0.0, np.geomspace(20.0, 6e3, points))
     return max(
         stiffest(wall, delay, float(d))
@@ -89,6 +92,7 @@ def lightest(wall: float, delay: float = 0.0, damping: float = 1.0) -> float:
 
     def grown(lightness: float) -> float:
         mass = 1.0 / lightness
+        # Over a stiff inner position loop; mass and damping shrink together.
         law = TouchLaw(4e4, 800.0, mass=mass, give=damping * 2.0 * math.sqrt(100.0 * mass))
         return growth(law, wall, delay)
 
@@ -211,6 +215,7 @@ def tracking(law: TouchLaw) -> float:
     free = replace(ARM, surface=9.0)
     law = replace(law, force=0.0)
     run = run_touch(free, law, 0.1 * np.sin(2.0 * t), DT, 4.0, delay=DELAY)
+    # After two seconds, when the start has been forgotten.
     return float(np.max(np.abs(run.q[2000:-1] - 0.1 * np.sin(2.0 * t[2000:]))))
 
 
@@ -223,6 +228,7 @@ def first_peak(law: TouchLaw, arm: Probe = ARM, wall: float = WALL) -> float:
     )
     hit = int(np.argmax(run.torque > 0.0))
     later = run.torque[hit:]
+    # The first local maximum after the contact begins.
     down = np.flatnonzero(np.diff(later) < 0.0)
     return float(later[down[0]]) if down.size else float(later[-1])
 
@@ -232,6 +238,7 @@ def surface_error(law: TouchLaw, gap: float = 2e-3) -> float:
 
     The place is set so that 10 N press where the surface is expected; a law of force ignores it.
     """
+    # The set-point that gives 10 N with both springs in series.
     place = 10.0 / law.stiffness + 10.0 / WALL if law.stiffness and not law.mass else 0.0
     force = [
         run_touch(
@@ -262,6 +269,7 @@ def gain_margin(law: TouchLaw, wall: float = WALL) -> float:
 
     def scaled(factor: float) -> TouchLaw:
         if law.mass:
+            # Admittance has no gain; dividing mass and damping by the factor scales its response.
             return replace(law, mass=law.mass / factor, give=law.give / factor)
         return replace(
             law,
@@ -288,6 +296,7 @@ def touch_scene() -> Scene:
             aim = min(SPEED * k * DT - 0.02, 0.02)
             sent.append(law.stiffness * (aim - probe.x) - law.damping * probe.v)
             force = probe.step(sent[k + 1])
+            # The first decrease ends the first peak.
             if force < peak:
                 return peak
             peak = max(peak, force)
@@ -337,6 +346,7 @@ def touch_scene() -> Scene:
 def slowest(law: TouchLaw, wall: float = WALL) -> float:
     """Return the rate from which on a law stands at a wall, as late as at 1 kHz [samples/s]."""
     steps = np.geomspace(DT, 1.0, 80)  # far below it may stand again
+    # The first rate that fails, from fast to slow; at very slow ones it may stand again.
     fails = next(i for i, dt in enumerate(steps) if growth(law, wall, dt=dt) > sampled.STABLE)
     near = (float(dt) for dt in steps[fails - 1 : fails + 1])
     return 1.0 / largest(lambda dt: growth(law, wall, dt=dt), *near)

@@ -52,6 +52,7 @@ def error(
     Infinite if it falls.
     """
     run = track(arm, law, partial(motion, **how), dt, seconds)
+    # At the samples of the last two seconds, after the start has been forgotten.
     worst = np.abs(run.q[:, :-1] - run.setpoint)[:, -round(last / dt) :].max()
     return float(worst) if worst < 3.0 else np.inf
 
@@ -80,6 +81,7 @@ class Along:
         whole, total = np.zeros((6, 6)), np.eye(6)
         whole[:4] = np.hstack(system)
         for order in range(8, 0, -1):
+            # Exponential of the augmented matrix by Horner's scheme: the exact zero-order hold.
             total = np.eye(6) + self.dt / order * whole @ total
         return total[:4, :4], total[:4, 4:]
 
@@ -100,6 +102,7 @@ class PathLQR(Along):
         P = lqr(*self.small[-1], Q, R).P
         for A, B in reversed(self.small):
             K = np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A))
+            # Backward Riccati recursion along the path, from the stationary solution at its end.
             P = Q + A.T @ P @ (A - B @ K)
             self.gains.insert(0, K)
 
@@ -115,6 +118,7 @@ class PathMPC(Along):
         super().__init__(model, dt)
         self.plans = [horizon(*system, Q, R, 10) for system in self.small]
         self.last: Array | None = None
+        # What the feedforward leaves of the motors' limits.
         self.room = limit - np.abs(self.ahead)
 
     def correct(self, k: int, x: Array) -> Array:
@@ -138,12 +142,14 @@ class PathMPPI(Along):
         state = np.split(x + self.aim[:, k], 2)
 
         def cost(plans: Array) -> Array:
+            # Samples perturb the feedforward torque, piecewise constant.
             torques = known + np.repeat(plans, self.piece, axis=1)
             q, v = rollouts(self.model, torques, self.dt, (state[0], state[1]))
             deviation = np.concatenate([q[1:], v[1:]], axis=1) - aim[:, :, None]
             return np.asarray(np.einsum("tik,i->k", deviation**2, np.diag(Q)) * self.dt)
 
         result = mppi(cost, self.plan, self.rng, samples=128, spread=(0.15, 0.05), temperature=1e-3)
+        # Warm start: shifted once a whole piece has passed.
         self.plan = result.plan if (k + 1) % self.piece else shifted(result.plan)
         return np.asarray(result.plan[0])
 
@@ -204,6 +210,7 @@ def springs(model: TwoLink, kp: float, kd: float) -> tuple[Array, Array]:
         Stiffness [N m/rad] and damping [N m s/rad], shape (2,) each.
     """
     middle = np.array([0.0, 0.6])
+    # Equal stiffness at the joints makes the comparison of the two laws fair.
     felt = np.diag(model.mass_matrix(middle))
     return kp * felt, kd * felt
 
@@ -310,6 +317,7 @@ def _costs(
             far = np.abs(of(whole, *gains, dt=dt)() - aim)[-round(2.0 * f) :]
             error.setdefault(name, []).append(float(far.max()))
             runs[name] = calls(of(whole[:, :, :400], *gains, dt=dt), clock=clock)
+        # All laws and libraries in turn; the simulated arm's own time is included for everyone.
         timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)
         for name, result in zip(runs, timed, strict=True):
             spent.setdefault(name, []).append(result.median / length[name])

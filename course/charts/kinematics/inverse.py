@@ -39,6 +39,7 @@ def near_singular(count: int, seed: int, beside: float = 1e-4) -> list[Array]:
     """Return poses of the 7-R arm with its shoulder within `beside` [rad] of a singular posture."""
     arm, rng = panda(), np.random.default_rng(seed)
     q = rng.uniform(arm.lower, arm.upper, (count, 7))
+    # Joint angles at which the 7-R arm loses rank, plus a small deviation.
     q[:, [1, 2, 4]] = np.array([0.0, np.pi / 2, 0.0]) + rng.uniform(-beside, beside, (count, 3))
     return list(tip(arm, q.T).T)
 
@@ -48,6 +49,7 @@ def beyond(chain: Chain, count: int, seed: int, factor: float = 1.05) -> list[Ar
     base, result = chain.placement[:3, 0], []
     for pose in reachable(chain, count, seed):
         out = (pose[:3] - base) / np.linalg.norm(pose[:3] - base)
+        # Moved outwards along the line from the base, 5 % beyond the reach.
         result.append(np.concatenate([base + factor * chain.reach[1] * out, pose[3:]]))
     return result
 
@@ -73,6 +75,7 @@ def usual(chain: Chain, clamped: bool, starts: int, rate: float, at_most: int) -
     def solve(target: Array, rng: np.random.Generator) -> float:
         begin = rng.uniform(*limits, (starts, chain.n))
         q, present, steps = arm.usual_ik(target, begin, limits if clamped else None, rate, at_most)
+        # Convergence outside the limits does not count as solved.
         return float(steps) if present and within(chain, q) else np.inf
 
     return solve
@@ -120,6 +123,7 @@ def ik_success(
         rates, whole = {}, np.array(poses).T
         for name, solve in (ours | theirs).items():
             some, tried = (poses, seeds) if name in ours else (poses[:slow], seeds[:1])
+            # Processor time of the whole batch, starts and failures included.
             start = time.process_time()
             steps, seconds = collect(name, solve, some, tried, "steps")
             called = name if name in theirs else f"{name}, a call a pose"
@@ -132,6 +136,7 @@ def ik_success(
             result = ik(arm, whole, first)
             rates[name] = result.success.sum() / (time.process_time() - start)
             remaining = pose_error(whole, tip(arm, result.q))[:, result.success]
+            # Every claimed success is checked with forward kinematics.
             wrong = (
                 np.maximum(*(np.linalg.norm(x, axis=0) for x in (remaining[:3], remaining[3:])))
                 > 1e-6
@@ -177,6 +182,7 @@ def ik_residual(
         for method in METHODS:
             remaining = []
             for k in budgets:
+                # Restarts off and a tolerance that is never met: exactly k steps are taken.
                 options: Any = {"restarts": 0, "iterations": k, "tolerance": (1e-14, 1e-14)}
                 result = ik(chain, goals, start, method=method, **options)
                 remaining.append(float(np.median(np.hypot(result.distance, result.angle))))
@@ -233,6 +239,7 @@ def trained(
         q = rng.uniform(low[:, None], high[:, None], (chain.n, 512))
         pose = torch.tensor(_signed(tip(chain, q))[list(rows)].T, dtype=torch.float32)
         truth = torch.tensor(np.concatenate([np.cos(q), np.sin(q)]).T, dtype=torch.float32)
+        # Cosine and sine of each angle, so that a full turn has no jump.
         deviation = ((net(pose).reshape(-1, heads, angles) - truth[:, None]) ** 2).sum(dim=2)
         # A little for all heads, so that none is left behind for good.
         loss = deviation.min(dim=1).values.mean() + 0.02 * deviation.mean()
@@ -247,6 +254,7 @@ def trained(
         with torch.no_grad():
             out = net(torch.tensor(_signed(pose)[list(rows), 0], dtype=torch.float32))
         c, s = np.asarray(out.reshape(heads, 2, chain.n), dtype=float).transpose(1, 2, 0)
+        # The heads in random order, so that no head is always tried first.
         q = np.arctan2(s, c)[:, rng.permutation(heads)]
         return np.asarray(np.clip(q, chain.lower[:, None], chain.upper[:, None]))
 
@@ -266,6 +274,7 @@ def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) ->
     heading = np.linspace(-np.pi, np.pi, count, endpoint=False)
     wrist = target[:2, None] - lengths[2] * np.array([np.cos(heading), np.sin(heading)])
     answer = two_link_ik(lengths[:2], wrist)
+    # The last joint makes up the difference to the heading.
     ends = heading - answer.q.sum(axis=0)
     q = np.stack([answer.q[0], answer.q[1], ends])[:, :, answer.reached]
     return np.asarray(q.reshape(3, -1))
@@ -273,6 +282,7 @@ def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) ->
 
 def covered(curve: Array, result: Array, near: float = 0.3) -> float:
     """Return the share of the curve (3, M) within `near` [rad] of a posture (3, K), per joint."""
+    # Angles are compared modulo a full turn, by the worst joint.
     apart = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - result[:, None]))))
     return float((apart.max(axis=0).min(axis=1) < near).mean())
 
@@ -308,6 +318,7 @@ def learned_seeds(
         scale="log x",
     )
     problems = reachable(arm, targets, 2)
+    # What the network's proposals are worth before any step of the solver.
     alone = [
         np.linalg.norm((tip(arm, network(pose, rng)) - pose[:, None])[:3], axis=0).min()
         for pose in problems
@@ -350,6 +361,7 @@ def learned_seeds(
             # One answer from each start, as a chain of its own.
             ends = [ik(three, goal, start, restarts=0) for start in starts.T]
             good = np.array([end.q for end in ends if end.success]).reshape(-1, 3).T
+            # Which start each answer came from: the first k starts are a prefix.
             order = np.flatnonzero([end.success for end in ends])
             curve = solution_curve(lengths, goal)
             for i, k in enumerate(draws):

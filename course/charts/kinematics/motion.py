@@ -39,6 +39,8 @@ def placed(chain: Chain, q: Any, library: Any = np) -> Any:
     PyTorch, with the `library` whose `cos`, `sin` and `stack` fit it.
     """
     point: Any = chain.table[-1, PLACE:QUAT]
+    # From the tip back to the base, so that one point is transformed and no matrices are
+    # multiplied.
     for i in reversed(range(chain.n)):
         c, s = library.cos(q[i]), library.sin(q[i])
         turned = (c * point[0] - s * point[1], s * point[0] + c * point[1], point[2])
@@ -84,6 +86,7 @@ def jacobian_precision(
     def f(x: Any) -> Any:
         return placed(arm, x)
 
+    # h = 1e-100 leaves no truncation error, and a complex step has no cancellation.
     exact = functools.partial(complex_step, f, h=1e-100)  # only rounding is left
     truth = exact(q)
 
@@ -93,6 +96,7 @@ def jacobian_precision(
     # Second and third derivatives by joint: J at shifted postures, differenced.
     size, eps = float(np.abs(f(q)).max()), float(np.finfo(float).eps)
     shifted = [[exact(q + d * 1e-3 * e) for d in (-1, 0, 1)] for e in np.eye(7)]
+    # Coefficients of the next Taylor terms, for the theoretical curves.
     second = max(np.abs((b - a)[:, i]).max() / 2e-3 for i, (a, _, b) in enumerate(shifted))
     third = max(np.abs((a - 2 * m + b)[:, i]).max() / 1e-6 for i, (a, m, b) in enumerate(shifted))
     methods: dict[str, tuple[Callable[..., Array], Any]] = {
@@ -129,6 +133,7 @@ def jacobian_precision(
         "autograd": (error(autograd(arm, q)), lambda: autograd(arm, q)),
         "analytic": (error(jacobian(arm, q)[:3]), lambda: jacobian(arm, q)),
     }
+    # Each method at its own best step; a first call, which may compile, is not counted.
     timed = interleaved(
         [calls(run) for _, run in approaches.values()], repeats=repeats, sample=0.01
     )
@@ -176,8 +181,10 @@ def null_space_step(
     q = np.random.default_rng(4).uniform(arm.lower, arm.upper, (postures, 7)).T
     J = np.moveaxis(jacobian(arm, q), 2, 0)
     _, s, Vt = np.linalg.svd(J)
+    # Near singular postures the null space is not one-dimensional any more.
     q, J, v = q[:, s[:, -1] > 0.05], J[s[:, -1] > 0.05], Vt[s[:, -1] > 0.05, -1].T
     home = tip(arm, q)
+    # Along the null vector the tip accelerates by J' v although J v = 0: the h^2 term.
     bent = np.einsum("ijk,jk->ik", jacobian_rate(arm, q, v), v)[:3]
     c = float(np.median(np.linalg.norm(bent, axis=0))) / 2
     # A damped inverse in the projector, as one has it near a singularity.
@@ -210,6 +217,7 @@ def null_space_step(
     ):
         moved = np.array([away(method(h)) for h in steps])
         observed = (moved > 1e-13) & (np.array(steps) < 0.2)
+        # Fitted between rounding below and higher terms above.
         order = np.polyfit(np.log(np.array(steps)[observed]), np.log(moved[observed]), 1)[0]
         panel.series.append(
             Series(
@@ -248,6 +256,7 @@ def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[floa
     q, deviation, largest = two_link_ik(ARM, line[0]).q[:, 0], 0.0, 0.0
     for point in line:
         J = jacobian(arm, q)[:2]
+        # One damped least-squares step per point of the line.
         dq = J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(2), point - tip(arm, q)[:2])
         q = q + dq
         deviation = max(deviation, float(np.linalg.norm(tip(arm, q)[:2] - point)))
@@ -273,6 +282,7 @@ def damping_map(
     )
     # In theory the direction of s_min decides: s / (s^2 + lambda^2) = most.
     s = np.array([np.linalg.svd(jacobian(arm, np.array([0.0, x]))[:2])[1][-1] for x in bend])
+    # Solve s / (s^2 + lambda^2) = limit for lambda.
     needed = np.sqrt(np.maximum(s / highest - s * s, 1e-12))
     peak = 1 / (2 * highest)
     left = Panel(

@@ -45,6 +45,7 @@ def test(policy: Any, paid: str = "sparse", **task: Any) -> float:
     envs = PointReachVector(NUM, paid, autoreset_mode="SameStep", max_steps=late, **task)
     first = envs.reset(seed=STARTS)[0]
     distances = (first - task.get("offset", 0.0)) / task.get("unit", 1.0)
+    # The exact optimum over the same starts, so that 1 is the best possible.
     best = optimum(
         distances, paid, bonus=bonus, max_steps=late, radius=task.get("radius", 0.05)
     ).mean()
@@ -66,9 +67,11 @@ def trained(
     rows, kl, began = [], [], time.process_time()
     for k, one in enumerate(ppo(envs, settings, steps=steps, seed=seed), 1):
         kl.append(one.kl)
+        # Evenly spaced points of the curve.
         if k * points // rounds > (k - 1) * points // rounds:
             spent = time.process_time() - began
             rows.append((one.steps, spent, test(one.policy, paid, **task)))
+            # The clock is moved on by what judging took.
             began = time.process_time() - spent
     at, spent, scores = np.array(rows).T
     return Trained(at, spent, scores, float(np.median(kl)))
@@ -77,6 +80,7 @@ def trained(
 def library(settings: Settings, seed: int, steps: int, points: int) -> Trained:
     """Return stable-Baselines3 with the same settings."""
     envs = PointReachVector(NUM, "potential", autoreset_mode="SameStep")
+    # The library is judged after whole iterations, as often as ours.
     every = max(1, steps // (NUM * settings.horizon) // points)
     curve = sb3.ppo(envs, settings, test, steps=steps, seed=seed, every=every)
     return Trained(curve.steps.astype(float), curve.seconds, curve.scores, 0.0)
@@ -93,7 +97,9 @@ def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Tr
     used, rows = [0, seed], []
 
     def rollout(tries: Array) -> Array:
+        # Every candidate gets the same number of episodes in one batch.
         gains = np.repeat(tries, episodes, axis=0).reshape(-1, 2, 4)
+        # New starts in every round, the same for all candidates of a round.
         used[1] += 1
         ran = evaluate(
             lambda observed: (gains @ observed[..., None])[..., 0].astype(np.float32),
@@ -165,6 +171,7 @@ def learning_curves(
     for label, some in runs.items():
         middle, low, high = band([one.scores for one in some])
         at = np.median([one.steps for one in some], axis=0)
+        # The least time over the seeds: the work is the same, only disturbances differ.
         spent = np.min([one.seconds for one in some], axis=0)
         other = [one.steps[one.scores >= SOLVED][0] for one in some if one.scores.max() >= SOLVED]
         message = (
@@ -181,6 +188,7 @@ def learning_curves(
 
 def soft_actor_critic(seed: int, steps: int, every: int, hidden: tuple[int, ...]) -> Trained:
     """Return the learning curve of Stable-Baselines3's SAC in eight environments."""
+    # Few environments, since SAC takes one gradient step for each environment step.
     envs = PointReachVector(8, "potential", autoreset_mode="SameStep")
     curve = sb3.sac(envs, test, steps=steps, seed=seed, every=every, hidden=hidden)
     return Trained(curve.steps.astype(float), curve.seconds, curve.scores, 0.0)
@@ -283,6 +291,7 @@ def banded(rows: dict[str, list[Trained]], report: str) -> Series:
     """Return a bar for each row, the middle over its seeds, with the band as its word."""
     every = {k: band([float(one.scores[-1]) for one in some]) for k, some in rows.items()}
     middle = [max(0.0, float(b.middle)) for b in every.values()]
+    # The band over the seeds beside the middle: three seeds are few.
     tags = [f"{b.middle:.2f} ({b.low:.2f} to {b.high:.2f})" for b in every.values()]
     note = f"{report}: " + "; ".join(f"{k} {t}" for k, t in zip(every, tags, strict=True))
     low, high = ([float(b[i]) for b in every.values()] for i in (1, 2))
@@ -331,6 +340,7 @@ def stumbles(radius: float) -> float:
     d = np.linspace(-2.0, 2.0, 4001)
     density = np.exp(-0.5 * (d / far) ** 2) / far / np.sqrt(2.0 * np.pi)
     weight = density * (1.0 - 0.5 * np.abs(d)) * (d[1] - d[0])
+    # Density of the place times the share of goals that can lie there (triangular), by axis.
     inside = weight.sum(axis=1)
     spread = (weight * d * d).sum(axis=1) / inside
     # Of a sum of steps the speed is 1.5 place / time on average, with a quarter of its variance.
@@ -391,6 +401,7 @@ def rewards(
     rng, met, share = np.random.default_rng(2), [], []
     for radius in radii:
         envs = PointReachVector(tried, "sparse", autoreset_mode="SameStep", radius=radius)
+        # Untrained policies, for the theory beside it.
         ran = evaluate(lambda observed: rng.standard_normal((len(observed), 2)), envs, 7)
         met.append(float(ran.success.mean()))
         some = sweep(
@@ -454,6 +465,8 @@ def step_epochs(
             for rate in rates
         ]
         scores = np.array([[one.scores[-1] for one in some] for some in rows])
+        # How far the policy moves per iteration explains the result better than step size or epochs
+        # alone.
         kl = np.array([[one.kl for one in some] for some in rows])
         middle = np.median(scores, axis=1)
         message = "; ".join(

@@ -28,6 +28,7 @@ TABLE = np.array([0.0, 0.0, 0.8, *exp(np.array([math.pi - 0.4, 0.0, 0.0]))])
 
 def _walls(sensor: Sensor, z: float, count: int, rng: np.random.Generator, eye: Camera) -> Array:
     """Return a wall at z, measured again and again, shape (count, H, W)."""
+    # A wall parallel to the image: the same depth at every pixel.
     exact = np.full((eye.height, eye.width), z)
     return np.array([perception.sense(exact, eye, sensor, rng) for _ in range(count)])
 
@@ -65,11 +66,13 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
     shares, mean = np.linspace(0.02, 0.6, places), []
     for noise in shares:
         coarse = Sensor(noise=0.25 * noise, step=0.25)
+        # A disparity a quarter of a step off the grid, where quantisation is biased.
         middle = EYE.fx * 0.05 / (37.25 * 0.25)
         disparity = EYE.fx * 0.05 / _walls(coarse, middle, pictures, rng, EYE)
         mean.append(float(disparity.mean()) / 0.25 - 37.25)
 
     def waves(share: Array) -> Array:
+        # Fourier series of the mean of a quantiser under Gaussian dither.
         parts = (-1.0) ** k / k * np.sin(0.5 * np.pi * k)
         size = np.exp(-2.0 * (np.pi * k * np.asarray(share)[..., None]) ** 2)
         return size @ parts / np.pi
@@ -102,6 +105,7 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
             result.append(float(means.mean(axis=(1, 2)).std() / 0.05 * n))
 
         def theory(n: Array, w: int = window) -> Array:
+            # Sum over the triangular autocorrelation of a moving average.
             lag = np.arange(1 - w, w)
             size = np.asarray(n, dtype=float)[..., None]
             return (np.clip(size - np.abs(lag), 0, None) * (1 - np.abs(lag) / w)).sum(-1) / size[
@@ -147,6 +151,7 @@ def counts(
     above = np.ascontiguousarray(means[:, (plane[:3] @ means + plane[3] > 0) & ~near])
     part = np.ascontiguousarray(points[:, ids.ravel()[pixels] == 1])
     # A mean counts for the part if more than half a voxel of it is within reach of one.
+    # The number of the part's points within reach of each voxel mean.
     own = np.diff(perception.radius_search(part, above, 0.5 * voxel)[0]) > 0
     above_part = int(own.sum())
     labels = perception.dbscan(above, eps, least)[0] if above.size else np.zeros(0, np.int64)
@@ -184,6 +189,7 @@ def lost_parts(
         rng, lowest, bare = np.random.default_rng(1), [], []
         for z in distances:
             result, empty = math.nan, []
+            # From tall to low, until most images lose the part.
             for height in sorted(heights, reverse=True):
                 runs = [
                     counts(height, z, fixed or three_sigma(z), least, 0.005, 0.02, rng)
@@ -234,6 +240,7 @@ def share_found(sigmas: float | None, refits: int, trials: int, n: int, at_most:
     tolerance = sigma * sigmas if sigmas else 1e-9
     for _ in range(trials):
         cloud = rng.uniform(-0.3, 0.3, (3, n))
+        # Half of the points on the plane, with noise; the others anywhere.
         cloud[2, : n // 2] = sigma * rng.normal(size=n // 2)
         true = np.count_nonzero(np.abs(cloud[2, : n // 2]) <= tolerance)
         cloud[2] += 1.0
@@ -241,6 +248,7 @@ def share_found(sigmas: float | None, refits: int, trials: int, n: int, at_most:
             cloud, tolerance, rng, confidence=1.0, at_most=at_most, refits=refits
         )
         heights = np.abs(plane[:3] @ cloud[:, : n // 2] + plane[3])
+        # Nine tenths of what the true plane would have.
         result += int(np.count_nonzero(heights <= tolerance) >= 0.9 * true)
     return result / trials
 
@@ -264,6 +272,7 @@ def cloud_speed(
     depth, _ = perception.render(scene, WIDE)
     observed = perception.sense(depth, WIDE, Sensor(noise=0.03, window=3, dropout=0.02), rng)
     points, _ = perception.back_project(observed, WIDE)
+    # Conversion to the library's types is not timed.
     theirs, picture = open3d.Cloud(points), open3d.Picture(observed, WIDE)
     run = functools.partial
     draws = run(perception.ransac_plane, points, 0.005)
@@ -288,6 +297,7 @@ def cloud_speed(
     )
     names, ratios, busy = [], [], 0.0
     for name, both in steps.items():
+        # In turns, by processor time: neither side pays for other processes.
         own, other = interleaved(
             [calls(f, clock=time.process_time) for f in both], repeats=repeats, sample=5e-3
         )
@@ -313,6 +323,7 @@ def cloud_speed(
         result.append((timings[0].median, timings[1].median))
     for k, name in enumerate(("course", "Open3D")):
         took = [row[k] for row in result]
+        # Large sizes only: small ones measure what a call costs.
         slope = np.polyfit(np.log(sizes[-3:]), np.log(took[-3:]), 1)[0]  # the large ones
         growth.series.append(
             Series(

@@ -32,12 +32,14 @@ def on_table(part: Shapes, x: float, y: float, yaw: float) -> Array:
 
 def corner_error(result: Array, true: Array) -> float:
     """Return how far the corners of the box are from where they are, in the mean square [m]."""
+    # One error in metres for position and rotation together.
     where = [rotate(q[3:], CORNERS) + q[:3, None] for q in (result, true)]
     return float(np.sqrt(np.mean(np.sum((where[0] - where[1]) ** 2, axis=0))))
 
 
 def box_surface(half: Array, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return points on a box and their normals, (3, count) each."""
+    # Faces are drawn by area, so that the points are uniform on the surface.
     area = np.prod(half) / half
     face = rng.choice(3, count, p=area / area.sum())
     normal = np.eye(3)[:, face] * rng.choice([-1.0, 1.0], count)
@@ -70,6 +72,7 @@ def methods(eye: Camera, model: int) -> dict[str, tuple[Callable[..., Any], Lay]
         model: points on the box, for the methods that register to a cloud.
     """
     points, normals = box_surface(BOX.sizes[:, 0], model, np.random.default_rng(0))
+    # Models and trees are built once, outside the timed calls.
     own, theirs = Cloud.of(points, normals), open3d.Cloud(points)
     small, last = small_gicp.Cloud(points, 12), 0.006
     theirs.set_normals(normals)
@@ -85,6 +88,7 @@ def methods(eye: Camera, model: int) -> dict[str, tuple[Callable[..., Any], Lay]
 
     def by_open3d(means: open3d.Cloud, start: Array) -> tuple[float, float, Array]:
         at = invert(start[:, None])[:, 0]
+        # The same two gates and stopping rule as ours.
         for gate in (0.03, last):
             fit = means.icp(theirs, at, gate, 30, True, 1e-5)
             at = fit.pose
@@ -130,6 +134,7 @@ def pose_precision(
         for x, y, yaw in rng.uniform((-0.15, -0.1, 0.4), (0.15, 0.1, 1.1), (pictures, 3)):
             pose = on_table(BOX, x, y, yaw)
             depth = sense(render(BOX.moved(pose), eye)[0], eye, sensor, rng)
+            # A start a few millimetres and degrees off, the same for all methods.
             start = turned_by(pose, 0.006, -0.005, 0.004, 0.02, -0.02, 0.06)
             looks.append((perception.back_project(depth, eye)[0], pose, start))
         panel = Panel(
@@ -153,7 +158,10 @@ def pose_precision(
                     corner_error(run(cloud, v, start), pose) for cloud, (_, pose, start) in each
                 ]
                 rows.append((name, v, float(np.sqrt(np.mean(np.square(error))))))
+                # Processor time, which other processes do not lengthen; conversion to each library
+                # is outside.
                 samplers.append(calls(run, clouds[0], v, looks[0][2], clock=time.process_time))
+        # All methods and voxel sizes in turn, in one set of rounds.
         timings = interleaved(samplers, repeats=repeats, sample=5e-3)
         times = [one.median for one in timings]
         for name in names:
@@ -219,8 +227,10 @@ def frame(
     the one with the smallest residual.
     """
     grid, lay = methods(eye, model_points(voxel))["Open3D" if library else "shape"]
+    # Four standard deviations of depth noise at the distance of the table.
     tolerance = 4.0 * float(SENSOR.sigma(0.8, eye))
     picture = open3d.Picture(depth, eye) if library else None  # made before the clock starts
+    # The image is converted before the first mark; then one mark after each stage.
     marks = [time.process_time()]
     if picture is not None:
         cloud = open3d.Cloud.of(picture.cloud())
@@ -247,6 +257,7 @@ def frame(
         mine = np.ascontiguousarray(above[:, labels == k])
         given = open3d.Cloud(mine) if library else mine
         answers = [lay(given, start) for start in standing_starts(BOX, mine, plane, 4)]
+        # Fewest points left out first, then the smallest residual.
         poses.append(min(answers, key=lambda one: (round(one[0], 2), one[1]))[2])
     marks.append(time.process_time())
     return poses, np.diff(marks)
@@ -274,6 +285,7 @@ def frame_speed(pictures: int = 25) -> Iterator[Panel]:
             for pose in true:
                 near = [perception.apart(BOX, pose, one) for one in poses]
                 far = min(near, default=(np.inf, np.inf))
+                # Right: within 2 mm and 2 degrees of a true box.
                 right[name] += int(far[0] < 2e-3 and far[1] < math.radians(2.0))
                 errors.setdefault(name, []).append(np.array(far))
     for name in spent:
@@ -325,6 +337,7 @@ def plane_precision(
 
     looks = [observed(0.3) for _ in range(pictures)]
     tolerance = 4.0 * float(Sensor(SENSOR.baseline, 0.3).sigma(0.8, eye))
+    # Only pixels of the table, for the fits that have no outliers to reject.
     masks = {n: table & (np.arange(table.size).reshape(table.shape) % n == 0) for n in thin}
 
     def ransac(view: tuple[Array, Array], n: int, refits: int) -> Array:
@@ -353,6 +366,7 @@ def plane_precision(
         ticks=(0.2, 0.5, 1, 2, 5),
         lines=[("y", 2e-3, "0.2 mm on 100 mm")],
     )
+    # All settings of all methods in one set of interleaved rounds.
     samplers = [
         calls(method, looks[0], *setting, clock=time.process_time)
         for method, settings in methods.values()
@@ -388,6 +402,7 @@ def plane_precision(
         some = [observed(noise) for _ in range(pictures)]
         for name, method in result.items():
             planes = [method(view, thin[-1]) for view in some]
+            # A mean over many images: what remains is bias, not noise.
             offs[name].append(1e3 * float(np.mean([p[:3] @ TABLE[:3] + p[3] for p in planes])))
     for name, y in offs.items():
         message = ", ".join(f"{n:g} px {o:.3f} mm" for n, o in zip(noises, y, strict=True))

@@ -28,6 +28,7 @@ def stays(arm: TwoLink, q: Array, kp: float, kd: float, dt: float, steps: int = 
     """Return whether the arm without limits returns to q from 2 microradians beside it."""
     place, v, scene = q + (1e-6, -2e-6), np.zeros(2), Scenario(arm=arm)
     for _ in range(steps):
+        # The arm without limits of its motors, so that instability isn't hidden by saturation.
         place, v = move(place, v, kp * (q - place) - kd * v, dt, scene)
         if np.abs(place - q).max() > 1e-3:
             return False
@@ -64,6 +65,7 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
     at = np.array(
         [[theory.step_limit(arm, (0.4, math.radians(q2)), KP, kd) for kd in damped] for q2 in bends]
     )
+    # The damping at which the limit equals this step; the limit falls with Kd, hence the signs.
     edge = [float(np.interp(-STEP, -row, damped, right=np.nan)) for row in at]
     grid = Map(damped, bends, values, quantity="growth per step")
     yield Panel(
@@ -86,6 +88,7 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
     for bend in (0.0, 90.0, 170.0):
         q, kds = np.array([0.4, math.radians(bend)]), np.linspace(0.0, 16.0, tested)
         report = partial(theory.step_limit, arm, q, KP)
+        # Bisection by stepping the arm, between 0.8 and 1.3 of the theory.
         result = [
             limit(partial(stays, arm, q, KP, kd), 0.8 * report(kd), 1.3 * report(kd), 3e-3)
             for kd in kds.tolist()
@@ -188,8 +191,10 @@ def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Ite
         y = []
         for share in shares:
             e, observed = np.zeros((looks, chains)), rng.standard_normal((looks, chains))
+            # Many chains at once: each its own noise, the same gain and delay.
             for t in range(k, looks - 1):
                 e[t + 1] = e[t] - share * report[k] * (e[t - k] + observed[t])
+            # Second half only, after the start at zero has been forgotten.
             y.append(float(e[looks // 2 :].std()))
         message = ", ".join(f"{v:.3f}" for v in y)
         panel.series.append(
@@ -241,6 +246,7 @@ def noise_and_filter(
             f"{1e3 * s:g} mm: {a:.2f} success, {b:.3g} plans, {c:.2g} mm"
             for s, a, b, c in zip(sigmas, rate, plans, rms, strict=True)
         )
+        # Wilson's interval, which also holds near 0 and 1.
         low, high = wilson(n * np.array(rate), n)
         empty = (None, None)
         bands = ((low, high), empty, empty)
@@ -248,6 +254,7 @@ def noise_and_filter(
             panel.series.append(Series(label, 1e3 * np.array(sigmas), y, low=ends[0], high=ends[1]))
         shown[0].series[-1].note = f"{label}: {words}"
         both = [predicted(Scenario(), settings) for settings in report]
+        # Root mean square from the predicted mean and covariance.
         guess = [1e3 * math.sqrt(float(m @ m + np.trace(c))) for m, c in both]
         shown[2].series.append(
             Series(
@@ -310,6 +317,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         ],
     }
     ladder = (2500, 10_000, 40_000, 160_000)
+    # Scatter over repeats: the true standard error of plain sampling.
     spread = [
         float(
             np.std(
@@ -348,11 +356,13 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
     )
     for name, result in methods.items():
         y, error = np.array([(one.share, one.error) for one in result]).T
+        # Errors in units of what each repeat states itself.
         order, deviation = np.argsort(y), (y - SHARE) / error
         sure, met = np.mean(deviation < -3.0), np.mean(np.abs(deviation) < 2.0)
         low, middle, high = (1e4 * (y + k * error)[order] for k in (-2.0, 0.0, 2.0))
         ranks.series.append(Series(name, range(repeats), middle, low=low, high=high))
         runs, true = result[0].runs, float(y.std(ddof=1))
+        # Runs that plain sampling needs for the same true scatter.
         worth = SHARE * (1.0 - SHARE) / true**2 / runs
         price.series += [
             Series(

@@ -48,6 +48,7 @@ def _through(obstacles, a, b):
         if abs(a[0]) > depth:
             return True
     else:
+        # Clip the edge to the interval of t in which it is inside the wall.
         low = max(low, -a[0] / run - depth / abs(run))
         high = min(high, -a[0] / run + depth / abs(run))
     for k in range(1, int(obstacles[0, 2]) + 1):
@@ -72,6 +73,7 @@ def _judge(world: World, a: Array, b: Array) -> Array | None:
         for side in (-1.0, 1.0):
             ends = [(a[0] - depth, b[0] - a[0]), (-a[0] - depth, a[0] - b[0])]
             ends.append((half - side * a[k], side * (a[k] - b[k])))
+            # Intersection of half-spaces along the edge, independent of the planner's own test.
             low = max([0.0, *(-c / d for c, d in ends if d < 0.0)])
             high = min([1.0, *(-c / d for c, d in ends if d > 0.0)])
             if low < high - 1e-9 and all(d or c < 0.0 for c, d in ends):
@@ -101,6 +103,7 @@ def pair_joined(width: float, bounded: float) -> float:
     The crossing is at (1 - t) y + t y', where min(t, 1 - t) / max(t, 1 - t) is uniform on (0, 1):
     a trapezoidal density in each direction.
     """
+    # Midpoint rule over the ratio of the two distances from the wall.
     r = (np.arange(20_000) + 0.5) / 20_000
     largest, least = 1.0 / (1.0 + r), r / (1.0 + r)
     flat = width / 2 <= (largest - least) / 2
@@ -145,12 +148,14 @@ def narrow_passages(
             world = hole(n, width, deep, bounds(n))
             free = compiled(world.edge_free, EDGE)
             ends = rng.uniform(-0.5, 0.5, (2, pairs, n))
+            # One end on each side of the wall.
             ends[:, :, 0] = rng.uniform(deep / 2, 0.5, (2, pairs)) * [[-1], [1]]
             joined = [free(world.obstacles, world.body, a, b) for a, b in zip(*ends, strict=True)]
             observed.append(np.mean(joined) or np.nan)
             start, goal = np.full(n, -0.3), np.full(n, -0.3)
             goal[0], tests = 0.3, ompl.tests(world)
             for method, rows in result.items():
+                # Once the median exceeds the budget, higher dimensions are not tried.
                 if rows and math.isinf(rows[-1][1]):
                     continue  # no more is known above
                 spent = []
@@ -159,6 +164,7 @@ def narrow_passages(
                     spent.append(_samples(method == "", *question, tests))
                 rows.append(np.quantile(spent, (0.25, 0.5, 0.75), method="higher"))
         law = [pair_joined(width, bounds(n)) for n in dims]
+        # In standard errors of a binomial share.
         deviation = (np.array(observed) - law) / np.sqrt(np.array(law) / pairs)
         theory = None if name == "cube" else lambda n, b=bounds: pair_joined(width, b(n))
         message = (
@@ -213,6 +219,7 @@ def _samples(
     if result.path is None:
         return math.inf
     path = result.path if mine else result.path.T
+    # The independent judge: a path that collides would make the count worthless.
     assert check_path(world, path, start, goal)
     return float(result.samples)
 
@@ -252,6 +259,7 @@ def thin_obstacles(
                 plane(bounds, boxes=wall) if shape == "wall" else plane(bounds, [[6, 6, size / 2]])
             )
             state, _ = ompl.tests(world)
+            # Points along the edge at a spacing of 1, by the same state test as OMPL's.
             points = from_function(state, bounds, 1.0)
             # OMPL's spacing is a share of the diagonal; a hair less than 10 spacings are 10.
             tests: tuple[Callable[[Any, Any], bool], ...] = (
@@ -267,6 +275,7 @@ def thin_obstacles(
             exact += [edge_free(world, *pair) for pair in zip(a, b, strict=True)]
         for name, shares in missed.items():
             deviation = np.abs(np.array(shares) - [law(x) for x in sizes]).max()
+            # Binomial standard error; the bars are two of them.
             error = np.sqrt(np.array(shares) * (1 - np.array(shares)) / edges)
             panel.series.append(
                 Series(
@@ -310,6 +319,7 @@ def kept_at_points(h: Array, first: Array, second: Array, cap: Array, limit: Arr
         for _ in range(5):  # the largest squared speed from which the next can be reached
             here = np.linspace(low, high, 65)
             least, largest = pushes(i, here)
+            # Backward pass of TOPP: from which squared speeds can the next one be reached?
             good = np.maximum(least, -here / h[i] / 2) <= np.minimum(
                 largest, (x[i + 1] - here) / h[i] / 2
             )
@@ -318,6 +328,7 @@ def kept_at_points(h: Array, first: Array, second: Array, cap: Array, limit: Arr
         x[i] = low
     x[0] = 0.0
     for i in range(len(h)):
+        # Forward pass with the largest acceleration.
         x[i + 1] = min(x[i + 1], x[i] + 2 * h[i] * float(pushes(i, x[i : i + 1])[1][0]))
     return x
 

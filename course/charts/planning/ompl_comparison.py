@@ -66,6 +66,7 @@ def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
 
     Other processes' time is not counted.
     """
+    # Thread time over wall time: below 1 another process had the core for a while.
     wall, own = time.perf_counter(), time.thread_time()
     result = run(*args)
     return result, min(1.0, (time.thread_time() - own) / (time.perf_counter() - wall))
@@ -79,6 +80,7 @@ def asked_twice(world: World) -> World:
     once = compiled(world.edge_free, EDGE)
 
     def edge_free(obstacles, body, a, b):
+        # Doubling the edge checks makes their cost measurable without a timer inside the loop.
         forward, back = once(obstacles, body, a, b), once(obstacles, body, b, a)
         return forward and back
 
@@ -91,6 +93,7 @@ def asked_twice(world: World) -> World:
 def planners(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, int], Any]]]:
     """Return for each interface how often it is run, and the plan of a scene with a seed."""
     (state, edge), python = ompl.tests(world), ompl.plain(world)
+    # States in Python are slow, so they are asked on fewer seeds.
     twice, rare = asked_twice(world), slow if world.dim == 2 else 4 * slow
 
     def other(state: Any, edge: Any, resolution: float = 0.01) -> Callable[[Scene, int], Any]:
@@ -121,6 +124,8 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
         for owner, (every, method) in paths.items():
             if seed % every:
                 continue
+            # Each seed is repeated; the same seed plans the same tree, so the times differ by
+            # disturbances only.
             runs = [alone(method, scene, seed) for _ in range(repeats)]
             path = runs[0][0].path
             if path is not None and isinstance(runs[0][0], ompl.Plan):
@@ -143,11 +148,13 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
             if owner == "OMPL, our edge check":
                 own = run.own_seconds * share
                 spent["OMPL's own part"].append(own if free else math.inf)
+    # With b without checks and e for the checks: 2 (b + e) - (b + 2 e) = b.
     bare_times = 2 * np.array(spent["ours"]) - np.array(spent.pop("ours twice"))
     middle = {name: float(np.median(result)) for name, result in spent.items()}
     name = questions[0].name
     ratio = middle["OMPL, Python states"] / middle["ours"]
     wrong = rejected["OMPL, Python states"] / len(spent["OMPL, Python states"])
+    # A single sample: what a call costs before any search.
     door = np.median([ours(q, k, budget=1).seconds for k, q in enumerate(questions, 1)])
     bare = 1e3 * float(np.median(bare_times)), 1e3 * middle["OMPL's own part"]
     panel = Panel(
@@ -196,6 +203,7 @@ def shelf_times(queries: int = 80, repeats: int = 2) -> Iterator[Panel]:
 
 def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) -> list[Series]:
     """Return shares below each value, ours and OMPL's; the rank test between them."""
+    # Mann-Whitney: are both samples from one distribution? No assumption about its shape.
     same = stats.mannwhitneyu(*values).pvalue
     low, high = np.min(values), np.max(np.ma.masked_invalid(values))
     within, both = np.geomspace(low / scale, high * scale, 61), []
@@ -218,6 +226,7 @@ def roadmap_joins(scene: Scene, nodes: Array, pairs: Any) -> bool:
     """Return whether the states nearest to start and goal, of those with an edge, are joined."""
     matrix = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), (len(nodes),) * 2)
     _, part = sparse.csgraph.connected_components(matrix, directed=False)
+    # Isolated states join nothing and are not counted as entrances.
     near = np.flatnonzero(np.bincount(pairs.ravel(), minlength=len(nodes)))
     if not near.size:
         return False
@@ -245,6 +254,7 @@ def sample_counts(
         )
         for scene in places:
             tests = ompl.tests(scene.world)
+            # The same seeds, scenes and edge tests on both sides: only the planners differ.
             runs = [
                 (ours(scene, k, method), theirs(scene, k, method, *tests))
                 for k in range(1, seeds + 1)
@@ -290,6 +300,7 @@ def sample_counts(
             mine = build_roadmap(scene.world, 4 * max(sizes), k, neighbours=10)
             free = mine.pairs[mine.status == FREE]
             for i, size in enumerate(sizes):
+                # A prefix of one roadmap: our samples are drawn in order.
                 nodes, pairs = mine.nodes[:size], free[free.max(axis=1) < size]
                 joined[0, i] += roadmap_joins(scene, nodes, pairs)
                 joined[1, i] += roadmap_joins(
@@ -322,6 +333,7 @@ def exactly_known() -> list[tuple[Scene, float]]:
     """
     start, goal, radius = scenes.START, scenes.GOAL, 2.0
     far = float(np.linalg.norm(goal - start)) / 2
+    # Tangent, arc, tangent around a disc in the middle between start and goal.
     around = 2 * math.sqrt(far**2 - radius**2) + radius * (math.pi - 2 * math.acos(radius / far))
     disc = Scene("one disc", planning.plane(scenes.SQUARE, [[5, 5, radius]]), start, goal, 1.0)
     wall = scenes.gap(0.1)
@@ -339,6 +351,7 @@ def settings(
     tests = ompl.tests(scene.world)
 
     def cut(k: int, rounds: int) -> tuple[float, Any]:
+        # The time of the shortcuts is added to that of the plan.
         result, rng = ours(scene, k), np.random.default_rng(k)
         assert result.path is not None
         begun = time.perf_counter()
@@ -391,6 +404,7 @@ def path_quality(
             for value in values:
                 runs = []
                 for k in range(1, seeds + 1):
+                    # Seconds times the share of the core that the thread had.
                     (spent, path), share = alone(method, k, value)
                     assert path is None or check_path(scene.world, path, scene.start, scene.goal)
                     runs.append(
@@ -419,6 +433,7 @@ def path_quality(
                     note=f"{scene.name:<9} {name:<22} {', '.join(pairs)}",
                 )
             )
+        # The fastest of all settings within the tolerance.
         spent, deviation, name, value = min(good)
         panel.series.append(
             Series(

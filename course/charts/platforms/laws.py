@@ -53,6 +53,7 @@ def platform_braking(
     for name, engine in here().items():
         x = [dt for dt in steps if name != "own code" or dt >= finest]
         y = [1.0 - stop(engine, 0.0, dt).distance / FULL for dt in x]
+        # Deviation from the first-order law of a step's braking.
         error = max(abs(s / theory.stopped_short(dt=dt) - 1.0) for s, dt in zip(y, x, strict=True))
         message = ", ".join(f"{1e3 * dt:g} ms {100 * s:.4f} %" for s, dt in zip(y, x, strict=True))
         series = on_one_another(name, name, x, y)
@@ -133,6 +134,7 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
         ratio = np.array([one.distance for one in result]) / FULL
         turned = np.degrees([one.turn for one in result])
         distance, turn = theory.stop(np.radians(degrees), CONES[label][2])
+        # Worst deviation over the headings, as a share of Coulomb's distance.
         error = 100 * np.max(np.abs(ratio - distance / FULL))
         report = f"{label}: from theory by {error:.2f} % of the way"
         report += f" and {np.max(np.abs(turned - np.degrees(turn))):.2f} deg at most; "
@@ -157,6 +159,7 @@ SOFT: dict[str, Any] = {
 def law_of_creep(impratio: float, scene: Scene, dt: float) -> float:
     """Return the theoretical creep speed of the first body [m/s], by MuJoCo's load and gap."""
     run = prepared(MuJoCo(), scene, dt, FAIR.using(impratio=impratio, **SOFT))
+    # After 0.4 s the load and the gap are those of steady creep.
     run.run(round(0.4 / dt))
     report = run.contacts()
     load = float(np.linalg.norm(report.tangential_force, axis=0)[0])
@@ -257,6 +260,7 @@ def platform_grasp(
                 answers.append(squeezed(engine, ratio, dt, settings)[0])
                 held[answers[-1]].append((ratio, 1e3 * dt))
             message = "".join("x" if good else "." for good in answers)
+            # More than one change along the squeeze means that there is no threshold.
             turns = sum(a != b for a, b in itertools.pairwise(answers))
             panel.notes.append(f"{label:<20} {1e3 * dt:g} ms: {message} ({turns} changes)")
         for good, words in ((True, "held"), (False, "falls")):
@@ -310,6 +314,7 @@ def platform_sag(
     for label, name, engine, settings in known(rows):
         x = [n for n in sizes if n <= at_most.get(name, n)]
         h = 1e-2 if name == "own code" else dt
+        # The sag is the position error, as the true tower does not sink.
         y = [max(position_error(engine, tower(n), h, settings), 1e-16) for n in x]
         message = ", ".join(f"{n} {1e6 * s:.4g}" for n, s in zip(x, y, strict=True))
         panel.series.append(

@@ -134,6 +134,7 @@ def scene_rows(name: str, dt: float, rounds: int = ROUNDS) -> list[list[Any]]:
         for settings in (FAIR, AS_SHIPPED) if engine.changes else (FAIR,):
             runs.append(prepared(engine, scene, dt, settings))
             samplers.append(again(runs[-1], steps))
+            # A first run that isn't timed: it warms the caches and gives the error.
             samplers[-1](1)
             error = scene.error(runs[-1].state(), steps * dt)
             within = "good" if error <= scene.tolerance else "misses"
@@ -142,10 +143,12 @@ def scene_rows(name: str, dt: float, rounds: int = ROUNDS) -> list[list[Any]]:
     unit = next(k for k, row in enumerate(rows) if row[1:3] == ["MuJoCo", "fair"])
     ratios: list[list[float]] = [[] for _ in rows]
     for turn in range(max(2, rounds)):
+        # MuJoCo, fair, is timed again in every round: ratios within a round cancel slow changes.
         own = samplers[unit](1)
         for k, (sampler, some) in enumerate(zip(samplers, ratios, strict=True)):
             if k == unit:
                 some.append(1.0)
+            # Slow motions are run twice only.
             elif turn < 2 or some[0] * own < SHORT:
                 some.append(sampler(1) / own)
     for run in runs:
@@ -189,6 +192,7 @@ def platforms_table(
         for engine_name in here():
             some = [row for row in rows if row[1:3] == [engine_name, how]]
             x = [list(scenes).index(row[0]) for row in some]
+            # An exact zero has no place on a logarithm.
             y = [max(row[4] / row[6], 1e-8) if error else row[7] for row in some]
             if some:
                 panel.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))

@@ -130,6 +130,7 @@ FIRST = {"semi_implicit_euler", "velocity_verlet", "rk4", "MuJoCo Euler", "MuJoC
 
 
 def _ours(problem: Problem, name: str, steps: tuple[int, ...]) -> Method:
+    # Evaluations are counted beforehand, so that counting does not slow the timed run.
     per_step = {n: evaluations_per_step(problem.system, name, problem.duration / n) for n in steps}
 
     def run(dt: float) -> Result:
@@ -141,6 +142,7 @@ def _ours(problem: Problem, name: str, steps: tuple[int, ...]) -> Method:
 
 
 def _mujocos(problem: Problem, question: Question, name: str, steps: tuple[int, ...]) -> Method:
+    # The model is compiled once; only its step size changes between runs.
     runner = question.ask_mujoco(problem.duration / steps[0], name)
 
     def run(dt: float) -> Result:
@@ -189,6 +191,7 @@ def work_precision(
         if names is None or method.name in names
     ]
     truth, _ = problem.truth(problem.duration)
+    # A reference by another route; `measure` compares it with the truth before it trusts either.
     check, _ = problems.tight_reference(
         problem.system, problem.duration, 1e-13 if problem.closed_form else 5e-14
     )
@@ -217,6 +220,7 @@ def your_method(name: str, step: Callable[..., Any], label: str = "yours") -> Me
     """
     problem, _ = _problem_and_question(name)
     steps = _STEPS[name][:5]
+    # Counted with one step size: an explicit step has the same number at any.
     per_step = evaluations_per_step(problem.system, step, problem.duration / steps[0])
 
     def run(dt: float) -> Result:
@@ -249,6 +253,7 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
     parameters = planar.box_parameters(
         1.0, *BOX_SIZE, restitution=BOX_RESTITUTION, friction=0.0, rest_speed=0.0
     )
+    # The second route to the truth: our own simulation with exact flight at 1 ms.
     fine, _ = planar.advance_boxes(BOX_START[:, None], parameters, 1e-3, 1000, integrator="rk4")
 
     def ours(label: str, integrator: str, resolve: bool) -> Method:
@@ -267,6 +272,7 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
         return Method(label, run, [BOX_DURATION / n for n in counts], unit="steps")
 
     def mujocos(name: str, contact: str, extra: bool = True) -> Method:
+        # One prepared model for each number of steps, as the contact depends on the step.
         runners = {
             n: mujoco_box.box_drop(
                 (0.5 * BOX_SIZE[0], 0.5 * BOX_SIZE[1]),
@@ -364,6 +370,7 @@ def table_at(
         for name in problems
         for steps in [round(outcome[name][0].duration / dt)]
     ]
+    # One step size for all, so that a row shows error and time of the same step.
     steps = round(BOX_DURATION / dt)
     requested.append(("box drop", "m", box_work_precision(repeats, (steps,)), steps))
     return [

@@ -44,6 +44,7 @@ def long_run_energy(
         with np.errstate(over="ignore", invalid="ignore"):
             energy = problems.pendulum_energy(path.q.T, path.v.T, system.params)
             error = np.abs(energy / energy[0] - 1.0)
+        # A diverged run counts as infinitely wrong.
         error[~np.isfinite(error)] = math.inf
         first, last = np.max(error[: steps // 100]), np.max(error[-(steps // 100) :])
         symplectic = INTEGRATORS[name].symplectic
@@ -51,6 +52,7 @@ def long_run_energy(
             Series(
                 LABELS[name] + (", symplectic" if symplectic else ""),
                 ends,
+                # The running maximum: a swing must not look like a recovery.
                 np.maximum.accumulate(error)[ends],
                 name,
                 "-" if symplectic else "--",
@@ -82,6 +84,7 @@ def pattern_growth(steps: Sequence[float]) -> float:
     for h in steps:
         product = np.array([[1.0 - h * h, h], [-h, 1.0]]) @ product
     trace = abs(float(np.trace(product)))
+    # Larger root of lambda^2 - trace lambda + 1.
     return 0.5 * trace + math.sqrt(0.25 * trace**2 - 1.0) if trace > 2.0 else 1.0
 
 
@@ -106,6 +109,7 @@ def measured_pattern(steps: Sequence[float], cycles: int) -> tuple[Array, float]
                 q, v = semi_implicit_euler(q, v, problems.oscillator_acceleration, h, params)
             energy[i + 1] = 0.5 * float(q[0] ** 2 + v[0] ** 2)
     half = cycles // 2
+    # Over the second half, when the growing direction dominates; energy is amplitude squared.
     growth = (energy[-1] / energy[half]) ** (0.5 / (cycles - half))
     return energy / energy[0], float(growth)
 
@@ -120,6 +124,7 @@ def resonant_pattern(long: float = 0.3, short: float = 0.1) -> list[float]:
         short: omega times the shorter step.
     """
     quarter = 0.5 * math.pi
+    # A step of h turns by 2 asin(h / 2): as many as a quarter of a turn takes.
     count = [round(quarter / (2.0 * math.asin(0.5 * h))) for h in (long, short)]
     return [long] * count[0] + [short] * count[1]
 
@@ -212,10 +217,12 @@ def symplectic_not_enough(
         lines=[("y", math.pi, "half a period wrong")],
     )
     every = 10
+    # Recorded every few steps: the phase is unwrapped, so it must not move by half a turn between.
     records = math.ceil(periods * 2.0 * math.pi / omega_dt / every)
     for name in ("semi_implicit_euler", "velocity_verlet", "implicit_midpoint", "rk4"):
         system = problems.oscillator(omega=1.0).system
         path = simulate(system, name, omega_dt, records * every, every)
+        # Phase of the numerical motion less the true one, without jumps of a full turn.
         error = np.unwrap(np.arctan2(-path.v[:, 0], path.q[:, 0])) - path.t  # positive: ahead
         turns = path.t / (2.0 * math.pi)
         right.series.append(
@@ -273,6 +280,7 @@ def spin_errors(update: str, angle: float, steps: Sequence[int]) -> tuple[Array,
     done = 0
     for n in steps:
         with np.errstate(over="ignore", invalid="ignore"):
+            # Continued from the last length: one run serves all numbers of steps.
             q = run(q, axis, angle, n - done, UPDATES.index(update))
         done = n
         size = float(np.sqrt(np.sum(q * q)))

@@ -46,6 +46,7 @@ def measured_limit(step_at: Callable[[float], Linear], rel: float = 1e-4) -> flo
     def is_stable(omega_dt: float) -> bool:
         return stability.is_stable_by_matrix(step_at(omega_dt), 2)
 
+    # Upwards in steps of 20 %: a bisection alone could miss an unstable range in between.
     low = 0.0
     values = np.append(np.arange(0.0, math.log(NO_LIMIT / 0.05), math.log(1.2)), math.log(2e4))
     for value in 0.05 * np.exp(values):
@@ -178,6 +179,7 @@ def growth_map(method: str, omega_dt: Array, zeta: Array) -> Map:
 
     def step(q: Array, v: Array, x: Array, z: Array) -> tuple[Array, Array]:
         # A step of 1 s at the natural frequency x.
+        # Frequency and damping vary over the map, with the step fixed at 1 s.
         params = np.concatenate([x, z])
         return INTEGRATORS[method].step(q, v, problems.oscillator_acceleration, 1.0, params)
 
@@ -193,6 +195,7 @@ def boundary_error(result: Map, method: str) -> float:
     worst = 0.0
     for edge, zeta in zip(result.boundary(), result.y, strict=True):
         theory = oscillator.limit(method, float(zeta))
+        # A limit below the map counts as 0, as the measured boundary does.
         if theory < result.x[0]:
             theory = 0.0
         if edge != theory and not (math.isinf(edge) and theory >= result.x[-1]):
@@ -254,6 +257,7 @@ class Mode:
 def mujoco_mode(integrator: str, omega_dt: float) -> Mode:
     """Return measured on MuJoCo's undamped spring, the eigenvalue of larger modulus."""
     matrix = stability.amplification(mujoco_step(integrator, omega_dt), 2)
+    # Eigenvalues of the measured step matrix; a complex pair has equal moduli.
     values = np.linalg.eigvals(matrix)
     return Mode.of(complex(values[int(np.argmax(np.abs(values)))]), omega_dt)
 
@@ -326,6 +330,7 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     middle.notes.append("what discrete does to an undamped spring:")
     for value in (0.01, 0.1, 0.3, 1.0):
         m, t = mujoco_mode("discrete", value), implicit_euler_mode(value)
+        # Growth per step to the power of the steps in a period.
         left_over = m.growth ** (2.0 * math.pi / value)
         middle.notes.append(
             f"  omega dt {value:5g}: damping ratio {m.damping:.4f} (theory {t.damping:.4f}), "
@@ -347,6 +352,7 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
         "Euler": lambda v: 2.0 * math.asin(0.5 * v) / v - 1.0,
     }
     for name in ("discrete", "Euler", "RK4"):
+        # Beyond its limit a method has no frequency to compare.
         stable = x < result[name]
         phase = np.array([m.phase for m in modes[name]])[stable]
         side = "too low" if phase[phase.size // 3] < 0.0 else "too high"

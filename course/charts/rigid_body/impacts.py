@@ -44,6 +44,7 @@ def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -
     # The mean step of the phases belongs to the mean error.
     dt = problem.duration / (np.array(steps) + 0.5 * (phases - 1))
 
+    # The closed form of the bouncing pendulum is the truth, for every number of steps.
     def error(name: str, n: int, handled: bool) -> float:
         end, _ = events.simulate_with_events(
             problem.system,
@@ -59,6 +60,8 @@ def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -
     for name in ("rk4", "velocity_verlet"):
         for handled, where in ((True, "time found in the step"), (False, "at the end of the step")):
             rows = [[error(name, n + j, handled) for j in range(phases)] for n in steps]
+            # Root mean square over the phases: a single phase could hit the wall at a step's end by
+            # luck.
             rms = np.sqrt(np.mean(np.square(rows), axis=1))
             order = np.polyfit(np.log(dt), np.log(rms), 1)[0]
             panel.series.append(
@@ -98,6 +101,7 @@ def point_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
         samples: balls, each with its own phase.
         rng: source of the phases.
     """
+    # A random phase of the first step, before the wall.
     start = -ratio * (1.0 + rng.random(samples))
     inside = np.zeros(samples, dtype=bool)
     for n in range(4 + math.ceil(2.0 / ratio)):
@@ -126,6 +130,7 @@ def swept_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
     for _ in range(samples):
         q, v = np.array([-ratio * (1.0 + rng.random())]), np.array([ratio])
         for _ in range(4):
+            # The time of impact is located within the step, so that the phase does not matter.
             q, v, _ = events.step_with_event(q, v, explicit_euler, free, 1.0, empty, gap, bounce)
         through += bool(q[0] > 0.0)
     return through / samples
@@ -170,10 +175,12 @@ def mujoco_through(
     """
     runner = mujoco_wall(thickness, radius, speed, dt, one_step)
     touch = 0.5 * thickness + radius
+    # Long enough to cross the wall several times over; a soft contact gets 0.2 s more to push back.
     steps = 4 + math.ceil(5.0 * touch / (speed * dt)) + (0 if one_step else math.ceil(0.2 / dt))
     through = 0
     shares = np.asarray(phases, dtype=float)
     for phase in shares:
+        # The start is shifted by fractions of a step's travel: the phases of the samples.
         runner.q0[0] = -touch - speed * dt * (1.0 + phase)
         q, _ = runner.run(steps)
         through += bool(q[0] > 0.0)
@@ -197,6 +204,7 @@ def stopping_time() -> float:
     """
     omega = math.sqrt(_IMPEDANCE) / (_IMPEDANCE * _TIME_CONSTANT)
     zeta = 1.0 / (_TIME_CONSTANT * omega)
+    # Deepest point of a damped oscillator that is hit with unit speed.
     return math.exp(-zeta * math.acos(zeta) / math.sqrt(1.0 - zeta**2)) / omega
 
 
@@ -218,6 +226,7 @@ def penetration_speed(
     def stopped(speed: float) -> bool:
         return mujoco_through(thickness, radius, speed, dt, spread, one_step) == 0.0
 
+    # Bracket the limit by theory, with room on both sides.
     high = (2.0 if one_step else 1.2) * touch / (dt if one_step else stopping_time())
     return limit(stopped, 0.2 * high, high, rel=5e-3)
 
@@ -249,6 +258,7 @@ def tunnelling(
         return float(miss_probability(ratio, 1.0))
 
     def stiff(ratio: float) -> float:
+        # Evenly spread phases with a common random shift (systematic sampling).
         spread = (np.arange(phases) + rng.random()) / phases
         return mujoco_through(thickness, radius, ratio * touch / dt, dt, spread, True)
 
@@ -291,6 +301,7 @@ def tunnelling(
         Series(
             "MuJoCo if every overlap pushed back: D = d + 2r",
             dense,
+            # As if a ball were pushed back wherever it overlaps: twice the effective thickness.
             miss_probability(dense, 2.0),
             "theory",
             "--",
@@ -422,6 +433,7 @@ def our_box_at_rest(
     box = planar.box_parameters(1.0, *_BOX, restitution=0.7, friction=0.5, rest_speed=rest_speed)
     state = np.array([[0.0], [0.3], [0.3], [0.0], [0.0], [0.0]])
     options: dict[str, Any] = {"integrator": integrator, "resolve_impacts": resolve_impacts}
+    # Five seconds to come to rest are not recorded.
     state, _ = planar.advance_boxes(state, box, dt, round(5.0 / dt), **options)
     steps = round(duration / dt)
     v = np.empty((3, steps))
@@ -464,6 +476,7 @@ def mujoco_box_at_rest(
     q, v = path.q[:, after], path.v[:, after]
     impacts = 0
     for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+        # Height of one corner; an impact is a change of its sign downwards.
         corner = q[1] + 0.5 * (a * _BOX[0] * np.sin(q[2]) + b * _BOX[1] * np.cos(q[2]))
         impacts += int(np.sum((corner[:-1] > 0.0) & (corner[1:] <= 0.0)))
     return Rest(f"MuJoCo {integrator}, {contact}", impacts / duration, _noise(v))
@@ -476,6 +489,7 @@ def zeno_end(
 
     It is sqrt(2 h / g) (1 + e) / (1 - e).
     """
+    # Geometric series of the flight times.
     return math.sqrt(2.0 * height / gravity) * (1.0 + restitution) / (1.0 - restitution)
 
 
@@ -498,6 +512,7 @@ def zeno_counts(
     )
     start = np.array([[0.0], [0.1 + height], [0.0], [0.0], [0.0], [0.0]])
     counts = []
+    # One step of any length: between events the flight is exact, so only the impacts cost.
     for t in times:
         _, result = planar.advance_boxes(
             start, box, float(t), 1, integrator="velocity_verlet", max_events=1000
@@ -562,6 +577,7 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
 
     height, restitution = 1.0, 0.7
     end = zeno_end(height, restitution)
+    # Log-uniform in the time left, since the bounces accumulate at the end.
     remaining = np.geomspace(1.0, 1e-6, points)
     theory = np.searchsorted(problems.bounce_times(height, restitution, 200), end - remaining)
     ours, cut = (zeno_counts(end - remaining, height, restitution, rest) for rest in (0.0, 0.01))

@@ -91,6 +91,7 @@ def mixed_states(n: int, groups: int = 20) -> Array:
     state = box_states(n)
     rough = planar.box_parameters(1.0, *BOX, restitution=0.5, friction=0.5)
     for i in range(groups):
+        # Every group is advanced to another moment: a few steps then meet all phases of the motion.
         part = slice(i, n, groups)
         steps = round((i + 0.5) / groups * DURATION / 1e-3)
         state[:, part], _ = planar.advance_boxes(
@@ -111,6 +112,7 @@ def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float
     result = errors(_STEPS[0])
     for dt, finer in itertools.pairwise(_STEPS):
         error, result = result, errors(finer)
+        # Two in a row, so that a lucky coarse step isn't taken for accurate.
         if error <= tolerance and result <= tolerance:
             return dt, error
     raise invalid("tolerance", tolerance, f"one that a step down to {_STEPS[-1]} s meets")
@@ -126,6 +128,7 @@ def box_contenders(samples: int = 24) -> list[Contender]:
     """
     horizon, restitution = 0.5, 0.5
     start = box_states(samples)
+    # Frictionless boxes have a reference that uses neither engine's contact solver.
     truth = np.array(
         [problems.frictionless_box(horizon, s, *BOX, restitution)[:2] for s in start.T]
     ).T
@@ -153,6 +156,7 @@ def box_contenders(samples: int = 24) -> list[Contender]:
                 return np.inf
             steps = round(horizon / dt)
             end, _ = engine(start, horizon / steps, 0.0)(steps)
+            # The median: a box that lands on its corner multiplies any error.
             return float(np.median(np.max(np.abs(end[:2] - truth), axis=0)))
 
         return error
@@ -175,6 +179,7 @@ def body_contenders(
 ) -> list[Contender]:
     """Return free bodies, each at the coarsest step that keeps the attitude to 1 mrad for 1 s."""
     start = body_states(samples)
+    # Reference with a step far below those compared.
     fine, _ = advance_bodies(*start, INERTIA, 5e-4, 2000)
 
     def ours(q: Array, v: Array, dt: float) -> Run:
@@ -225,8 +230,11 @@ def measure_rates(
     for n in sizes:
         whole = horizon if n < MIXED_FROM else None
         steps = [1 if whole is None else max(1, round(whole / c.dt)) for c in contenders]
+        # States and models are prepared before the clock starts.
         runs = [contender.prepare(n) for contender in contenders]
         samplers = [
+            # Without a horizon one call takes as many steps as fit; otherwise whole runs are
+            # repeated.
             batches(run, clock) if whole is None else calls(run, count, clock=clock)
             for run, count in zip(runs, steps, strict=True)
         ]
@@ -250,6 +258,7 @@ def memory_bandwidth(megabytes: int = 256) -> float:
     """Return bytes per second that a plain copy moves, read and written, best of five."""
     source = np.ones(megabytes * 131_072)
     (result,) = interleaved([calls(np.copyto, np.empty_like(source), source)])
+    # Read and written once each.
     return 2.0 * source.nbytes / result.best
 
 
@@ -259,6 +268,7 @@ def ratios(rates: Sequence[Rate], ours: str, theirs: str) -> tuple[float, float]
     Rates are (body-steps, simulated seconds) per second.
     """
     steps, seconds = (
+        # Each side at its best N.
         {name: max(by(r) for r in rates if r.contender.name == name) for name in (ours, theirs)}
         for by in (lambda r: r.steps_per_second, lambda r: r.seconds_per_second)
     )
@@ -269,6 +279,7 @@ def _limit_text(rates: list[Rate], name: str, bytes_per_body: int) -> str:
     """Return what limits a rate: bytes it must move if a body's state passes once per step."""
     bandwidth = memory_bandwidth()
     best = max(r.steps_per_second for r in rates if r.contender.name == name)
+    # Roofline argument: bytes that must move against those that a copy moves.
     share = best * bytes_per_body / bandwidth
     kind = "arithmetic and latency, not by memory" if share < 0.5 else "memory bandwidth"
     return (

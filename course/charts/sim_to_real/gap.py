@@ -34,6 +34,7 @@ def banded(label: str, x: Sequence[float], rates: Sequence[float], n: int, key: 
 @chart
 def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
     """Chart success on n tasks over the gap and the width of the tuning range, with the twin."""
+    # One set of tasks for all policies, which no tuning has seen.
     record, posed = recorded(), tasks(n, SEEN)
     panel = Panel("The real arm, 10 ms late", "gap", "success")
     for label, kind, k in (
@@ -79,6 +80,7 @@ def from_log(twin: Twin, seconds: float, seed: int, without: Sequence[str] = ())
 
     The columns named in `without` remain 0.
     """
+    # Deliberately wrong starts, so that the fit has to find the parameters.
     start = {name: 2.0 * logs.TRUTH[name] for name in "abd"} | {"c1": 0.1, "c2": 0.1, "f1": 0.3}
     start |= {"f2": 0.15, "delay": 0.005, "bias1": 0.0, "bias2": 0.0, "q1": 0.3, "q2": 1.2}
     start |= dict.fromkeys(without, 0.0)
@@ -97,6 +99,7 @@ def about(columns: Array) -> Callable[[int, np.random.Generator], Array]:
     def draw(n: int, rng: np.random.Generator) -> Array:
         factor = np.ones((12, n))
         factor[:9] = rng.uniform(0.8, 1.2, (9, n))
+        # The inertial parameters scale together.
         factor[1:3] = factor[0]
         return columns * factor
 
@@ -119,8 +122,10 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
 
     def law(k: int, observed: Array) -> Array:
         nonlocal last, v
+        # Filtered difference: the twin measures angles only.
         v, last = v + 0.5 * ((observed - last) / plants.DT - v), observed.copy()
         s, T = min(1.0, k * plants.DT / 0.5), 0.5
+        # Minimum-jerk (quintic) path from rest to rest.
         p, dp = s**3 * (10.0 - 15.0 * s + 6.0 * s * s), 30.0 * (s * (1.0 - s)) ** 2 / T
         desired = (
             posed.start + p * distance,
@@ -180,6 +185,7 @@ def robot_time(
         panel.series.append(banded(label, x, rows.mean(axis=1), n))
 
     def trial(sets: Array, turn: int) -> sim_to_real.Outcome:
+        # New tasks in every round, the same for all candidates.
         some = [twin.rollouts(gains, tasks(8, 1000 + turn)) for gains in sets.T]
         names = ("success", "inside", "error", "reason")
         return sim_to_real.Outcome(*(np.array([getattr(one, x) for one in some]) for x in names))
@@ -217,6 +223,7 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
         sets = [tune(home, seed, rounds=rounds).gains for seed in range(seeds)]
         return float(rollouts(other, np.array(sets).T, posed).rate.mean())
 
+    # All 2^5 subsets, so that order effects and Shapley's average can be computed.
     value = {some: rate(some) for some in sim_to_real.subsets(PARTS)}
     panel = Panel("All 32 partly mended simulators", "parameters mended", "success at gap 1")
     panel.series.append(Series("", [len(some) for some in value], list(value.values()), style=""))
@@ -269,6 +276,7 @@ def swings(gains: Array, late: float, elbow: float = 1.2, dry: float = 0.0, **fr
     body[[5, 6, 8], 0] = free.get("f1", 1e3), dry, late
     small = plants.Tasks(start, plants.tip(start + [[0.0], [1e-3]]))
     q = sim_to_real.watch(body, gains, small).q[1, 0]
+    # The swing of the second part of the run against the first.
     return bool(np.ptp(q[68:]) > min(np.ptp(q[45:68]), 5e-3))  # growing, or grown
 
 
@@ -291,6 +299,7 @@ def late_commands(n: int = 200, points: int = 31, observed: int = 64) -> Iterato
     ).T
     grid = Map(1e3 * late, factors, 2.0 * fails, quantity="share that fails, over a half")
     limits = np.array([delay_limit(gains, f) for f in factors])
+    # The delay at which half of the tasks fail, interpolated.
     seen_limit = [float(np.interp(0.5, row, late)) for row in fails]
     ratio = np.array(seen_limit) / limits
     bent = {elbow: arm_limit(gains, elbow) for elbow in (0.8, 1.2, 1.6, 2.0)}

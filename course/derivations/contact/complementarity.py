@@ -42,6 +42,7 @@ def contact_velocity_jumps(result):
         v = solve(model, _ball(-1e-9, -speed, step)).velocity[0]
         return (v + speed) / speed > 0.5
 
+    # Steps over three decades: a velocity that jumps must do so however short the step is.
     speeds, steps = result.rng.uniform(0.5, 3.0, 8), 10 ** result.rng.uniform(-7, -4, 8)
     soft = solve("soft", _ball(-1e-9, -1.0, dt)).velocity[0] + 1.0
     result.measure("soft_share", soft, tolerance=1e-3)
@@ -54,6 +55,7 @@ def contact_velocity_jumps(result):
             lost(m, *row) for m in ("soft", "penalty") for row in zip(speeds, steps, strict=True)
         ],
     )
+    # A smooth force changes the velocity in proportion to the step.
     shorter = solve("soft", _ball(-1e-9, -1.0, 0.1 * dt)).velocity[0] + 1.0
     result.correction_holds(abs(shorter / soft - 0.1) < 0.02)
 
@@ -68,9 +70,12 @@ def contact_velocity_jumps(result):
 def one_of_force_and_gap_is_zero(result):
     from course.contact import scenes, solve
 
+    # Four legs, three equations of balance: statically indeterminate, so a basic solution leaves
+    # one idle.
     table = solve("lcp", scenes.table((0.1, 0.05)).problem(0.01))
     end = np.abs(table.velocity).max()
     idle = result.measure("idle", np.sum(np.abs(table.impulses[:, 0]) < 1e-9))
+    # Gap zero and separating: the case in which gap and force both vanish.
     thrown = [solve(m, _ball(0.0, v, 1e-3)).impulses[0, 0] for m in RIGID for v in (0.1, 1.0)]
     result.statement = f"The table stays (velocity {end:.0e}) and {idle} of its touching legs idle."
     soft = scenes.run(scenes.ball_drop(0.0), "soft", 2e-3, 500)
@@ -98,7 +103,9 @@ def never_both_positive(result):
 
     force = solve("soft", _ball(gap, 0.0, 1e-3), margin=margin).impulses[0, 0] / 1e-3
     result.measure("force_n", force, tolerance=1e-6)
+    # Gaps within the margin of 10 mm, at rest, so that none of them closes within the step.
     gaps = result.rng.uniform(1e-3, 8e-3, 8)
+    # 0.1 mm above the ground at 1 m/s and 1 ms: the gap closes within the step.
     closing = solve("lcp", _ball(1e-4, -1.0, 1e-3)).impulses[0, 0]
     result.statement = f"MuJoCo's model, 1 kg at rest {gap:g} m above the ground: {force:.3f} N."
     result.statement_holds(
@@ -140,6 +147,7 @@ def potential_of_contact(result):
 
     m, g, k, c = sympy.symbols("m g k c", positive=True)
     q, f = sympy.symbols("q f", real=True)
+    # KKT conditions of minimising V subject to phi >= 0; f is the multiplier.
     lagrangian = k * q**2 / 2 + m * g * q - f * (q + c)
     result.formula = sympy.solve(sympy.diff(lagrangian, q).subs(q, -c), f)[0]
     # Minima of U = f phi: the gradient (phi, f) vanishes or points inwards at any f if phi = 0.
@@ -169,6 +177,7 @@ def contact_law_is_set_valued(result):
     from course.contact import scenes, solve
 
     low, high = result.input("low_n", 1.0), result.input("high_n", 1000.0)
+    # Three decades of load at the same gap and the same velocity.
     loads = np.geomspace(low, high, 12)
     base = scenes.ball_drop(0.0)
     answers = [solve("coulomb", replace(base, force=np.array([-x])).problem(1e-3)) for x in loads]
@@ -193,6 +202,8 @@ def contact_is_an_lcp(result):
     def linear(angle, mu, degrees):
         t = np.radians(degrees)
         problem = scenes.block(angle, mu, (np.cos(t), np.sin(t))).problem(0.01)
+        # The defect measures the violation of Coulomb's law with the round cone, which the LCP does
+        # not know.
         return defect(problem, solve("lcp", problem).impulses)
 
     def planar(seed):
@@ -214,6 +225,7 @@ def contact_is_an_lcp(result):
         only_if="there is no friction, friction in one direction only, or a pyramid instead of "
         "the cone",
         inside=[planar(mu) for mu in mus] + [linear(0.0, 0.0, a) < 1e-9 for a in 90 * mus],
+        # Directions between the pyramid's edges; along an edge cone and pyramid coincide.
         outside=[linear(0.0, mu, a) < 1e-9 for mu, a in zip(mus, 10 + 70 * mus, strict=True)],
     )
     result.correction_holds(between > 1e-3, missed > 1.0)
@@ -251,6 +263,7 @@ def velocity_lcp_without_gap(result):
     def stops(gap):
         """Return whether the printed law, without a gap, and the step disagree with free fall."""
         problem = _ball(gap, -1.0, 1e-3)
+        # Lemke's pivoting solves the law as printed, with the velocity alone on the right side.
         z = lemke(problem.delassus, problem.rows @ problem.free)[0]
         return abs(problem.after(z[:, None])[0]) < 1e-12
 
@@ -266,6 +279,7 @@ def velocity_lcp_without_gap(result):
             scenes.ball_drop(gap), v=np.array([-speed]), restitution=restitution
         ).problem(1e-3)
         z = lemke(ball.delassus, ball.rows @ ball.free)[0]
+        # 1e-5 m/s covers the gaps of up to 2 nm, which phi / h turns into 2e-6 m/s.
         return abs(ball.after(z[:, None])[0] - solve("lcp", ball).velocity[0]) < 1e-5
 
     result.statement = (
@@ -298,6 +312,7 @@ def penalty_is_a_step(result):
         problem = _ball(gap, u, 1e-3)
         return solve("penalty", problem, stiffness=5000.0, damping=b).impulses[0, 0] / 1e-3
 
+    # Ever closer to touch: a step would keep its height, a ramp falls with the distance.
     tiny = 10 ** result.rng.uniform(-12, -7, 8)
     ramp = max(force(-x, 0.0, 0.0) - force(x, 0.0, 0.0) for x in tiny)
     jump = result.measure("jump_n", force(-1e-12, -speed, damping) - force(1e-12, -speed, damping))
@@ -321,6 +336,7 @@ def contact_gradients_vanish(result):
     def push(p):
         return slope(lambda s: pushed(s, "rigid"), p, 1e-5)
 
+    # Central differences on either side of the speed at which the finger reaches the block.
     before = [push(p) for p in result.rng.uniform(0.05, 0.19, 4)]
     after = [push(p) for p in result.rng.uniform(0.21, 0.5, 4)]
     result.measure("after_s", np.median(after), tolerance=1e-2)
@@ -360,8 +376,10 @@ def penalty_is_differentiable(result):
     def end(speed):
         return pushed(speed, "penalty", 1e-3 * step)
 
+    # The median ignores the few samples whose differences straddle a jump.
     slopes = [slope(end, p, 1e-5) for p in result.rng.uniform(0.3, 0.5, 15)]
     along = result.measure("slope_s", np.median(slopes), tolerance=0.02)
+    # The secant over the range contains the jumps that the local slopes miss.
     whole = result.measure("rise_s", (end(0.5) - end(0.3)) / 0.2, tolerance=0.02)
 
     def force(gap):

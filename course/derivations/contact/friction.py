@@ -39,6 +39,7 @@ def below_the_limit_sticks(result):
     share = result.input("slope", 0.4)
 
     def sticks(model, mu, part, **options):
+        # The limiting slope is arctan(mu); part scales its tangent.
         scene = scenes.block(np.arctan(mu * part), mu)
         moved = scenes.run(scene, model, 0.002, 100, **options)
         return bool(np.abs(moved.v[0, -1]) < 1e-9)
@@ -51,6 +52,7 @@ def below_the_limit_sticks(result):
         return bool(np.abs(moved.v[:2, -1]).max() < 1e-9)
 
     mus, parts = result.rng.uniform(0.2, 1.2, 8), result.rng.uniform(0.1, 0.95, 8)
+    # From 90 % of the limit and at 20 to 69 degrees to an edge, where the pyramid is weaker.
     aside = result.rng.uniform((0.2, 0.9, 0.35), (1.2, 0.99, 1.2), (8, 3))
     creep = scenes.run(
         scenes.block(np.arctan(0.5) * share, 0.5), "soft", 0.002, 500, cone="elliptic"
@@ -74,6 +76,7 @@ def below_the_limit_sticks(result):
     result.correction_holds(
         creep > 1e-4,
         not any(above),
+        # Exactly at the limit, the case that "below" and "at" disagree about.
         all(sticks(m, a, 1.0) for m in RIGID for a in mus[:4]),
     )
 
@@ -117,6 +120,7 @@ def mujoco_creeps(result):
     state = contact.contact_state(runner)
     assert state is not None
     softness = Softness(cone="elliptic")
+    # R and b from the course's own model of MuJoCo's rows; the creep speed is measured in MuJoCo.
     compliance = rows_of(state.problem, contact.Options().softness(state.weight)).compliance[1]
     damping = softness.stiffness(softness.solref, 0.002)[1]
     theory = float(
@@ -124,6 +128,7 @@ def mujoco_creeps(result):
     )
     mu = result.input("mu", 0.5)
     slippery = 1e3 * _creep(mu=2 * mu, angle=angle)
+    # impratio divides the compliance of the friction rows, so ten times it is a tenth of the creep.
     tenth = creep / (1e3 * _creep(impratio=10.0, angle=angle))
     shorter = 1e3 * _creep(solref=(0.01, 1.0), angle=angle)
 
@@ -174,6 +179,7 @@ def more_friction_holds_the_glass(result):
     needed = float(result.formula.subs({m: 0.2, g: scenes.GRAVITY, F: 5}))
 
     def falls(model, share):
+        # 1 mm/s within 0.2 s tells a fall from numerical creep even at 0.1 % below the limit.
         return scenes.run(scenes.pinch(5.0, share * needed), model, 0.01, 20).v[3, -1] < -1e-3
 
     def creep(times, cone="elliptic"):
@@ -190,6 +196,8 @@ def more_friction_holds_the_glass(result):
     result.correction_holds(
         all(falls(model, 0.999) for model in RIGID),
         not any(falls(model, 1.001) for model in RIGID),
+        # From just above the friction needed to eight times it: the creep of the elliptic cone is
+        # unchanged.
         *[abs(creep(x) / slow - 1) < 1e-2 for x in (1.02, 4.0, 8.0)],
         slow < four < two < eight,
     )
@@ -295,9 +303,11 @@ def friction_has_a_step_limit(result):
         The share is of 2 v_s / (mu g), as if it could not; the moment of inertia is over m r^2.
         """
         radius, dt = 0.1, share * 2 * slip / (mu * scenes.GRAVITY)
+        # omega dt is 0.14, far below 2, so that the spring cannot cause the instability.
         stiffness = 0.02 / dt**2
         ball = scenes.Scene(
             np.diag([1.0, 1.0, moment * radius**2]),
+            # One contact; its tangential velocity is v_x + r omega.
             np.array([[[0.0, 1.0, 0.0], [1.0, 0.0, radius]]]),
             np.zeros(1),
             np.array([0.0, -scenes.GRAVITY, 0.0]),
@@ -306,6 +316,7 @@ def friction_has_a_step_limit(result):
             np.array([0.3 * slip, 0.0, 0.0]),
         )
         options = {"stiffness": stiffness, "damping": 0.0, "slip": slip}
+        # The last 50 of 400 steps: what decays has decayed, what trembles is on its limit cycle.
         v = scenes.run(ball, "penalty", dt, 400, **options).v[:, -50:]
         return np.abs(v[0] + radius * v[2]).max() / slip
 
@@ -342,6 +353,7 @@ def friction_has_a_step_limit(result):
             rolling(mu, slip, share * mass, i) < 1e-3
             for (mu, slip, share), mass, i in zip(draws, masses, moments, strict=True)
         ],
+        # From 2 % above the limit, with the same friction and slip speeds as inside.
         outside=[remaining(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws]
         + [
             rolling(mu, slip, 1.05 * mass, i) < 1e-3
@@ -371,6 +383,7 @@ def condim_4_is_the_full_cone(result):
     from course.oracles.mujoco import contact
 
     def path(cone, condim):
+        # Halfway between two edges, where pyramid and cone differ most.
         velocity = (np.sqrt(0.5), np.sqrt(0.5))
         options = contact.Options(cone=cone, condim=condim)
         return np.linalg.norm(contact.block(options, 0.0, velocity, -1e-4).run(200)[0][:2])
@@ -386,6 +399,7 @@ def condim_4_is_the_full_cone(result):
     retained, lost = spin(3), spin(4)
     result.measure("spin_left_rad_s", retained, tolerance=1e-9)
     result.statement = f"10 rad/s after 0.4 s: condim 3 {retained:.3f}, condim 4 {lost:.1e} rad/s."
+    # The counterexample: a cylinder on several contacts of condim 3 stops spinning.
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><geom type="plane" size="9 9 1"/><body pos="0 0 .02"><freejoint/>'
         '<geom type="cylinder" size=".1 .02" condim="3"/></body></worldbody></mujoco>'
@@ -416,6 +430,7 @@ def condim_1_is_frictionless(result):
         options = contact.Options(condim=1, friction=(mu, 0.005, 0.0001))
         return contact.block(options, 0.0, (speed, 0.0)).run(200)[1][0] == speed
 
+    # Exact equality: a frictionless contact adds nothing to the tangential velocity.
     draws = [retained(*row) for row in result.rng.uniform((0.0, 0.1), (2.0, 3.0), (8, 2))]
     braked = contact.block(contact.Options(), 0.0, (1.0, 0.0)).run(200)[1][0]
     result.measure("with_condim_3_m_s", braked, tolerance=1e-6)
@@ -438,6 +453,7 @@ def default_friction(result):
         model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
+        # Read from the contact that MuJoCo made, not from the model's geoms.
         return float(data.contact[0].friction[0])
 
     default = result.measure("default", friction("", ""))
@@ -458,6 +474,8 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5, start=(-1e-12, -1.0)):
     """
     from course.contact.models import penalty_force
 
+    # The step 1e-5 s is a thousandth of 1 / omega, so the integration error stays below the
+    # tolerances.
     omega = np.sqrt(stiffness)
     damping = 2.0 * zeta * omega
     (x, v), force = start, np.zeros(1)
@@ -465,6 +483,7 @@ def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5, start=(-1e-12, -1.0)):
         penalty_force(-x, np.array([v]), stiffness, -sign * damping, np.zeros(0), 1.0, pull, force)
         v += dt * force[0]
         x += dt * v
+        # Height above zero means that the ball has left; without gravity it won't return.
         if x > 0.0:
             return v
     return np.nan
@@ -481,6 +500,8 @@ def damping_makes_things_stick(result):
 
     def tears(zeta):
         """Return the speed apart at 1 mm depth beyond which the damper loses the bodies [m/s]."""
+        # Slow and fast mode of the overdamped oscillator: the position overshoots zero only if the
+        # start is faster than the fast eigenvalue times the depth.
         return 1e-3 * 100.0 * (zeta + np.sqrt(zeta**2 - 1))
 
     remaining = result.measure("left", _hit(1.0, False), tolerance=1e-2)
@@ -494,6 +515,7 @@ def damping_makes_things_stick(result):
         "faster than (zeta + sqrt(zeta^2 - 1)) omega times their depth",
         inside=[bool(np.isnan(_hit(z, True))) for z in zetas]
         + [bool(np.isnan(_hit(z, True, start=(-1e-3, 0.95 * tears(z))))) for z in zetas],
+        # A force clipped at zero, and underdamped contacts: both must part.
         outside=[bool(np.isnan(_hit(z, False))) for z in zetas]
         + [bool(np.isnan(_hit(z, True))) for z in 0.3 * zetas]
         # Chosen to break it: bodies that start in contact and part fast.
@@ -513,6 +535,7 @@ def penalty_law_has_a_plus(result):
     zeta = result.input("zeta", 0.1)
     gain = result.measure("gain", _hit(zeta, False, sign=1.0), tolerance=1e-2)
     loss = _hit(zeta, False)
+    # With the right sign every damping ratio must lose speed.
     zetas = result.rng.uniform(0.05, 0.6, 8)
     result.statement = f"1 m/s comes back as {gain:.3f} m/s with a plus, {loss:.3f} with a minus."
     result.statement_holds(gain <= 1.0)
@@ -538,8 +561,10 @@ def damper_damps(result):
     def swing(ratio, share):
         """Return the height [m] over which a ball that starts off its rest still swings."""
         h = share * step_limit(ratio, "semi-implicit") / 100.0
+        # It starts 0.5 m g / k below its rest depth, so that the contact stays closed.
         scene = scenes.ball_drop(-1.5 * scenes.GRAVITY / 1e4)
         path = scenes.run(scene, "penalty", h, 600, stiffness=1e4, damping=200.0 * ratio)
+        # After 500 steps the swing of a stable contact is gone, for the damping ratios sampled.
         return np.ptp(path.q[0, -100:])
 
     def gains(ratio, share, drop):
@@ -548,6 +573,7 @@ def damper_damps(result):
         path = scenes.run(
             scenes.ball_drop(drop), "penalty", h, 1500, stiffness=1e4, damping=200.0 * ratio
         )
+        # Energy over that of the drop; the spring's is left out, so in contact it is a lower bound.
         energy = 0.5 * path.v[0] ** 2 + scenes.GRAVITY * path.q[0]
         return energy.max() / (scenes.GRAVITY * drop)
 

@@ -69,6 +69,7 @@ def aabb_all_axes(result):
     # A point that both hold: the middle of the common interval, on every axis.
     low = np.maximum(boxes[0][:, i], boxes[0][:, j])
     high = np.minimum(boxes[1][:, i], boxes[1][:, j])
+    # The pruned search must report as many pairs as the exhaustive one.
     missed = contact.brute_force(boxes)[0].shape[1] - i.size
     poses = random_poses(result.rng, 400, 1.0)
     i, j = contact.overlapping_pairs(contact.bounds(rod, poses))
@@ -102,8 +103,10 @@ def aabb_six_numbers(result):
     def cost(low, edge):
         watched = _Watched(np.stack((low, low + edge)))
         overlap = broad.aabb_overlap(watched, 0, 1)
+        # Every comparison reads two numbers.
         return overlap, len(set(watched.read)), len(watched.read) // 2
 
+    # Overlapping boxes are the worst case: no axis ends the test early.
     overlap, numbers, comparisons = cost(np.array([[0.0, 0.5]] * 3), 1.0)
     result.measure("numbers", numbers)
     result.measure("comparisons", comparisons)
@@ -143,6 +146,7 @@ def aabb_listing_two_axes(result):
         if listing(boxes[0, :, i], boxes[1, :, i], boxes[0, :, j], boxes[1, :, j])
     }
     true = set(map(tuple, contact.brute_force(boxes)[0].T.tolist()))
+    # The same exhaustive search in the plane, which is what the listing computes.
     flat = set(map(tuple, contact.brute_force(boxes[:, :2])[0].T.tolist()))
     result.measure("false_percent", 100.0 * len(reported - true) / len(reported), 0.02)
     result.statement = f"{len(reported)} pairs reported among 60 boxes, {len(true)} overlap."
@@ -175,6 +179,7 @@ def brute_force_pairs(result):
         sympy.summation(n - 1 - sympy.symbols("i"), (sympy.symbols("i"), 0, n - 1))
     )
     objects = result.input("objects", 100)
+    # The sum is compared with the code's own counter, also at the smallest number of bodies.
     tests = [contact.brute_force(np.zeros((2, 3, size)))[1] for size in (objects, 2, 57)]
     result.measure("tests", tests[0])
     result.statement = "The tests of `brute_force`, counted, and the sum."
@@ -194,6 +199,8 @@ def _exponent(crowd, sizes=(500, 4000)):
     sweeps = [contact.SweepAndPrune(axis=0) for _ in sizes]
     for sweep, n in zip(sweeps, sizes, strict=True):
         sweep.pairs(crowd(n))
+    # Slope of the tests over the number of boxes in a log-log plot; counts do not depend on the
+    # machine.
     return float(np.polyfit(np.log(sizes), np.log([sweep.tests for sweep in sweeps]), 1)[0])
 
 
@@ -216,6 +223,8 @@ def sweep_and_prune_n_log_n(result):
 
     def with_long_ones(n):
         boxes = _row(result.rng, n)
+        # One box of ten is half as long as the row, so that the intervals of most pairs with it
+        # overlap.
         grown = n / 4 * (result.rng.random(n) < 0.1)
         boxes[0, 0], boxes[1, 0] = boxes[0, 0] - grown, boxes[1, 0] + grown
         return boxes
@@ -235,6 +244,8 @@ def sweep_and_prune_n_log_n(result):
         outside=[exponent <= largest for exponent in (*spread, *long)],
     )
     result.correction_holds(
+        # In a cube of side N^(1/3) a box overlaps N^(2/3) others on one axis, in a layer N^(1/2).
+        # The tolerance covers effects of the boundary at finite N.
         abs(crowds["spread"] - 5 / 3) < 0.06,
         abs(crowds["settled"] - 3 / 2) < 0.06,
         abs(crowds["aligned"] - 2) < 0.06,
@@ -268,8 +279,10 @@ def _pile(geom, width, shape, count, seed=1):
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 300)
     poses = data.qpos.reshape(count, 7).T.copy()
+    # Unit quaternions, whatever rounding the last integration left.
     poses[3:] /= np.linalg.norm(poses[3:], axis=0)
     i, j = contact.overlapping_pairs(contact.bounds(shape, poses))
+    # Within 1 mm counts as touching, because soft contacts rest at small positive or negative gaps.
     near = contact.distance(shape, poses[:, i], shape, poses[:, j]).distance <= 1e-3
     speed = np.abs(data.qvel.reshape(count, 6)[:, :3]).max(axis=1)
     return i.size, int(near.sum()), float(np.median(speed))
@@ -293,6 +306,7 @@ def pile_of_a_hundred(result):
     bodies = result.input("bodies", 100)
     remaining, speeds = {}, []
     for name, (geom, shape) in scenes.items():
+        # The pile is chaotic, so the record allows 15 %.
         count, touching, speed = _pile(geom, 0.2, shape, bodies)
         remaining[name] = result.measure(name, count, 0.15)
         result.measure(f"{name}_touch", touching, 0.15)
@@ -307,6 +321,7 @@ def pile_of_a_hundred(result):
     result.statement_holds(all(150 <= count <= 250 for count in remaining.values()))
     result.correction_holds(
         remaining["rods"] > 2 * max(remaining["balls"], remaining["cubes"]),
+        # The counts are of a pile at rest, not of bodies that still fall.
         max(speeds) < 0.1,
         remaining["balls"] > max(remaining["cubes"], again),
     )
@@ -330,7 +345,11 @@ def gjk_minkowski(result):
     offsets = result.rng.uniform(-1.0, 1.0, (60, 3))
     agree, inside = [], []
     for a, b, offset in zip(*clouds, offsets, strict=True):
+        # The Minkowski difference of two point sets: every vertex of its hull is a difference of
+        # vertices.
         difference = (a[:, :, None] - (b + offset[:, None])[:, None, :]).reshape(3, -1)
+        # The origin is inside a hull if no facet's half-space excludes it. Qhull is independent of
+        # GJK.
         holds = bool((ConvexHull(difference.T).equations[:, 3] <= 0.0).all())
         apart = contact.distance(contact.points(a), _still(), contact.points(b), _still(*offset))
         agree.append(bool((apart.distance <= 0.0) == holds))
@@ -338,11 +357,13 @@ def gjk_minkowski(result):
     plates, corners = _angle()
     ball, place = contact.sphere(0.02), np.tile(_still()[:, None], 200)
     place[:3] = result.rng.uniform((0.0, -0.4, 0.05), (0.3, 0.4, 0.3), (200, 3)).T
+    # The union of two convex plates is the truth for the L-shaped profile.
     clear = np.min([contact.distance(p, at, ball, place).distance for p, at in plates], 0) > 0.0
     observed = contact.distance(contact.points(corners), _still(), ball, place).distance <= 0.0
     result.measure("clear_percent", 100.0 * clear.mean(), 0.02)
     wrong = result.measure("wrong_percent", 100.0 * (observed & clear).mean(), 0.02)
     result.measure("share_inside", np.mean(inside), 0.02)
+    # Both outcomes must occur among the samples, or agreement would prove little.
     result.statement = "60 pairs of random hulls against the hull of all differences by Qhull."
     result.statement_holds(all(agree))
     result.correction_holds(
@@ -386,6 +407,7 @@ def coal_is_the_truth(result):
 
     def compared(a, b, qa, qb):
         """Return exact distances, our largest error over the size, and Coal's distances."""
+        # Enumeration of all feature pairs needs no iteration, so it has no tolerance of its own.
         truth = contact.enumerated(a, qa, b, qb)
         error = np.abs(contact.distance(a, qa, b, qb).distance - truth).max() / (a.size + b.size)
         return truth, error, coal.Pair(a, b, None).distances(qa, qb)
@@ -393,16 +415,19 @@ def coal_is_the_truth(result):
     tight = result.input("tight", 1e-12)
     n, cube = 500, contact.box([0.5] * 3)
     aligned, beside = (np.tile(_still()[:, None], n) for _ in range(2))
+    # Gaps over eight decades, log-uniform, to bracket the tolerance at which Coal reports contact.
     beside[0] = 1.0 + 10.0 ** result.rng.uniform(-9.0, -1.0, n)
     beside[1:3] = result.rng.uniform(-0.4, 0.4, (2, n))
     result.measure("usual", coal.Pair(cube, cube, None).request.gjk_tolerance, 1e-9)
     gap, near, coals = compared(cube, cube, aligned, beside)
     touch = result.measure("touch_um", 1e6 * gap[coals <= 0.0].max(), 0.05)
+    # A ratio of sizes of a million makes a relative tolerance visible as an absolute error.
     big, small = contact.box([500.0] * 3), contact.box([5e-4] * 3)
     pose = random_poses(result.rng, n, 700.0)
     truth, far, other = compared(big, small, aligned, pose)
     missed = result.measure("far_um", 1e6 * np.abs(other - truth).max(), 0.5)
     ours = result.measure("ours", max(near, far, 1e-15), 0.5)
+    # Each in a new process: the library stores a static factor at the first query.
     first, turned = (
         abs(
             float(
@@ -450,6 +475,7 @@ def epa_gives_the_contact(result):
         place = _still(x=aside, z=middle - sunk)
         return bool(contact.distance(slab, _still(), ball, place).normal[2] > 0.5)
 
+    # Bisection of the depth at which the shortest way out changes sides.
     low, high = 0.0, 2.0 * middle
     while high - low > 1e-9:
         low, high = ((low + high) / 2, high) if back((low + high) / 2) else (low, (low + high) / 2)
@@ -464,6 +490,7 @@ def epa_gives_the_contact(result):
         "way out at the wall's edges",
         inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)]
         + [back(share * middle, 0.9) for share in result.rng.uniform(0.01, 0.999, 4)],
+        # From just beyond the middle: there the way in and the way out differ least.
         outside=[back(share * middle) for share in result.rng.uniform(1.001, 1.9, 12)]
         # Chosen to break it: at the edge of the wall the shortest way out is sideways.
         + [back(share * middle, 0.999) for share in result.rng.uniform(0.9, 0.999, 4)],
@@ -492,6 +519,8 @@ def circle_test_concentric(result):
 
     places = result.rng.uniform(-1.0, 1.0, (30, 2))
     a, b = contact.sphere(0.7, 2), contact.sphere(0.5, 2)
+    # At random offsets the listing and our distance must agree, so only the concentric case
+    # differs.
     ours = [contact.distance(a, (0, 0, 0), b, (*p, 0)).distance for p in places]
     theirs = [listing(np.zeros(2), 0.7, p, 0.5)[0] for p in places]
     depth, normal = listing(np.zeros(2), 0.7, np.zeros(2), 0.5)
@@ -523,7 +552,9 @@ def circles_once_a_step(result):
     def flights(low, high, n=40):
         """Return whether a test per step and whether the time of impact see each random hit."""
         h = result.rng.uniform(0.0, 0.75, n)
+        # In units of the chord over which the discs overlap, which is the claimed limit.
         step = 2.0 * np.sqrt(0.8**2 - h**2) * result.rng.uniform(low, high, n)
+        # A random phase of the first test within its step.
         start = -1.0 - step * result.rng.uniform(0.0, 1.0, n)
         observed = []
         for x, dx, y in zip(start, step, h, strict=True):
@@ -536,6 +567,7 @@ def circles_once_a_step(result):
         return observed, bool(np.isfinite(when).all())
 
     inside, all_inside = flights(0.1, 1.0)
+    # From 0.1 % above the chord, where a miss is rarest.
     outside, all_outside = flights(1.001, 3.0)
     result.measure("missed_percent", 100.0 * (1.0 - np.mean(outside)), 0.02)
     result.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
@@ -579,6 +611,7 @@ def soft_wall(result):
 
     def unseen(speed):
         """Return whether some phase of a test a step misses the ball."""
+        # A fast ball is missed only at some phases of the step, so all phases are tried.
         return any(checked(dt, speed, phase) for phase in np.linspace(0.0, 1.0, 401))
 
     def through(speed, step):
@@ -591,6 +624,7 @@ def soft_wall(result):
     result.statement = "Bisected over the speed, the ball's start shifted by thirds of a step."
     result.statement_holds(limits[0] > 2 * limits[2])
     result.correction_holds(
+        # 5 %: the theory takes continuous time and a constant impedance, MuJoCo has neither.
         *[abs(limit / soft - 1.0) < 0.05 for limit in limits],
         abs(soft / (math.e * (radius + wall / 2) / 0.02) - 1.0) < 1e-6,
         abs(geometric * dt / (2 * radius + wall) - 1.0) < 0.02,
@@ -661,6 +695,7 @@ def concave_mesh_is_its_hull(result):
         f"MuJoCo's contact is {1000 * depth:.2f} mm deep, the hull's {-1000 * hull:.2f}."
     )
     result.statement_holds(depth == 0.0)
+    # Two independent distances: from the legs (the true shape) and from the hull of all corners.
     result.correction_holds(free > 0.05, depth > 0.0, abs(depth + hull) < 1e-6)
 
 
@@ -690,7 +725,9 @@ def mug_and_its_hull(result):
     hull = ConvexHull(vertices.T)
     faces = result.measure("faces", len(hull.simplices))
 
+    # Off the axis, so that the nearest point of the hull is unique.
     place = _still(0.01, 0.003, 0.05)
+    # MuJoCo receives the mesh and, separately, only the corners of Qhull's hull.
     (whole, retained), (reduced, same) = (
         _depth_in_mesh(f'vertex="{_text(some.T)}"', place[:3])
         for some in (vertices, vertices[:, hull.vertices])

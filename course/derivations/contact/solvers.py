@@ -41,6 +41,7 @@ def mujoco_is_convex_and_unique(result):
         made.model.opt.solver = ("PGS", "CG", "Newton").index(solver)
         made.model.opt.iterations = 3000
         made.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+        # A strictly convex problem must reach the same minimum from any start.
         made.data.qacc_warmstart[:] = start
         state = contact.contact_state(made)
         return np.zeros(1) if state is None else state.force
@@ -50,6 +51,7 @@ def mujoco_is_convex_and_unique(result):
     spreads = []
     for made in (_stack(), table):
         truth = forces(made, "Newton")
+        # Warm starts of tens of m/s^2, far from the solution, could reveal a second minimum.
         starts = result.rng.normal(0.0, 50.0, (8, made.model.nv))
         others = [forces(made, "Newton", start) for start in starts]
         others.append(forces(made, "CG"))
@@ -57,6 +59,7 @@ def mujoco_is_convex_and_unique(result):
     spread = max(spreads)
     result.measure("digits", min(9, np.floor(-np.log10(max(spread, 1e-16)))), tolerance=0.2)
     same = scenes.table((0.1, 0.05)).problem(0.01)
+    # The control: on the same table two rigid solvers return different force distributions.
     rigid = [solve(model, same).impulses[:, 0] for model in ("lcp", "pgs")]
 
     def sliding(solver, steps):
@@ -66,6 +69,7 @@ def mujoco_is_convex_and_unique(result):
         made.run(steps)
         return forces(made, solver)
 
+    # The largest force of Newton among the states where PGS returns none.
     lost = max(
         sliding("Newton", n)[0] for n in range(5, 30) if not np.abs(sliding("PGS", n)).max() > 1e-9
     )
@@ -87,6 +91,7 @@ def iterations_50_to_100(result):
 
     runner = _stack(tolerance=1e-8)
     taken = []
+    # Every step is looked at, since the first impacts need the most iterations.
     for steps in range(1, 60):
         runner.run(steps)
         taken.append(int(runner.data.solver_niter[0]))
@@ -121,6 +126,7 @@ def nconmax_helps(result):
     allowed = result.input("allowed", 2)
     small = f'njmax="6" nconmax="{allowed}"'
     sizes = ("", small, 'njmax="2000" nconmax="500"', 'memory="10M"')
+    # Tumbling boxes: a box that falls flat would need the same contacts in every run.
     speeds = result.rng.uniform(-1.0, 1.0, (8, 6))
     same = [
         all(np.array_equal(end(sizes[0], v, False), end(s, v, False)) for s in sizes[1:])
@@ -160,11 +166,14 @@ def sweeps_and_masses(result):
     # ln(1 / e) / ln((1 + r) / r), its leading term for large r.
     exact = sympy.log(1 / e) / sympy.log((1 + r) / r)
     result.formula = (1 + r) * sympy.log(1 / e)
+    # The leading term is right if the quotient tends to 1.
     ratio_of_both = sympy.limit(exact / result.formula, r, sympy.oo)
     ratio = result.input("ratio", 300.0)
     sweeps = result.measure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
     upside = result.measure("upside", sweeps_needed([ratio, 1.0]), tolerance=0.01)
     ratios = result.rng.uniform(50.0, 2000.0, 6)
+    # Sweeps counted with the solver itself; the leading term is off by about 1 / (2 r), at most 1 %
+    # here.
     counted = [sweeps_needed([1.0, x]) / ((1 + x) * np.log(1e6)) for x in ratios]
     result.statement = f"Counted over (1 + r) ln(1/e): {min(counted):.3f} to {max(counted):.3f}."
     result.statement_holds(sweeps < 2 * upside)
@@ -213,9 +222,12 @@ def convex_cone_is_coulomb(result):
     blocks, deviation, high, stops = result.input("blocks", 12), [], [], []
     for speed in result.rng.uniform(2.0, 8.0, blocks):
         runner = contact.block(contact.Options(0.002), 0.0, (speed, 0.0))
+        # The block stops after about v / (mu g) = 0.2 s per m/s; the run takes half as long again.
         path = runner.samples(round(speed / 0.0065))
+        # Only steps on which the block still slides: at rest it touches.
         deviation.append(np.mean(path.q[2, path.v[0] > 0.05] > 0.0))
         high.append(path.q[2].max())
+        # Coulomb's distance v^2 / (2 mu g) with mu = 0.5 is v^2 / g.
         stops.append(abs(path.q[0, -1] / (speed**2 / scenes.GRAVITY) - 1.0))
     result.measure("off", np.mean(deviation), tolerance=0.05)
     result.measure("high_mm", 1e3 * max(high), tolerance=0.05)
@@ -254,6 +266,7 @@ def heavy_on_light_sinks(result):
     def depth(mass, solver="Newton"):
         return depths(mass, solver)[0]
 
+    # Three solvers run to convergence: a depth that all share is a property of the model.
     newton, others = depth(heavy), [depth(heavy, solver) for solver in ("CG", "PGS")]
     huge, radius = result.input("huge", 10_000.0), result.input("radius_mm", 100.0)
     swallowed = [depths(huge, solver) for solver in contact.SOLVERS]
@@ -274,6 +287,7 @@ def heavy_on_light_sinks(result):
         np.abs(np.array(others) / newton - 1).max() > 1e-3,
         only_if="the contact is rigid and the sweeps are cut short",
         inside=[sunk(m, "pgs", sweeps=sweeps) > 1e-3 > 1e3 * sunk(m, "lcp") for m in masses],
+        # The same towers with the sweeps they need, which must not sink.
         outside=[sunk(m, "pgs", sweeps=20000) > 1e-3 for m in masses],
     )
     result.correction_holds(
@@ -312,6 +326,7 @@ def tower_sags(result):
     n, few = result.input("n", 10), result.input("few", 3)
     # On the ground (1 - d) g = d k d r for one body, k = 1/(d T)^2.
     ground, constant = 0.1 * scenes.GRAVITY * 0.02**2, (0.9, 0.9, 0.001, 0.5, 2.0)
+    # The independent truth with constant impedance: n^2 times the depth of a single body.
     square = [depths(m, solimp=constant)[0] / (m**2 * ground) for m in (few, 5, n)]
     shares = {m: depths(m)[1] for m in (few, 5, n)}
     big, small = (
@@ -349,8 +364,10 @@ def refsafe_keeps_it_stable(result):
     from course.oracles.mujoco import contact
 
     low = result.input("zeta", 0.3)
+    # Bisection in units of T; the theory below is from the eigenvalues of one spring and damper.
     measured = limit(lambda ratio: calm(low, ratio, True), 0.3, 0.6, rel=1e-3)
     result.measure("measured", measured, tolerance=1e-2)
+    # Damping ratios on both sides of 1/sqrt(8) by 0.02, where the verdict changes.
     high, shares = result.rng.uniform(SAVED + 0.02, 2.0, 8), result.rng.uniform(1.05, 20.0, 8)
     below = result.rng.uniform(0.1, SAVED - 0.02, 8)
     several, rests = result.input("several", 0.38), result.input("rests", 0.6)
@@ -358,6 +375,7 @@ def refsafe_keeps_it_stable(result):
 
     def moves(ratio, count, dt=0.002):
         """Return the largest speed of free boxes on each other that should be at rest."""
+        # A time constant of a quarter step forces refsafe to act.
         options = contact.Options(dt, solref=(dt / 4, ratio), solimp=(0.9, 0.9, 0.001, 0.5, 2.0))
         return np.abs(contact.box(options, (0.5, 0.2), count).run(steps)[1]).max()
 
@@ -381,6 +399,7 @@ def refsafe_keeps_it_stable(result):
     )
     result.correction_holds(
         abs(measured / soft_limit(low) - 1) < 0.01,
+        # Without refsafe the limit is that of the theory, within 2 % on both sides.
         not any(calm(z, 1.02 * soft_limit(z), False) for z in high),
         all(calm(z, 0.98 * soft_limit(z), False) for z in (*high, *below)),
         not any(more),
@@ -409,10 +428,13 @@ def default_tolerance(result):
         options, deviation = contact.Options(solver=solver, tolerance=tolerance), []
         runner = contact.box(options, (0.5, 0.2))
         runner.model.opt.ls_tolerance = ls_tolerance
+        # States along the whole motion, as the error depends on which contacts slide.
         for steps in range(5, 150, 5):
             runner.run(steps)
             state = contact.contact_state(runner)
             if state is not None:
+                # An independent solver of the same convex problem, for MuJoCo's own rows and
+                # compliances.
                 ours = soft_forces(state.problem, options.softness(state.weight))[0]
                 deviation.append(np.abs(state.force - ours).max() / np.abs(ours).max())
         return max(deviation)
@@ -443,6 +465,7 @@ def mujoco_is_velocity_level(result):
     short, long = result.input("short_ms", 0.5), result.input("long_ms", 4.0)
 
     def force(ms, integrator="Euler"):
+        # The same penetrating and approaching state for every step, so that only dt differs.
         runner = contact.block(contact.Options(1e-3 * ms, integrator), 0.0, (0.0, 0.0), -0.001)
         runner.data.qvel[2] = -0.5
         state = contact.contact_state(runner)
@@ -470,6 +493,7 @@ def mujoco_is_velocity_level(result):
         all(selected),
         grown > 5,
         discrete > 0.1,
+        # refsafe acts once 2 dt exceeds the default time constant of 20 ms: 9.9 ms is just below.
         force(15.0) < 0.9 * force(9.9),
         force(9.9) > 0,
         abs(force(9.9) / force(long) - 1) < 1e-9,
@@ -493,6 +517,7 @@ def constraints_take_larger_steps(result):
 
     def blows_up(model, step, **options):
         path = scenes.run(scenes.tower([1.0] * 3), model, step, 60, **options)
+        # A tower at rest must be at rest at the end; 1 cm/s is far above rounding.
         return bool(np.abs(path.v[:, -20:]).max() > 1e-2)
 
     stiff = {"stiffness": 1e5, "damping": 200.0}
@@ -502,6 +527,7 @@ def constraints_take_larger_steps(result):
         end = scenes.run(scenes.block(0.0, 0.5, (1.0, 0.0)), "coulomb", step, round(0.4 / step)).q
         return abs(end[0, -1] - route)
 
+    # v^2 / (2 mu g) for 1 m/s and mu = 0.5.
     route = 1.0 / scenes.GRAVITY
     result.measure("rest_um", max(1e6 * rest, 1e-9), tolerance=0.5)
     result.measure("missed_mm", 1e3 * missed(dt), tolerance=1e-2)
@@ -517,6 +543,7 @@ def constraints_take_larger_steps(result):
     result.statement_holds(all(worse) and not any(blows_up("coulomb", h) for h in (*steps, dt)))
     result.correction_holds(
         rest < 1e-9,
+        # A first-order error: a tenth of the step leaves a tenth of the error.
         abs(missed(dt) / missed(0.1 * dt) - 10) < 2,
         not any(calm),
         blows_up("soft", soft, refsafe=False),
@@ -535,6 +562,7 @@ def steel_stiffness(result):
     from course.charts.contact.models import measured_limit
 
     radius, load = result.input("radius_mm", 10.0) * 1e-3, result.input("load_n", 10.0)
+    # Hertz's effective modulus: 1 / E* = 2 (1 - nu^2) / E for two equal materials.
     modulus = 210e9 / (1 - 0.3**2) / 2  # both of steel
 
     def stiffness(force):
@@ -543,6 +571,7 @@ def steel_stiffness(result):
         def depth(f):
             return (0.75 * f / (modulus * np.sqrt(radius))) ** (2 / 3)
 
+        # The contact stiffens with load, so its stiffness is a slope, here by central differences.
         return 2e-3 * force / (depth(1.001 * force) - depth(0.999 * force))
 
     k = result.measure("stiffness_mn_m", 1e-6 * stiffness(load), tolerance=1e-5)

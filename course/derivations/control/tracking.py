@@ -28,9 +28,12 @@ def computed_torque_law(result):
         q, v, q_ref, v_ref, a_ref = result.rng.normal(size=(5, arm.n))
         tau = computed_torque(arm, q, v, q_ref, v_ref, a_ref, 100.0, 20.0)
         requested = a_ref + 20 * (v_ref - v) + 100 * (q_ref - q)
+        # Forward dynamics of the same arm under the law: the acceleration must be the requested
+        # one.
         deviation = forward_dynamics(arm, q, v, tau) - requested
         inside.append(np.abs(deviation).max() / np.abs(requested).max())
         deviation = q + np.eye(arm.n)[0]  # an error of the first joint alone
+        # Gains outside of M: feedforward plus a plain PD torque.
         tau = computed_torque(arm, q, v, deviation, v, a_ref, 0.0, 0.0) + pd(
             q, v, deviation, v, 100.0, 20.0
         )
@@ -68,6 +71,7 @@ def perfect_model_perfect_tracking(result):
         result.measure(name, tracking.error(law[key](tracking.ARM, 1 / rate), 1 / rate), 1e-3)
     result.statement = "Largest error at the samples, at two sample times and eight drawn motions."
     result.statement_holds(np.max(plain) < 1e-6)
+    # Observed order from two sample times, for eight motions.
     orders = [np.log2(x[:, 0] / x[:, 1]) for x in (plain, ahead)]
     result.correction_holds(
         np.abs(orders[0] - 1).max() < 0.1,
@@ -102,6 +106,7 @@ def error_follows_acceleration(result):
     from course.kinematics import TwoLink
 
     r, p, w = sympy.symbols("r p w", positive=True)
+    # Frequency response of the error dynamics; its real part is in step with q''.
     answer = (r - 1) / (p**2 - w**2 + 2 * sympy.I * p * w)
     result.formula = sympy.simplify(sympy.re(sympy.expand_complex(answer)))
     fast, pole = result.input("w", 4.0), result.input("p", 10.0)
@@ -123,8 +128,10 @@ def error_follows_acceleration(result):
         run = track(
             replace(one, gravity=gravity), law, wave, dt, dt * round((period + 12 / pole) / dt), 4
         )
+        # A full period after 12 time constants, when the transient is gone.
         last = slice(-round(period / dt), None)
         q, e = run.q[0, :-1][last], (run.setpoint[0] - run.q[0, :-1])[last]
+        # Least-squares slope of e over q'' = -w^2 q.
         return -(e @ q) / (rate**2 * (q @ q)) / ((ratio - 1) / pole**2)
 
     result.measure("share", share(1.2, fast, pole), 0.01)
@@ -171,7 +178,9 @@ def adaptive_finds_parameters(result):
         error = np.linalg.norm(law.estimate - truth) / np.linalg.norm(truth)
         return error, 1e3 * np.abs(done.q[:, :-1] - done.setpoint)[:, -500:].max()
 
+    # A target that stands still excites nothing.
     still = run(lambda t: [x * (k == 0) for k, x in enumerate(tracking.motion(0 * t))])
+    # A rate of 1e-9 switches the adaptation off.
     moving, fixed = run(tracking.motion), run(tracking.motion, 1e-9)
     result.measure("still", still[0], 0.02)
     result.measure("moving", moving[0], 0.02)
@@ -223,9 +232,12 @@ def adaptive_sum_can_only_fall(result):
             if watch:
                 aimed = v_ref + 10.0 * (q_ref - q)
                 Y = tracking.ARM.regressor(q, v, a_ref + 10.0 * (v_ref - v), aimed)
+                # Squared spectral norm of the regressor: the gain of one sampled update.
                 size = float(np.linalg.norm(Y, 2)) ** 2
                 largest[:] = [max(largest[0], size), largest[1] or size]
             wrong = law.estimate - truth
+            # Slotine and Li's Lyapunov function: s^T M s / 2 plus the parameter error over the
+            # rate.
             sums.append(s @ tracking.ARM.mass_matrix(q) @ s / 2 + wrong @ wrong / (2 * 5.0))
             return step(q, v, q_ref, v_ref, a_ref)
 
@@ -241,6 +253,7 @@ def adaptive_sum_can_only_fall(result):
     )
     grown = result.measure("coarse", run(far, coarse)[0], 0.1)
     fallen = result.measure("fine", run(far, fine)[1], 0.1)
+    # Projection of the estimate onto a box around the true parameters.
     box = np.array([[0.5], [2.0]]) * truth
     bounded = [run(offset, hz, 5.0, box) for offset in (near, far) for hz in (slow, coarse)]
     result.measure("kept_mrad", max(end for _, _, end in bounded), 0.2)
@@ -312,11 +325,13 @@ def residual_of_the_state(result):
 
     def remaining(rows, tried):
         """Return shares of the torque of a log that are left, with five draws of the waves."""
+        # Fitted on the first seconds; the later log is held out.
         x, torque = logs["seen"]
         waves = [fit(x[:rows], torque, np.random.default_rng(seed)) for seed in range(5)]
         x, torque = logs[tried]
         return [np.std(torque - w.weights @ w.waves(x[:rows])) / np.std(torque) for w in waves]
 
+    # Four rows are the state (q, q'), six add the acceleration.
     observed, later, whole = remaining(4, "seen"), remaining(4, "later"), remaining(6, "later")
     result.measure("seen", np.median(observed), 0.1)
     result.measure("later", np.median(later), 0.1)
@@ -346,6 +361,7 @@ def residual_learning_is_faster(result):
         result.input("draws", 2),
         result.input("rounds", 4),
     )
+    # No model at all: almost no mass, no damping.
     empty = replace(tracking.WRONG, masses=(1e-6, 1e-6), damping=(0.0, 0.0))
     light = result.input("light", 0.1)
     masses = tracking.WRONG.masses
@@ -389,12 +405,14 @@ def axes_of_a_surface(result):
         frame, n, along = np.array([[c, -s], [s, c]]), np.array([c, s]), np.array([-s, c])
         J, M = jacobian(arm, q)[:2], mass_matrix(arm, q)
         v = result.rng.normal(size=3)
+        # Remove the normal velocity, so that the surface is not penetrated.
         v -= np.linalg.pinv(J) @ n * (n @ J @ v)  # it slides
         drift, goal = (jacobian_rate(arm, q, v) @ v)[:2], result.rng.normal(size=3)
         forced = np.array([not swapped, swapped])
         tau = hybrid(
             arm, q, v, goal, 0.0, 0.0, 100.0, 20.0, push * forced, 0.0, frame, forced, rows=(0, 1)
         )
+        # KKT system of the constrained arm: accelerations and the reaction of the hard surface.
         K = np.block([[M, -(n @ J)[:, None]], [(n @ J)[None], np.zeros((1, 1))]])
         a = np.linalg.solve(K, np.append(tau - bias(arm, q, v), -(n @ drift)))
         requested = 100 * (goal - tip(arm, q)[:3])[:2] - 20 * (J @ v)
@@ -426,6 +444,7 @@ def impedance_holds_a_force(result):
     result.measure("stiff", touch.surface_error(stiff, deviation), 1e-3)
     loops = [abs(touch.surface_error(touch.REGIMES[n], deviation)) for n in ("force", "admittance")]
     result.measure("loop", np.max(loops) // 1e-3 * 1e-3 + 1e-3)
+    # Stiffnesses over two decades against two springs in series.
     draws = 10 ** result.rng.uniform(1.7, 3.6, 8)
     laws = [TouchLaw(k, 2 * np.sqrt(k * touch.ARM.mass)) for k in draws]
     result.statement = "Steady forces of the exact probe, its surface moved, at drawn stiffnesses."

@@ -37,6 +37,7 @@ def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
     """Return growth per sample of a set of gains on the joint."""
     from course.control import sampled
 
+    # Zero-order hold, discretised exactly; growth is the spectral radius of the closed loop.
     plant = sampled.held(*sampled.joint_system(J, B), dt, delay)
     return sampled.growth(sampled.loop_matrix(plant, sampled.pid_law(kp, ki, kd, dt=dt, tau=tau)))
 
@@ -62,11 +63,13 @@ def p_alone_overshoots(result):
     from course.control import Joint
 
     s, kp, inertia, friction = sympy.symbols("s kp J b", positive=True)
+    # No overshoot from rest means real poles: the discriminant is not negative.
     bare = sympy.discriminant(inertia * s**2 + friction * s + kp, s)
     result.formula = sympy.solve(bare, kp)[0]
 
     def over(J, b, share, late=0.0, speed=0.0):
         kp = share * float(result.formula.subs({inertia: J, friction: b}))
+        # Times in units of J / b, so that every drawn joint is sampled equally finely.
         joint, slow = Joint(J, b), J / b
         more = {"delay": late * slow, "start": (0.0, speed / slow, 0.0)}
         return _overshoot(kp, 0, 0, joint=joint, dt=2e-3 * slow, seconds=60 * slow, **more)
@@ -77,6 +80,7 @@ def p_alone_overshoots(result):
     result.measure("over", _overshoot(high, 0, 0))
     result.statement = "Steps of the exact joint at gains on both sides of critical damping."
     draws = result.rng.uniform([0.1, 0.1], [2, 2], (8, 2))
+    # Shares of the critical gain: 1.6 and more overshoot visibly within the run.
     above, below = (1.6, 1.8, 2, 4, 8, 20, 50, 90), np.linspace(0.2, 0.98, 8)
     result.statement_holds(
         over(J, B, 0.9) > 0,
@@ -108,6 +112,7 @@ def integral_removes_the_error(result):
         return abs(_step(gains, joint=joint, seconds=30.0, dt=2e-3, **more)[1].error)
 
     n = 15_000
+    # Static friction above Coulomb's: the stick-slip limit cycle that is called hunting.
     sticky = Joint(0.05, 0.05, 0.0, 0.1, 0.2)
     swing = _step(Gains(6.4, 25.6, 0.7, 0.005), joint=sticky, target=0.5, seconds=40.0)[0].q
     result.measure("left_with_p", remaining(Gains(20, 0, 6, rate="exact")))
@@ -124,6 +129,7 @@ def integral_removes_the_error(result):
     result.statement = "Steps of 1 rad, 30 s long; hunting over the last 15 of 40 s."
     loads = result.rng.uniform(-3, 3, 8)
     sets = [
+        # Shares of Routh's limit (b + kd) kp / J on ki, so that every loop is stable.
         Gains(kp, share * (B + kd) * kp / J, kd, rate="exact")
         for kp, kd, share in result.rng.uniform([10, 2, 0.2], [40, 8, 0.5], (8, 3))
     ]
@@ -133,6 +139,7 @@ def integral_removes_the_error(result):
         "and friction is viscous",
         inside=[remaining(g, Joint(J, B, x)) < 1e-4 for g, x in zip(sets, loads, strict=True)],
         outside=[remaining(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
+        # The same loops with ki above Routh's limit.
         + [remaining(replace(g, ki=3 * g.ki / 0.5)) < 1e-4 for g in sets[:3]],
     )
     result.correction_holds(
@@ -182,11 +189,13 @@ def listing_friction(result):
         """Return the largest distance of the exact joint driven by the listing's commands [rad]."""
         plant = sampled.held(*sampled.joint_system(inertia, damping), times[1])
         x, worst = np.zeros(2), 0.0
+        # Open loop: the exact plant gets the listing's commands, so only the friction can differ.
         for u, q in zip(sent, angles, strict=False):
             worst = max(worst, abs(x[0] - q))
             x = plant.transition @ x + plant.now * u
         return worst
 
+    # A fit by search, which does not presume the answer b = 0.5 J.
     trial = np.linspace(0.1, 0.6, 501)
     result.measure("friction", trial[np.argmin([distance(b) for b in trial])], 0.02)
     result.measure("same", distance(0.5 * inertia), 0.2)
@@ -208,6 +217,7 @@ def listing_settles(result):
     _, angles, sent, _ = _as_printed(3.0)
     long = _as_printed(60.0)
     metrics = step_metrics(long[0], long[1], 1.0)
+    # Characteristic polynomial J s^3 + (b + kd) s^2 + kp s + ki with the effective b of 0.25.
     roots = np.roots([0.5, 0.25 + 8, 20, 5])
     error = 1.0 - angles[-1]
     result.measure("error_mrad", 1000 * abs(error), 1e-3)
@@ -237,6 +247,7 @@ def error_derivative_kick(result):
     def kick(kd, tau, step, weight):
         controller = Controller(Gains(2.0, 0, kd, tau, rate_weight=weight), dt)
         controller.update(0.0, 0.0)
+        # The proportional part is subtracted, so that only the derivative's kick is left.
         return controller.update(step, 0.0) - 2.0 * step
 
     kd = result.input("kd", 8)
@@ -277,6 +288,7 @@ def overshoot_means_p(result):
         )
         return less.overshoot < now.overshoot and more.overshoot < now.overshoot
 
+    # PD loops inside, some at a torque limit; outside the same with an integral or a long delay.
     draws = result.rng.uniform([20, 0.5], [80, 3], (8, 2))
     result.statement = "Steps of the joint with the exact rate."
     result.statement_holds(
@@ -310,6 +322,7 @@ def tenth_of_p(result):
     from course.control import sampled
 
     s, J_, b, kp, kd, zeta, w = sympy.symbols("s J b kp kd zeta w", positive=True)
+    # Compare coefficients with the standard form s^2 + 2 zeta omega s + omega^2.
     desired = sympy.Poly(s**2 + 2 * zeta * w * s + w**2, s).all_coeffs()
     got = sympy.Poly(s**2 + (b + kd) / J_ * s + kp / J_, s).all_coeffs()
     speed = sympy.solve(desired[2] - got[2], w)[0]
@@ -321,6 +334,8 @@ def tenth_of_p(result):
         roots = np.linalg.eigvals(
             sampled.loop_matrix(sampled.held(*sampled.joint_system(J, B), 1e-6), law)
         ).astype(complex)
+        # Continuous poles s = ln(z) / dt; the damping ratio from their sum and product is also
+        # right when both are real.
         poles = np.log(roots) / 1e-6
         return float(-np.sum(poles.real) / 2 / np.sqrt(np.abs(np.prod(poles))))
 
@@ -363,6 +378,7 @@ def critical_settles_fastest(result):
         )
         return step_metrics(run.times, run.q, 1.0, band=band).settling
 
+    # A fine grid: settling into a band jumps where an overshoot leaves the band again.
     ratios = np.linspace(0.6, 1.2, 601)
     times = np.array([settling(z) for z in ratios])
     result.measure("best", ratios[np.argmin(times)], 5e-3)
@@ -388,6 +404,7 @@ def overdamped_cure(result):
         return _step(Gains(kp, 0, kd, rate="exact"), delay=delay, seconds=seconds)[1].settling
 
     def growth(P):
+        # Units of a sample and of J: V and P are the dimensionless gains.
         plant = sampled.held(*sampled.joint_system(1.0), 1.0, 1.0)
         law = sampled.pid_law(P, 0, V, dt=1.0, rate="exact")
         return sampled.growth(sampled.loop_matrix(plant, law))
@@ -402,6 +419,7 @@ def overdamped_cure(result):
     result.measure("slow_samples", -1 / np.log(growth(low)))
     result.measure("growth_high", growth(high))
     result.statement = "Growth per sample of PD on an inertia, one sample late, and steps without."
+    # Damping ratios of 1.5 to 2, well away from the sampling limits.
     slow = result.rng.uniform([20, 1.5], [80, 2.0], (8, 2))
     result.statement_holds(
         cured(0.24 * unit, V * J / 1e-3, 1e-3, 0.2),
@@ -432,10 +450,12 @@ def every_joint_has_ku(result):
 
     def swing(factor):
         run = _step(Gains(factor * gain, u_min=-5, u_max=5), dt=dt, seconds=20.0, target=0.05)[0]
+        # Two windows of five seconds: a constant amplitude is the same in both.
         a, b = (np.ptp(run.q[part]) for part in (slice(10_000, 15_000), slice(15_000, 20_000)))
         return abs(b / a - 1)
 
     steady = [swing(f) for f in (2, 10)]
+    # Without a hold no ultimate gain: it must grow without bound as the period shrinks.
     fast = [sampled.ultimate_gain(*sampled.joint_system(J, B), x)[0] for x in (1e-3, 1e-4, 1e-5)]
     result.statement = "Exact ultimate gains at three rates; swings under a limited torque."
     result.statement_holds(_growth(1e-3, 0, 0) < 1 and abs(fast[2] / fast[0] - 1) < 0.1)
@@ -454,6 +474,7 @@ def quoted_ku_tu(result):
     from course.control import sampled
 
     text, said_s = result.input("said", 45), result.input("said_s", 0.45)
+    # The delay is unknown, so all of them are tried, from 0.3 ms to 1 s.
     lateness = np.geomspace(3e-4, 1, 4000)
     table = np.array([sampled.delay_limit(J, B, T) for T in lateness])
     i = int(np.argmin(np.abs(table[:, 0] - text)))
@@ -464,6 +485,7 @@ def quoted_ku_tu(result):
     held, held_s = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3)
     result.measure("held", held)
     result.measure("held_s", held_s)
+    # Best match of both numbers at one delay: the worse of the two logarithmic ratios.
     error = np.min(np.abs(np.log(table / [text, said_s])).max(axis=1))
     result.statement = "Gain and period at 4000 delays, and the exact loop."
     result.statement_holds(error < 0.02)
@@ -486,6 +508,7 @@ def quoted_gains_overshoot(result):
     def per_second(delay=0.0, dt=1e-3):
         return _growth(kp, ki, kd, delay, dt) ** (1 / dt)
 
+    # Poles of the continuous loop, independent of the sampled one.
     roots = np.roots([J, B + kd, kp, ki])
     result.measure("left", (B + kd) * kp * float(np.sign(per_second())))
     result.measure("right", J * ki * float(np.sign(per_second())))
@@ -498,6 +521,7 @@ def quoted_gains_overshoot(result):
         np.max(roots.real) > 0,
         per_second(late) > 1,
         all(_growth(kp, ki, kd, dt=dt) > 1 for dt in np.geomspace(1e-5, 1, 30)),
+        # The delay in question is the one that reproduces the quoted ultimate gain.
         abs(gain / text - 1) < 0.02,
     )
 
@@ -516,6 +540,7 @@ def safer_set(result):
 
     def grown(name, delay, dt=1e-4):
         """Return growth a second of the set, of the one before, and with that one's kp."""
+        # The recommended set, the one before, and a third that separates less P from more D.
         sets = (kp, ki, kd), (27, 120, 1.5), (27, ki, kd)
         found_out = [_growth(p, i, d, delay, dt) ** (1 / dt) for p, i, d in sets]
         for word, value in zip(("factor", "before", "kept"), found_out, strict=True):
@@ -542,6 +567,7 @@ def ziegler_nichols_is_safe(result):
     from course.charts.control.limits import ROWS, placed, ziegler_nichols
 
     low, high = result.input("low", 0.01), result.input("high", 10)
+    # Delays over three decades, as the tables promise gains for any lag.
     shares = np.geomspace(low, high, 25)
     rows = {name: [ziegler_nichols(name, x) for x in shares] for name in ROWS}
     stable = {name: np.mean([r.growth < 1 for r in row]) for name, row in rows.items()}
@@ -571,9 +597,11 @@ def one_gain_one_symptom(result):
         return _step(Gains(kp, ki, kd, rate="exact"), joint=Joint(J, B, load), seconds=15.0)[1]
 
     now, more_d = metrics(20, 30, 4), metrics(20, 30, 4.8)
+    # PD under a load: the steady error depends on kp and not on kd.
     alone = [metrics(kp, 0, kd, -2.0).error for kp, kd in ((20, 4), (24, 4), (20, 4.8))]
     result.measure("i_over", metrics(20, 36, 4).overshoot - now.overshoot, 1e-2)
     result.measure("p_over", now.overshoot - metrics(24, 30, 4).overshoot, 1e-2)
+    # A single loop could be a coincidence, so the effect on settling is counted over random ones.
     draws = result.rng.uniform([15, 5, 2], [60, 60, 8], (int(result.input("draws", 40)), 3))
     later = [metrics(1.2 * a, b, c).settling > metrics(a, b, c).settling for a, b, c in draws]
     result.measure("p_later", np.mean(later), 0.05)
@@ -618,6 +646,7 @@ def high_gain_catches(result):
     result.formula = sympy.asin(sympy.solve(u - m * g * length * sine, sine)[0])
     share = result.input("share", 0.5)
 
+    # Three gains over a decade: the edge must not depend on them.
     edges = [edge_of_rest(share, gain) for gain in (3.0, 10.0, 30.0)]
     theory = float(result.formula.subs({u: share, m: 1, g: 1, length: 1}))
     result.measure("edge_rad", edges[1], 1e-6)

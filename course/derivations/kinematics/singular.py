@@ -41,6 +41,7 @@ def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, sh
     taken = np.zeros(q.shape[1], int)
     for _ in range(steps):
         error = target - planar_tip(ARM, q)
+        # Only the targets that are still farther than 0.1 mm away are stepped.
         going = np.flatnonzero(np.hypot(*error) >= 1e-4)
         if not going.size:
             break
@@ -52,6 +53,7 @@ def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, sh
 
 def _around(rng: np.random.Generator, low: float, high: float, count: int = 2000) -> np.ndarray:
     """Return random points between two distances from the base, (2, count) [m]."""
+    # Uniform in radius and angle, so that both edges of the annulus are sampled.
     angle = rng.uniform(-np.pi, np.pi, count)
     return rng.uniform(low, high, count) * np.array([np.cos(angle), np.sin(angle)])
 
@@ -80,6 +82,7 @@ def pseudo_inverse_beside(result):
     e, delta = sympy.symbols("e delta", positive=True)
     (l1, l2), (q1, q2), J = two_links()
     J = J.subs({q1: 0, q2: delta})
+    # Cramer's rule: the determinant is what vanishes at the singularity.
     step = J.adjugate() * sympy.Matrix([e, 0]) / sympy.simplify(J.det())
     square = sympy.limit(sympy.simplify(step.dot(step) * delta**2), delta, 0)
     result.formula = sympy.sqrt(sympy.factor(square)) / delta
@@ -94,6 +97,7 @@ def pseudo_inverse_beside(result):
     result.measure("step_rad", requested(lengths, beside, 0.01), 1e-5)
     result.measure("at_it_rad", requested(lengths, 0.0, 0.01))
     draws = result.rng.uniform((0.3, 0.3, 0.001, -6), (1.5, 1.5, 0.1, -4), (40, 4))
+    # Elbows within 1e-6 to 1e-4 rad of stretched, where only the leading order is left.
     ratios = [requested(d[:2], 10 ** d[3], d[2]) / law(*d[:3], 10 ** d[3]) for d in draws]
     result.statement = "Two-link Jacobian by algebra; pinv of NumPy at 40 random arms and angles."
     result.statement_holds(not requested(lengths, 0.0, 0.01) < 1e6)
@@ -135,6 +139,7 @@ def damped_gain(result):
     for value in (0.01, lam, 1.0):
         gains[value] = 2 * value * np.linalg.norm(damped_inverse(J, value), 2, axis=(1, 2))
     result.measure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
+    # The gain from the singular values, independent of the damped inverse.
     values = np.linalg.svd(np.moveaxis(J, 2, 0))[1] / lam
     law = (2 * values / (values**2 + 1)).max(axis=1)
     result.statement = "Norm of the damped inverse at 4000 postures, half of them near stretched."
@@ -178,6 +183,7 @@ def damping_is_free(result):
 
     def remaining(i: int, value: float) -> np.ndarray:
         """Return the remaining share of an error along singular direction i, for all postures."""
+        # Left singular vectors: directions of the tip that decouple.
         along = U[:, :, i : i + 1]
         return np.linalg.norm(along - stack @ (damped_inverse(J, value) @ along), axis=(1, 2))
 
@@ -203,6 +209,7 @@ def damping_is_free(result):
 def rank_loss_is_failure(result):
     from course.kinematics import two_link_ik
 
+    # Exactly on the outer edge, whose only posture is stretched.
     edge, inside = _around(result.rng, 1.8, 1.8, 500), _around(result.rng, 0.5, 1.5, 500)
     start = result.rng.uniform(-np.pi, np.pi, (2, 500))
     answer = two_link_ik(ARM, edge)
@@ -212,6 +219,7 @@ def rank_loss_is_failure(result):
         _listing(x, start, damping, 3000) for x in (edge, inside)
     )
     _, also, slower = _listing(edge, start, more, 3000)
+    # The answers on the edge really are singular, or the test would be no test.
     rank = [np.linalg.matrix_rank(planar_jacobian(ARM, q), 1e-6) for q in answer.q[:, 0].T[:50]]
     result.measure("steps_edge", np.median(slow), 0.05)
     result.measure("steps_inside", np.median(quick), 0.05)
@@ -260,10 +268,12 @@ def singular_start(result):
     error = sympy.Matrix([-e, -l2 * bend])
     inner = J * J.T + value**2 * sympy.eye(2)
     step = J.T * inner.adjugate() * error / inner.det()
+    # Derivative of the elbow's step with respect to its bend: an unstable balance if it is above 1.
     law = sympy.lambdify((e, value), 1 + sympy.diff(step[1], bend).subs(bend, 0))
 
     draws = result.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))
     arm, goal, options = planar(ARM), [sum(ARM) - away, 0, 0], {"restarts": 0, "iterations": steps}
+    # Restarts are off, since they would hide what one start does.
     stuck = [ik(arm, goal, [0.0, 0.0], method=method, **options).q for method in METHODS]
     result.measure("growth", growth(1e-5, away, damping), 1e-4)
     stretched = planar_jacobian(ARM, [0.0, 0.0])
@@ -272,6 +282,7 @@ def singular_start(result):
     result.statement = f"Started with the elbow at 0 and at 1e-9 rad, which ends {bent:.0e} m off."
     result.statement_holds(remaining(0.0, away) < 1e-3)
     result.correction_holds(
+        # Bit for bit: not a single rounding error may move the arm.
         all(remaining(0.0, e, value) == abs(sum(ARM) - (sum(ARM) - e)) for e, value in draws),
         all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws),
         bent < 1e-4,
@@ -296,6 +307,7 @@ def listing_reaches_its_target(result):
     starts = result.rng.uniform(-np.pi, np.pi, (2, 1000))
     spread, away, _ = _listing(np.tile(target[:, None], 1000), starts)
     answers = two_link_ik(ARM, target).q
+    # Angles are compared modulo a full turn.
     gap = np.angle(np.exp(1j * (spread[:, None] - answers[:, :, None])))
     result.measure("steps", steps[0])
     result.measure("left_mm", 1000 * remaining[0], 1e-4)
@@ -350,12 +362,14 @@ def condition_is_a_product(result):
     from course.kinematics import manipulability, singular_values
 
     q = result.rng.uniform(-np.pi, np.pi, (2, 300))
+    # Singular postures are moved, where the condition number is infinite.
     q[1] = np.where(np.abs(np.sin(q[1])) < 0.02, 1.0, q[1])
     large, small = (planar_jacobian(np.array(ARM) * scale, q) for scale in (1.0, 0.1))
     (top, low), ours = singular_values(large), np.linalg.cond(np.moveaxis(large, 2, 0))
     ratio = manipulability(small) / manipulability(large)
     # The joint steps that unit motions of the tip ask for, by direction.
     around, inverse = np.linspace(0, np.pi, 721), np.linalg.inv(np.moveaxis(large, 2, 0))
+    # The definition by directions, on a grid of a quarter degree: hence 1 %.
     requested = np.linalg.norm(inverse @ [np.cos(around), np.sin(around)], axis=1)
     result.measure("shrunk", np.median(ratio))
     result.measure("ratio_at_right_angle", np.linalg.cond(planar_jacobian(ARM, [0.0, np.pi / 2])))
@@ -391,6 +405,7 @@ def condition_above_hundred(result):
         return float(np.linalg.cond(planar_jacobian(arm, [0.0, bend])))
 
     beside = limit(lambda bend: cond(np.pi / 2 - bend) < 100, 0.0, np.pi / 2 - 1e-6)
+    # A sweep of the elbow: the least condition number, not a single posture's.
     stubby = [cond(bend, (1.0, 1.0 / short)) for bend in np.linspace(0.01, np.pi - 0.01, 400)]
     J = jacobian(*panda_postures(result.rng, 4000))
     above = {unit: 100 * np.mean(condition_number(J, unit) > 100) for unit in (1.0, 0.001)}
@@ -423,6 +438,7 @@ def condition_needs_a_length(result):
     result.statement_holds(np.allclose(factor, 1))
     result.correction_holds(
         np.median(factor) > 50,
+        # Rows of one unit: any common scale cancels.
         np.allclose(np.linalg.cond(position), np.linalg.cond(1e3 * position)),
     )
 
@@ -446,6 +462,8 @@ def euler_jacobian_locks(result):
     def painted(q: np.ndarray, pitch: float) -> tuple[float, float]:
         """Return conditions (geometric, analytic) with the hand's frame turned to a pitch [deg]."""
         desired = quaternion.from_euler_zyx(0.3, np.radians(pitch), 0.4)
+        # The tool is turned such that the hand's frame has the desired pitch; the arm stays as it
+        # is.
         turn = quaternion.product(quaternion.conjugate(tip(arm, q)[3:]), desired)
         tool = np.concatenate([arm.tool[:3], quaternion.product(arm.tool[3:], turn)])
         other = replace(arm, tool=tool)
@@ -479,6 +497,7 @@ def converged_within_limits(result):
     poses, (_, starts), loop = tip(arm, q), panda_postures(result.rng, count), Arm(arm)
     ends = [loop.usual_ik(pose, start[None]) for pose, start in zip(poses.T, starts.T, strict=True)]
     other, last = np.array([end[1] for end in ends]), np.array([end[0] for end in ends]).T
+    # Converged and within the limits; the error checks that "converged" was true.
     selected, error = other & within(arm, last), np.abs((tip(arm, last) - poses)[:3, other])
     ours = ik(arm, poses)
     result.measure("there_percent", 100 * other.mean(), 0.01)

@@ -37,6 +37,7 @@ def aside(name, **how):
     """Return where 2,000 first chunks lead, half way: how far aside [m]."""
     from course.learning import TwoWays
 
+    # The same starts and the same noise for every policy: differences are the policies' own.
     rng = np.random.default_rng(5)
     start = TwoWays().starts(2000, rng)
     return (start + replace(policy(name), **how)(start, rng).sum(axis=1))[:, 1]
@@ -44,6 +45,7 @@ def aside(name, **how):
 
 def between(name, **how):
     """Return the share of them that lead into the obstacle."""
+    # 0.2 m aside or less half way leads into the obstacle.
     return np.mean(np.abs(aside(name, **how)) < 0.2)
 
 
@@ -85,6 +87,7 @@ def cloning_averages(result):
     import sympy
 
     p, w, x = sympy.symbols("p w x", positive=True)
+    # Minimise the expected squared error over a single prediction.
     error = p * (x - w) ** 2 + (1 - p) * (x + w) ** 2
     result.formula = sympy.factor(sympy.solve(sympy.diff(error, x), x)[0])
     mean, *others = (result.measure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
@@ -128,7 +131,9 @@ def held_out_error(result):
 
     p, w = sympy.symbols("p w", positive=True)
     sides = ((p, w), (1 - p, -w))
+    # Two independent draws of the same two sides: sampled chunk and demonstration.
     result.formula = sum(a * b * (x - y) ** 2 for a, x in sides for b, y in sides)
+    # Demonstrations of another seed than those of the training.
     held = TwoWays().demonstrate(1000, 77)
 
     def error(name):
@@ -169,6 +174,8 @@ def diffusion_between(result):
         for name, n in (("ten", 10), ("fifty", largest))
     )
     mixture = result.measure("mixture", between("mixture"))
+    # The control: the shares of the sides are right, so the samples in between are no training
+    # failure.
     remaining = result.measure("left", np.mean(aside("diffusion", steps=largest) > 0.0), 0.05)
     shown = result.measure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
     result.statement = "2,000 first chunks with DDIM from the stored network, 64 units per layer."
@@ -205,6 +212,7 @@ def one_euler_step(result):
     def deviation(parts, size):
         """Return how far from their mean single steps end, for a drawn mixture."""
         rng = result.rng
+        # Random mixtures with the exact velocity field, so that no network's error interferes.
         made = Mixture(
             rng.dirichlet(np.ones(parts)),
             rng.normal(0, 2, (parts, size)),
@@ -221,6 +229,7 @@ def one_euler_step(result):
 
     two, ten, exact = (result.measure(name, spread(n), 1e-3)
                        for name, n in (("two", 2), ("ten", 10), ("exact", 160)))  # fmt: skip
+    # Up to four components in up to four dimensions.
     worst = max(deviation(*result.rng.integers(1, 5, 2)) for _ in range(20))
     half = integrate(two_modes().velocity, start, 2, "euler")  # its first step is 1/2 of a step
     first = 0.5 * start + 0.5 * two_modes().velocity(0.5 * start, 0.5)
@@ -262,6 +271,7 @@ def sampler_orders(result):
                 ends.append(denoise(made.clean, noise, steps, result.rng))
             else:
                 ends.append(integrate(made.velocity, noise, steps, solver))
+        # The reference has four times the steps of a fourth-order method.
         exact = integrate(made.velocity, noise, max(4 * n, 100), "rk4")
         return np.divide(*(np.sqrt(np.mean((end - exact) ** 2)) for end in ends))
 
@@ -275,6 +285,7 @@ def sampler_orders(result):
         (rng.dirichlet([3, 3]), rng.normal(0.0, 1.5, (2, 1)), rng.uniform(0.3, 1.0, 2))
         for _ in range(8)
     ]
+    # Modes of width 0.1 with two steps: the asymptotic order does not hold yet.
     narrow = (np.full(2, 0.5), first[1], np.full(2, 0.1))
     few = result.measure("few", gain("euler", *narrow, 2), 0.02)
     inside, outside = (
@@ -291,6 +302,7 @@ def sampler_orders(result):
     result.correction_holds(
         abs(euler - 2.0) < 0.1,
         abs(ddim - 2.0) < 0.1,
+        # Powers of two of the order; the tolerances grow with it as fewer steps are taken.
         abs(heun - 4.0) < 0.4,
         abs(rk4 - 16.0) < 3.0,
         few > 3.0,
@@ -319,6 +331,7 @@ def ten_denoising_steps(result):
     result.statement = (
         "20,000 samples of two modes at -1 and 1 of width 0.1; between them means within 0.5 of 0."
     )
+    # Tolerated shares below and above what ten and five steps leave.
     inside, outside = (
         [bool(nine > share) for share in result.rng.uniform(*some, 8)]
         for some in ((0.2 * ten, ten), (five, 2.0 * five))
@@ -382,6 +395,7 @@ def ensembling_averages(result):
         outside=[not x for x in selected],
         cases=True,
     )
+    # The formula by sampling: means of eight coin tosses.
     mean = np.mean(result.rng.choice([-1.0, 1.0], (20_000, 8)), axis=1)
     result.correction_holds(all(selected), whole > 0.95, abs(mean.std() * np.sqrt(8) - 1) < 0.03)
 
@@ -422,12 +436,14 @@ def react_less(result):
         result.measure(f"quiet_{name}", passed(Commit(policy("mixture"), each), n=runs), 0.02)
     always = result.measure("each", passed(Commit(policy("mixture"), 1), size, n=runs), 0.1)
     heads = ("mixture", "flow", "diffusion", "nearest")
+    # Four kinds of policy and two seeds, so that it is no property of the mixture.
     less = [
         np.mean([passed(Commit(policy(n), 8), size, x) for x in (3, 4)])
         < np.mean([passed(Commit(policy(n), 2), size, x) for x in (3, 4)])
         for n in heads
     ]
     task, rng = TwoWays(noise=size), np.random.default_rng(2)
+    # A policy that does nothing isolates the sum of the disturbances.
     still = roll(task, lambda states, rng: 0.0 * states, np.zeros((4000, 2)), 8, rng).states
     deviation = still[:, 8, 0].std() / float(result.formula.subs({s: size, k: 8}))
     result.statement = "8,000 runs each of the mixture; then 800 runs for each of four policies."
@@ -451,6 +467,7 @@ def pauses(result):
 
         def act(observed, rng):
             far = np.hypot(*(observed[:, None] - states).transpose(2, 0, 1))
+            # All chunks shown at the nearest state, up to rounding, are equally likely.
             ties = far < far.min(axis=1, keepdims=True) + 1e-9
             return chunks[np.argmax(ties * rng.random(far.shape), axis=1)]
 
@@ -468,6 +485,7 @@ def pauses(result):
     drawn = result.measure("drawn", stuck(pause, 1, 0, drawing))
     pairs = [(result.rng.integers(1, 8), result.rng.random()) for _ in range(8)]
     result.statement = "30 demonstrations, chunks of 8 steps, a time limit of 60 steps."
+    # Random pauses, executing at most as many steps as the pause has; outside, at least one more.
     inside = [stuck(n, 1 + int(part * n), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside = [stuck(n, n + 1 + int(part * (8 - n)), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside.append(drawn == 1.0)
@@ -510,6 +528,7 @@ def ways_missed(result):
     n, share = int(result.input("n", 50)), result.input("share", 0.02)
     rare = result.measure("rare", missed(share, n, 1000, 0)[0], 0.1)
     result.statement = "1,000 sets of demonstrations, then 300 for each of several random shares."
+    # The share at which a way is missing from n demonstrations with probability 1 / 100.
     limit = 1.0 - 0.01 ** (1.0 / n)
     inside, outside = (
         [bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(result.rng.uniform(*some, 8))]
@@ -518,6 +537,7 @@ def ways_missed(result):
 
     def by_operators(share, operators=5):
         """Return whether it is rarely missed where each of five operators always goes one way."""
+        # Five independent choices, however many demonstrations each operator gives.
         return bool(np.mean(~(result.rng.random((300, operators)) < share).any(axis=1)) < 0.03)
 
     result.statement_holds(
@@ -545,6 +565,7 @@ def code_of_zero(result):
         result.measure(n, between(name), 0.15)
         for n, name in (("zero", "zero"), ("drawn", "autoencoder"), ("mixture", "mixture"))
     )
+    # A hundred copies of one state: any spread of the chunks is the code's.
     same = policy("zero")(np.zeros((100, 2)), np.random.default_rng(0))
     free = policy("autoencoder")(np.zeros((100, 2)), np.random.default_rng(0))
     result.statement = "The stored autoencoder, with a code of one number."

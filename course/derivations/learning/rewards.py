@@ -35,6 +35,7 @@ def drawn(rng, cut=0.0, T=40):
     rewards, values, later = rng.normal(size=(3, T))
     ended, late = rng.random((2, T)) < [[0.1], [cut]]
     late &= ~ended
+    # At least one cut-off row in each run with time limits.
     late[T // 2], ended[T // 2] = cut > 0.0, False
     row = np.append(values[1:], later[-1])  # an episode that is cut has a last observation
     return rewards, values, np.where(late, later, row), ended, late, row
@@ -66,6 +67,7 @@ def baseline_is_free(result):
 
     u, mu, sigma = sympy.symbols("u mu sigma", real=True)
     result.formula = sympy.diff(-((u - mu) ** 2) / (2 * sigma**2), mu)
+    # Gauss-Hermite quadrature: expectations under the Gaussian policy without sampling noise.
     nodes, weights = np.polynomial.hermite_e.hermegauss(12)
     weights = weights / weights.sum()  # exact for polynomials up to degree 23
     n = int(result.input("n", 40))
@@ -78,10 +80,12 @@ def baseline_is_free(result):
         exact = -2.0 * (mean - goal)  # of the expected reward, level - (mean - goal)^2 - spread^2
 
         def moments(b, paid=paid, score=score):
+            # Score-function estimator (REINFORCE) with a baseline b.
             sample = score * (paid - b)
             first = weights @ sample
             return first, np.sqrt(weights @ sample**2 - first**2)
 
+        # Random baselines too: the claim is about any that does not depend on the action.
         deviation += [abs(moments(b)[0] - exact) for b in (0.0, baseline)]
         noise.append(moments(weights @ paid)[1] / moments(0.0)[1])
     worst = result.measure("worst", max(deviation), 0.5)
@@ -122,6 +126,7 @@ def lambda_mixes(result):
     result.formula = sympy.expand(mixed)
     gamma, trace = 0.97, 0.9
 
+    # The definition by n-step estimates, O(T^2), independent of the backward recursion in `gae`.
     def double(rewards, values, after, ended, late):
         """Return every n-step estimate of every step, with its weight."""
         each = np.zeros(len(values))
@@ -129,7 +134,9 @@ def lambda_mixes(result):
             total, n, weight = -values[t], 0, 1.0
             while True:
                 total += gamma**n * rewards[t + n]
+                # An end, a time limit and the end of the batch each stop the sum.
                 last = ended[t + n] or late[t + n] or t + n + 1 == len(values)
+                # Bootstrapping: a terminal state is worth 0, a cut-off one what the critic says.
                 rest = 0.0 if ended[t + n] else gamma ** (n + 1) * after[t + n]
                 each[t] += weight * (1.0 if last else 1.0 - trace) * (total + rest)
                 if last:
@@ -170,6 +177,7 @@ def next_row(result):
 
     def deviation(cut):
         rewards, values, after, ended, late, row = drawn(result.rng, cut)
+        # The same batch with the true successor values and with those of the next row.
         right = gae(rewards, values, after, ended, late)
         return np.abs(gae(rewards, values, row, ended, late) - right).max()
 
@@ -228,11 +236,13 @@ def beyond_the_clip(result):
         value, slope = clipped_objective(np.array([ratio, ratio + 1e-6]), np.full(2, advantage))
         return bool(abs(value[1] - value[0]) < 1e-12 and slope[0] == 0.0)
 
+    # From just outside the clip range of 0.2, with advantages of both signs.
     size, over = result.rng.uniform(0.1, 3.0, 10), result.rng.uniform(0.21, 0.9, 10)
     signs = np.resize([1.0, -1.0], 10)
     result.measure("slope", clipped_objective(np.array([1.5]), np.array([-1.0]))[1][0])
     result.statement = "Finite differences of the objective at random ratios, with a clip of 0.2."
     inside, outside = (
+        # k = 1: the ratio moved as its advantage pushes; k = -1: against it.
         [flat(1.0 + s * k * x, s * y) for s, x, y in zip(signs, over, size, strict=True)]
         for k in (1.0, -1.0)
     )
@@ -245,6 +255,7 @@ def beyond_the_clip(result):
     result.correction_holds(
         not any(outside),
         abs(clipped_objective(np.array([1.5]), np.array([-2.0]))[0][0] + 3.0) < 1e-12,
+        # Inside the range the gradient exists, so "flat" isn't true of every input.
         not flat(1.1, 1.0),
         not flat(0.9, -1.0),
     )
@@ -261,6 +272,7 @@ def clip_keeps(result):
     from course.learning import Settings, clipped_objective, ppo
     from course.vector_env import PointReachVector
 
+    # A real training run, since only several epochs on one batch move the ratios.
     envs = PointReachVector(64, "potential", autoreset_mode="SameStep")
     settings = Settings(hidden=(16, 16), rate=1e-3, anneal=False)
     report = list(ppo(envs, settings, steps=64 * 32 * 3, seed=0))
@@ -305,6 +317,7 @@ def first_to_finish(result):
     from course.vector_env.point import plan
 
     p, x = sympy.symbols("p x")
+    # Expected successes before the first failure: those of a geometric distribution.
     result.formula = sympy.solve(sympy.Eq(x, p * (1 + x)), x)[0]  # one success, then as before
 
     def played(edge, N=128, clock=100, always=False):
@@ -343,6 +356,7 @@ def first_to_finish(result):
         "Two policies in 128 environments with a time limit of 100 steps; then games with random "
         "success rates."
     )
+    # Equal durations as the control, and failures thirty times as long.
     inside, outside = ([shows(s, n) for s in result.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
     result.statement_holds(
         abs(read_more - more) < 0.05,
@@ -376,11 +390,13 @@ def own_normaliser(result):
             rows.append(observed)
             push = np.clip(result.rng.standard_normal((N, 2)), -1.0, 1.0).astype(np.float32)
             observed = envs.step(push)[0]
+        # One column per feature for shared statistics, one per feature and environment otherwise.
         table = np.array(rows).reshape(-1, 4 if shared else 4 * N)
         normaliser = Normaliser.blank(table.shape[1])
         normaliser.update(table)
         new, _ = envs.reset(seed=9000)
         report = normaliser(new.reshape(-1, table.shape[1])).reshape(N, 4)
+        # Normalised and true distance of opposite sign: the policy would push away from the goal.
         return np.mean(report[:, 0] * new[:, 0] < 0.0)
 
     own, later = (result.measure(x, turned(k, False), 0.1) for x, k in (("own", 1), ("later", n)))
@@ -424,11 +440,14 @@ def sparse_chance(result):
 
     speed = 0.05 * np.cumsum(pushes(N, 100), axis=1)
     path, lengths = 0.05 * np.cumsum(speed, axis=1), 0.05 * np.hypot(*np.moveaxis(speed, 2, 0))
+    # Start and goal are uniform in a square of 2 m, so the goal relative to the start has a
+    # triangular density on each axis.
     dense = np.prod(np.clip(2.0 - np.abs(path), 0.0, None), axis=2) / 16.0  # of goals there, 1/S
 
     def law(radius):
         """Return the swept share for dense goals, for sparse ones, and on the start's disc."""
         swept = float(result.formula.subs({R: radius, L: 1, S: 1})) * np.sum(lengths * dense, 1)
+        # The goals that the start's own disc already covers; the density there is 1/4.
         return swept.mean() + np.pi * radius**2 / 4.0
 
     def measured(radius):
@@ -451,6 +470,8 @@ def sparse_chance(result):
         outside=outside,
     )
     result.correction_holds(
+        # 30 %: a random path crosses itself, so the swept strip is an upper estimate, and 20,000
+        # episodes leave some noise.
         abs(report / observed - 1.0) < 0.3,
         abs(measured(0.1) / law(0.1) - 1.0) < 0.3,
         0.6 < few / small < 1.3,
@@ -472,6 +493,7 @@ def minus_distance(result):
         """Return two ways of drawn lengths and distances: do these rewards keep the best one?"""
         last, ends = result.rng.integers(1, n - 2), np.arange(n) == n - 1
         P = np.repeat(np.eye(n, k=1)[:, None], 2, axis=1)
+        # Two corridors to the same prize: both actions differ in the first state only.
         P[0, 1], P[last], P[-1] = np.eye(n)[last + 1], np.eye(n)[-1], np.eye(n)[-1]
         near, far = result.rng.uniform(0.1, 2.0, 2)
         deviation = np.where(np.arange(n) <= last, near, far) * ~ends
@@ -480,6 +502,7 @@ def minus_distance(result):
         sparse, dense = (
             Process(P, x, 0.95, ends) for x in (prize, prize - deviation[:, None, None])
         )
+        # Each reward's optimal policy, judged by the sparse reward that defines the task.
         policies = (value_iteration(x).policy for x in (sparse, dense, shaped(sparse, -deviation)))
         best, *others = (evaluate_policy(sparse, policy)[0] for policy in policies)
         return np.isclose(others, best)
@@ -521,6 +544,7 @@ def hovering(result):
     from course.vector_env import PointReachVector
 
     gamma, P, b = sympy.symbols("gamma P b", positive=True)
+    # Indifference: prize now, or the bonus now and the same choice a step later.
     result.formula = sympy.solve(sympy.Eq(b + P, b + gamma * (b + P)), b)[0]
 
     def hovers(share, discount, prize):
@@ -544,6 +568,7 @@ def hovering(result):
         "A task with two states, random discounts and prizes, solved exactly; and a point at rest "
         "near its goal."
     )
+    # 5 % on both sides of the threshold, with random discounts and prizes.
     inside, outside = ([hovers(x, *task) for task in tasks] for x in (1.05, 0.95))
     result.statement_holds(
         all(outside),
@@ -566,6 +591,7 @@ def no_time_penalty(result):
 
     def worth(gain, gamma):
         def act(observed):
+            # Critically damped PD law with the poles at -gain.
             push = gain**2 * observed[:, :2] - 2.0 * gain * observed[:, 2:]
             return np.clip(push, -1.0, 1.0).astype(np.float32)
 
@@ -621,6 +647,7 @@ def two_gains(result):
         worth, steps = played(some, 0, 32)
         best.append(some[np.argmax(worth)])
         each.append(steps)
+    # Test starts with other seeds than the search: the best of 24 is biased on its own starts.
     starts, _ = PointReachVector(500).reset(seed=9000)
     shares = played(np.array(best), 9000, 500)[0] / optimum(starts).mean()
     share = result.measure("share", np.median(shares), 0.02)
@@ -690,6 +717,7 @@ def gradient_cost(result):
             out.backward()
         with Calls() as calls:
             net(observed).square().mean().backward()
+        # PyTorch counts a multiplication and an addition as two operations.
         return *(x.get_total_flops() / (2 * rows) for x in (forward, backward)), calls.number
 
     width, widths = int(result.input("width", 64)), (8, 64, 256)

@@ -30,6 +30,7 @@ def through(offered, requested, link, messages=2000, apart=1e-3):
     reader = bus.node("reader").reader("x", None, requested, link)
     for k in range(messages):
         bus.after(k * apart, writer.publish, k)
+    # Long enough after the last message for every retransmission to end.
     bus.run(messages * apart + 100.0)
     return reader
 
@@ -47,6 +48,7 @@ def reliability_both_ways(result):
     from course.oracles.cyclonedds import verdicts
 
     kinds = ORDERS["reliability"]
+    # All four combinations, on a real DDS implementation; our own rule must agree with each.
     pairs = [(QoS(a), QoS(b)) for a in kinds for b in kinds]
     received = {
         (a.reliability, b.reliability): one.delivered == 1
@@ -83,6 +85,7 @@ def mismatch_is_late(result):
     from course.oracles.cyclonedds import verdicts
     from course.oracles.qos_matrix import history
 
+    # The one incompatible pair of reliabilities.
     pair = QoS("best_effort"), QoS()
     (report,) = verdicts([pair])
     sent = int(result.input("sent", 20))
@@ -109,6 +112,7 @@ def drawn(rng, least=None):
     from course.middleware.qos import ORDERS, QoS
 
     def kind(name):
+        # From the rank that is requested upwards: an offer at least as strong.
         low = ORDERS[name].index(getattr(least, name)) if least else 0
         return str(rng.choice(ORDERS[name][low:]))
 
@@ -136,6 +140,7 @@ def stronger_offer(result):
         replace(drawn(result.rng, least=one), depth=int(result.rng.integers(1, 20)))
         for one in requests
     ]
+    # A real middleware decides; our rule is compared with it afterwards.
     observed = verdicts(list(zip(offers, requests, strict=True)))
     ends: list[dict[str, Any]] = [{n: k[at] for n, k in ORDERS.items()} for at in (0, -1)]
     result.measure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
@@ -192,6 +197,7 @@ def deadline_for_deadline(result):
         return [one.delivered == 1 for one in verdicts(pairs)]
 
     below, above = result.rng.uniform(0.3, 1.0, requested.size), result.rng.uniform(1.001, 1.1, 10)
+    # Equality is the border case: it must match.
     below[0] = 1.0
     inside, outside = received("deadline", below), received("deadline", above)
     met = result.measure("met", sum(received("deadline", np.full(requested.size, math.inf))))
@@ -224,6 +230,7 @@ def event_names_all(result):
         named.append({report.reader, report.writer})
         if report.writer != report.reader or report.delivered:
             break
+        # Fix the one policy that was named and ask again.
         offered = replace(offered, **{report.reader: getattr(requested, report.reader)})
     result.measure("failing", len(failing))
     one = result.measure("named", len(named[0]))
@@ -247,6 +254,7 @@ def reliable_arrives(result):
 
     burst, depth = int(result.input("burst", 8)), int(result.input("depth", 3))
     retained = result.measure("kept", len(history(QoS(), QoS(depth=depth), burst)))
+    # The control: best effort with the same depth keeps the same number.
     best = history(QoS("best_effort"), QoS("best_effort", depth=depth), burst)
     link = Link(delay=0.01, loss=result.input("loss", 0.2))
     short, long = (
@@ -264,6 +272,7 @@ def reliable_arrives(result):
         all_of(k, k + a, k + b)
         for k, (a, b) in zip(n, result.rng.integers(0, 3, (8, 2)), strict=True)
     ]
+    # One place too few at the reader.
     outside = [all_of(k, k, k - 1) for k in n]
     result.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
     result.statement_holds(
@@ -300,8 +309,10 @@ def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
             observed.append((bus.now - sample.stamp) / apart)
 
     bus.node("clock").timer(apart, lambda: (out.publish(0), None)[1])
+    # Clocks of their own with a ratio that is no simple fraction: the phase drifts over the period.
     bus.node("other clock").timer(ratio * apart, view, phase=0.5)
     bus.run(reads * ratio * apart)
+    # The first samples come before the queue is full.
     return np.array(observed)[3 * depth :]
 
 
@@ -334,6 +345,7 @@ def best_effort_is_fresh(result):
     depth = int(result.input("depth", 10))
     deep = result.measure("deep", queue_ages(depth, 3, 20, "best_effort").ages[-1])
     newest = result.measure("newest", queue_ages(1, 3, 20, "reliable").ages[-1])
+    # The two reliabilities in turn: depth, not reliability, must decide the age.
     drawn = zip(result.rng.integers(1, 12, 6), result.rng.uniform(1.3, 4.0, 6), strict=True)
     observed = [
         (int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn
@@ -378,6 +390,7 @@ def late_joiner_gets_the_last(result):
 
     kinds = {name: ORDERS[name][:2] for name in ("durability", "reliability")}
     last = late(depth=1)
+    # Each policy varied on its own, with the others at their strongest.
     given = {
         name: [gets(late(**{"depth": 1, name: a}), late(**{name: b})) for a in some for b in some]
         for name, some in kinds.items()
@@ -436,6 +449,7 @@ def late_joiner_depth(result):
         plain == depth,
         only_if="its durability service has the depth d as well, and the reader no less",
         inside=[handed(k, k) == k for k in depths],
+        # One less in the durability service, or one less at the reader.
         outside=[handed(k, k - 1) == k for k in depths]
         + [handed(k, k, int(k) - 1) == k for k in depths],
     )
@@ -471,6 +485,7 @@ def lifespan_bounds_age(result):
     from course.oracles.cyclonedds import Topic, participant, take
 
     life, link = (1e-3 * result.input(*x) for x in (("life_ms", 100), ("link_ms", 60)))
+    # In steps of 1 ms, hence the tolerance of 1.5 ms below.
     waits = [1e-3 * k for k in range(120) if usable(life, link, 1e-3 * k)]
     remaining = result.measure("left_ms", 1e3 * max(waits), 0.05)
     ago, lasts = result.input("ago_s", 60), result.input("life_s", 30)
@@ -534,8 +549,11 @@ def deadline_is_one_event(result):
     result.statement = "Gaps on the bus, and those that there really were on Cyclone DDS."
     result.statement_holds(events == 1)
     result.correction_holds(
+        # One event for each whole deadline in the gap, at both ends.
         all(missed_on_the_bus(float(g), float(d)) == [math.floor(g / d)] * 2 for g, d in draws),
         never == closed == 0,
+        # Real time: the system may wake late, so the count must lie between bounds that were
+        # measured.
         real.least <= real.offered <= real.at_most,
         real.least <= real.requested <= real.at_most,
     )

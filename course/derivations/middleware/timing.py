@@ -42,11 +42,13 @@ def liu_layland_says_no(result):
     from course.middleware.executor import Work, respond
     from course.middleware.schedule import breakdown, liu_layland, random_sets, response_times
 
+    # Hyperbolic bound of Bini and Buttazzo for two tasks: (u + 1) (x + 1) <= 2.
     u, x = sympy.symbols("u x", positive=True)
     result.formula = sympy.factor(sympy.solve(sympy.Eq((u + 1) * (x + 1), 2), x)[0])
     n, sets = int(result.input("n", 4)), int(result.input("sets", 1000))
     load = result.input("load", 0.85)
     bound = result.measure("bound", liu_layland(n))
+    # The load is above the bound, so the bound alone would reject every one of these sets.
     C, T = random_sets(n, load, sets, result.rng)
     meet = result.measure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
 
@@ -67,6 +69,7 @@ def liu_layland_says_no(result):
     worst = [np.append(ratios, [1.0 + a, 1.0 + b]) for a, b in report]
     short, long = Work("control", 1e-3, 0.02), Work("camera", 0.025, 1 / 30, "subscription")
     two = result.measure("two", sum(w.execution / w.period for w in (short, long)))
+    # The camera's callback begins 2 ms before control is released, and nothing interrupts it.
     waits = respond([short, long], "timers first", 1, (0.1, 0.0), 0.2)["control"].max()
     result.statement = "Exact response times of random sets, and of pairs at 800 ratios of periods."
     result.statement_holds(meet < 0.01)
@@ -75,6 +78,7 @@ def liu_layland_says_no(result):
         load > bound,
         two < liu_layland(2),
         bool(waits > short.period),
+        # From 0.1 % below to 1 % above the formula, checked with exact response times.
         all(safe(a, b * 0.999, r) for (a, b), r in zip(report, worst, strict=True)),
         not any(safe(a, b * 1.01, r) for (a, b), r in zip(report, worst, strict=True)),
         abs(float(breakdown([0.1, 0.2, 0.4], [1.0, 2.0, 4.0])) - 1.0) < 1e-6,
@@ -94,10 +98,12 @@ def critical_instant(result):
 
     sets = int(result.input("sets", 400))
     C, T = random_sets(4, 0.85, sets, result.rng)
+    # Audsley's fixed-point iteration on one side, a simulation of the schedule on the other.
     text = response_times(C, T)
     meets = np.isfinite(text)
     first = run(C, T, 2.0)
     equal = np.abs(first.longest - text)[meets].max() < 1e-9
+    # Random phases try to break the claim: a single later answer would.
     phases = [run(C, T, 2.0, phase=result.rng.random(T.shape) * T).longest for _ in range(5)]
     later = [np.any((observed > first.longest + 1e-9) & meets, axis=0).sum() for observed in phases]
     result.measure("later", sum(later))
@@ -106,8 +112,11 @@ def critical_instant(result):
     result.statement = "The analysis, runs from the critical instant, and runs with other phases."
     result.statement_holds(sum(later) == 0)
     late = np.zeros_like(T)
+    # Release jitter of half a period on the first task, which the plain analysis doesn't know.
     late[0] = 0.5 * T[0]
     output, ran = response_times(C, T, jitter=late), run(C, T, 2.0, jitter=late).longest
+    # The runs exceed the critical instant's response, but not the analysis that has the jitter
+    # term.
     result.correction_holds(
         bool(equal),
         bool(np.array_equal(first.late == 0, meets)),
@@ -131,12 +140,14 @@ def by_rate_is_best(result):
 
     C, T = random_sets(4, 0.85, int(result.input("sets", 400)), result.rng, ratio=20.0)
     orders = [list(order) for order in permutations(range(4))]
+    # Exhaustive: all 24 orders, so "none does better" is checked and not sampled.
     good = np.array([np.isfinite(response_times(C[o], T[o])).all(axis=0) for o in orders])
     some = good.any(axis=0)
     result.measure("some", some.sum(), 0.1)
     wrong = result.measure("wrong", good[:, some].mean(), 0.2)
     # A slow task with an early deadline is in time in front of a quicker one, and not behind it.
     late = response_times([0.3, 0.2], [1.0, 2.0])[1], response_times([0.2, 0.3], [2.0, 1.0])
+    # Some tasks are released up to 0.6 of a period late, which breaks the optimality of the order.
     J = T * np.where(result.rng.random(T.shape) < 0.3, 0.6, 0.0)
     jitter = np.array(
         [np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0) for o in orders]
@@ -158,6 +169,8 @@ def high_waits(protocol, section, middle, between):
     from course.middleware.schedule import run
 
     n = between + 2
+    # The low task takes the lock at 0, the high one asks for it 1 us later, the others come after
+    # that: the order that inverts priorities.
     observed = run(
         [0.01] + [middle] * between + [section],
         [60.0] * n,
@@ -207,6 +220,7 @@ def inversion_is_bounded(result):
         for kind in kinds
     ]
     result.measure("top_ms", 1e3 * max(top), 1e-3)
+    # From one to six tasks in between: with an unbounded inversion the wait must grow with them.
     drawn = result.rng.uniform((0.001, 0.01, 1.0), (0.1, 0.5, 6.99), (8, 3))
     result.statement = "Three to eight tasks and a lock on one simulated core."
     result.statement_holds(
@@ -238,6 +252,7 @@ def not_real_time_by_default(result):
     short, long = (1e-3 * result.input(*x) for x in (("control_ms", 1), ("camera_ms", 25)))
     works = [Work("control", short, 0.05), Work("camera", long, 1 / 30, "subscription")]
     apart = [works[0], Work("camera", long, 1 / 30, "subscription", "own")]
+    # The worst case depends on the phase, so the maximum is taken over 40 of them.
     phases = np.linspace(0.0, 1 / 3, 40)
     observed = {
         order: max(
@@ -255,6 +270,7 @@ def not_real_time_by_default(result):
     report = [1e3 * bounds(works, order)["control"] for order in ORDERS]
     result.statement = "Three orders of an executor on the bus, 40 phases, and their bounds."
     result.statement_holds(all(x > 0.9 * (short + long) for x in observed.values()))
+    # The simulated worst case must stay below the analytical bound of each order.
     result.correction_holds(
         all(worst <= x + 1e-6 for x in report),
         bool(own < 1.01 * short),
@@ -317,11 +333,13 @@ def relative_sleep(result):
     import sympy
 
     T, C, L, k = sympy.symbols("T C L k", positive=True)
+    # k periods end at k (T + C + L), so the period is the derivative with respect to k.
     result.formula = 1 / sympy.simplify(sympy.diff(k * (T + C + L), k))
     work, wake = (1e-6 * result.input(*x) for x in (("work_us", 100), ("wake_us", 15)))
     requested = result.input("asked", 1000)
 
     def rate(work, wake, period, relative=True):
+        # The first period has no sleep before it.
         begun = looped(lambda: wake, work, 1000, relative, period)[0][1:]
         return (begun.size - 1) / (begun[-1] - begun[0])
 
@@ -330,6 +348,7 @@ def relative_sleep(result):
     result.measure("drift_us", 1e6 * np.diff(record.lateness)[1:].mean(), 1e-3)
     held = looped(lambda: wake, work)[1]
     late = result.measure("held_us", 1e6 * held.lateness.max(), 1e-3)
+    # Work and lateness from far below to above the period.
     drawn = result.rng.uniform((1e-4, 1e-6, 1e-3), (2e-3, 2e-4, 1e-2), (8, 3))
     result.statement = "The chapter's loop on a clock that only sleep and work move."
     result.statement_holds(abs(rate(work, wake, 1e-3) / requested - 1.0) < 1e-3)
@@ -372,6 +391,7 @@ def jitter_below_a_period(result):
     import sympy
 
     T, J, v, x, y = sympy.symbols("T J v x y", positive=True)
+    # Mean square of the difference of two independent uniform latenesses.
     square = sympy.integrate(sympy.integrate((x - y) ** 2, (x, 0, J)), (y, 0, J)) / J**2
     result.formula = sympy.simplify(v * sympy.sqrt(square) / T)
     good = 1e-6 * result.input("good_us", 20)
@@ -387,6 +407,7 @@ def jitter_below_a_period(result):
         return np.sqrt(np.mean((apart / period - 1.0) ** 2)), apart, record.skipped
 
     wrong, apart, skipped = error(0.99e-3)
+    # The worst alternation: on time and almost a period late, in turn.
     other = cycle((0.0, 0.99e-3))
     turns = result.measure("turns", error(0.0, late=lambda: next(other))[0], 0.01)
     result.measure("wrong", wrong, 0.05)
@@ -400,12 +421,14 @@ def jitter_below_a_period(result):
     result.statement_holds(bool(wrong < 0.05))
     result.correction_holds(
         all(
+            # 3 % is several times the standard error of a root mean square of 20,000 samples.
             abs(error(j, t)[0] / float(result.formula.subs({J: j, T: t, v: 1})) - 1.0) < 0.03
             for j, t in drawn
         ),
         bool(fair < 0.02),
         skipped == 0,
         bool(turns > 2.0 * wrong),
+        # A constant lateness cancels in the difference.
         bool(error(0.0, late=lambda: 0.99e-3)[0] < 1e-6),
         bool(apart.max() > 1.9e-3),
         bool(apart.min() < 1e-4),
@@ -438,6 +461,7 @@ def control_misses(callback, start, own=False, count=1):
     "all that may stand in front of the loop counts, and the loop itself.",
 )
 def callback_over_a_period(result):
+    # Callbacks that are barely longer than the period and begin barely before a release.
     drawn = result.rng.uniform((1.02e-3, 9e-4), (5e-3, 9.9e-4), (10, 2))
     inside, outside = (
         [control_misses(float(a), float(b), own) for a, b in drawn] for own in (False, True)
@@ -445,9 +469,11 @@ def callback_over_a_period(result):
     short, several = 1e-3 * result.input("short_ms", 0.5), int(result.input("several", 3))
     starts = result.rng.uniform(6e-4, 9.9e-4, int(result.input("tried", 8)))
     missed = result.measure("missed", sum(control_misses(short, x, count=several) for x in starts))
+    # The control: one of the short callbacks at the same phases.
     alone = [control_misses(short, x) for x in starts]
     long, phases = 1e-3 * result.input("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
     share = result.measure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
+    # The same lengths, but early in the period: they end before the next release.
     early = result.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
     result.statement = (
         "An executor on the bus, the callback just in front of a release of the loop."
@@ -495,6 +521,7 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
     def ask():
         got.append((yield client.call(1)))
 
+    # A generator waits inside the callback; `then` registers a continuation and returns at once.
     timer = ask if waits else lambda: client.call(1).then(got.append)
     for k in range(callers):
         node.timer(1.0, timer, group=Group(f"caller {k}") if k else None)
@@ -574,6 +601,7 @@ def service_blocks(result):
     free = result.measure("free", held(False, work), 0.05)
     aside = result.measure("apart", held(True, work, True), 0.05)
     result.measure("served", served(work), 0.05)
+    # Shares of a second that the service takes; from a quarter on, ticks must be lost.
     drawn = result.rng.uniform(0.25, 0.9, 8)
     result.statement = "A node with two timers on the bus, ten seconds."
     result.statement_holds(
@@ -604,13 +632,16 @@ def burdened(periods, litter, pages=0, **requested):
 
     def work(_):
         for _ in range(litter):
+            # A list that contains itself: only the cyclic collector can free it.
             ring: list = []
             ring.append(ring)
         if pages:
             retained.append(mmap.mmap(-1, 4096 * pages))
+            # Writing one byte to each page forces the kernel to map it: a minor page fault.
             retained[-1][::4096] = bytes(pages)
 
     try:
+        # CPython's long-time default thresholds, so that the count does not depend on the process.
         gc.set_threshold(700, 10, 10)
         with loop.urgent(lock=False, **requested):
             return loop.run(work, 1e-3, periods, now=clock.now, sleep=clock.sleep)
@@ -637,6 +668,7 @@ def fifo_makes_real_time(result):
     runs = result.measure("runs", noisy.collections, 0.3)
     result.measure("quiet", quiet.collections)
     fresh = burdened(20, 0, pages=64, quiet=True)
+    # A core that does not exist: the request must be reported as denied and not ignored.
     with loop.urgent(core=100_000, lock=False, scheduler="other") as granted:
         rejected = list(granted.denied)
     result.statement = (
@@ -669,6 +701,7 @@ def gc_hits_the_loop(result):
 
         def work(_):
             if apart:
+                # Another interpreter that certainly collects, and reports how often.
                 done = subprocess.run(
                     [sys.executable, "-S", "-c", code], capture_output=True, check=True
                 )

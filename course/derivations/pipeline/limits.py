@@ -43,6 +43,8 @@ def swung(q, kp, kd, dt, steps, offset):
     at, v, observed = q + offset, np.zeros(q.shape), np.empty((steps, *q.shape))
     for i in range(steps):
         column[11:] = kp * (q - at) - kd * v
+        # The torque is of the old state, so damping is explicit; the position takes the new
+        # velocity.
         v = v + dt * acceleration(at, v, column)
         at = at + dt * v
         observed[i] = at
@@ -66,6 +68,8 @@ def limits(q, kp, kd):
 def leaves(q, kp, kd, dt):
     """Return which of the arms swing far away from where they begin, 2e-6 rad beside."""
     with np.errstate(over="ignore", invalid="ignore"):
+        # Microradians keep the nonlinear arm within its linearisation; a 15-fold growth is a
+        # verdict.
         observed = swung(q, kp, kd, dt, 800, np.array([[1e-6], [-2e-6]]))
         return np.nanmax(np.abs(observed - q), axis=(0, 1)) > 3e-5
 
@@ -91,6 +95,8 @@ def step_by_posture(result):
 
     h, k, d = sympy.symbols("h k d", positive=True)
     step = sympy.Matrix([[1 - h * h * k, h - h * h * d], [-h * k, 1 - h * d]])
+    # Jury criterion: with damping and a growing step the eigenvalue -1 leaves the unit circle
+    # first.
     edge = (step + sympy.eye(2)).det()  # the first eigenvalue to leave is -1
     result.formula = sympy.solve(sympy.expand(edge), h)[0]
     both = np.array([[0.3, 0.3], [0.0, 2.9]])
@@ -101,6 +107,7 @@ def step_by_posture(result):
     q, kp, kd = drawn(result.rng)
     at = limits(q, kp, kd)
     result.statement = "The arm itself, from 1e-6 rad, 3 % to both sides of twelve limits."
+    # The geometric mean of both limits is stable in one of the postures only.
     result.statement_holds(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
     result.correction_holds(
         bool(leaves(q, kp, kd, 1.03 * at).all()),
@@ -125,10 +132,12 @@ def damping_and_step(result):
     result.measure("much", amount)
     q, springs, dampers = drawn(result.rng)
     less, more = limits(q, springs, dampers), limits(q, springs, 1.2 * dampers)
+    # A step that is stable with the smaller damping and above the limit with the larger.
     between = np.sqrt(less * more)
 
     def implicit(kp, kd, m=90.0):
         """Return growth just below 2 / omega with the damping taken at the new velocity."""
+        # Just below the undamped limit: implicit damping must leave it stable.
         dt = 1.99 / np.sqrt(kp * m)
         held = 1.0 / (1.0 + dt * kd * m)
         step = np.array([[1.0 - dt * dt * kp * m * held, dt * held], [-dt * kp * m * held, held]])
@@ -175,6 +184,7 @@ def largest_step(result):
     at = limits(q, kp, kd)
     # Chosen to break it: gains of all sizes, steps nearer to the limit, and a start far away.
     rng = result.rng
+    # Three decades of stiffness, and damping from none to heavy.
     wide = q, 10.0 ** rng.uniform(0.0, 3.0, q.shape[1]), rng.uniform(0.0, 60.0, q.shape[1])
     edge = limits(*wide)
     postures = np.stack([rng.uniform(-3.0, 3.0, 200), rng.uniform(0.0, 3.0, 200)])
@@ -185,6 +195,7 @@ def largest_step(result):
         ends = (
             swung(postures, *gains, below * limits(postures, *gains), 3000, away)[-50:] - postures
         )
+        # Written so that NaN, from an arm that has exploded, counts as lost.
         lost = ~(np.abs(ends).max(axis=(0, 1)) < 1e-2)
     far = result.measure("far", lost.mean(), 0.3)
     result.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
@@ -215,8 +226,10 @@ def high_gain_overshoots(result):
 
     def beyond(kp, kd, q):
         """Return the overshoot of a small step of the slow mode, measured and as predicted."""
+        # Start along the slow eigenvector of M^-1, so that only one mode moves.
         modes = theory.modes(TwoLink(), q, kp, kd)
         shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(q))))[1]
+        # 250 steps per 1 / omega, so that the integrator's own error is far below the overshoot.
         dt = 0.004 / float(modes.omega[0])
         away = 1e-5 * shapes[:, :1]
         observed = swung(np.array(q)[:, None], kp, kd, dt, 1000, away)[:, :, 0] - q
@@ -260,6 +273,7 @@ def swings_die(result):
     from course.pipeline import theory
 
     kp, kd, c, m, x = sympy.symbols("kp kd c m x", positive=True)
+    # Outside the root the pole has the real part -(kd + c) m / 2, which contains no kp.
     root = sympy.solve(x**2 + m * (kd + c) * x + m * kp, x)[0]
     result.formula = sympy.simplify(-1 / sum(part for part in root.args if not part.has(kp)))
     bent = (0.624, 1.64)
@@ -273,6 +287,7 @@ def swings_die(result):
         observed = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent
         y = np.abs(observed @ shapes[:, 0])
         peaks = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] > y[2:])) + 1
+        # Logarithmic decrement: slope of the logarithm of the peaks over time.
         return float(np.polyfit(dt * peaks, -np.log(y[peaks]), 1)[0])
 
     slow, fast = rate(soft), rate(stiff)
@@ -297,9 +312,11 @@ def wanders(gain, *late):
     """
     past = [1.0] * (max(late) + 1)
     for i in range(20_000):
+        # Pure integrator with delay: the error seen is `late` frames old.
         past.append(past[-1] - gain * past[-1 - late[i % len(late)]])
         if abs(past[-1]) > 1e6:
             return True
+    # A loop that has neither diverged nor settled counts as wandering.
     return abs(np.array(past[-40:])).max() > 0.5
 
 
@@ -330,6 +347,7 @@ def look_and_move_limit(result):
     result.formula = 2 * sympy.sin(sympy.simplify(angle / 2))
     result.measure("one", theory.look_limit(1))
     four = result.measure("four", theory.look_limit(4))
+    # Delays of 0 to 8 frames, with gains 2 % to both sides of each limit.
     late = [int(x) for x in result.rng.integers(0, 9, 12)]
     inside, outside = (
         [not wanders(x * theory.look_limit(k), k) for k in late] for x in (0.98, 1.02)
@@ -338,6 +356,7 @@ def look_and_move_limit(result):
     # Chosen to break it: gains that are tiny, none, or of the wrong sign, and delays that change.
     inside += [not wanders(0.02 * theory.look_limit(k), k) for k in late]
     outside += [not wanders(x, k) for x in (0.0, -0.01) for k in late]
+    # Delays that alternate, with the gain of the shorter one and of the longer one.
     jumping = [not wanders(0.98 * theory.look_limit(k), k, k, k + 4, k + 4) for k in late]
     longest = [not wanders(0.98 * theory.look_limit(k + 4), k, k, k + 4, k + 4) for k in late]
     result.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
@@ -380,6 +399,7 @@ def look_and_move_noise(result):
     from course.pipeline import theory
 
     g, V = sympy.symbols("g V", positive=True)
+    # Stationary variance of the first-order recursion: V = (1 - g)^2 V + g^2.
     result.formula = sympy.simplify(sympy.solve(sympy.Eq(V, (1 - g) ** 2 * V + g**2), V)[0])
     gain, late = result.input("gain", 0.3), int(result.input("late", 2))
 
@@ -388,6 +408,7 @@ def look_and_move_noise(result):
         past = list(np.zeros((late + 1, 2000)))
         for _ in range(200):
             past.append(past[-1] - gain * (past[-1 - late] + result.rng.standard_normal(2000)))
+        # Only the last 60 frames, after the start at zero has been forgotten.
         return float(np.var(past[-60:]))
 
     part = result.measure("part", theory.look_noise(gain, 0))
@@ -431,6 +452,7 @@ def clearance_and_noise(result):
 
     t, b, s, x, angle = sympy.symbols("t b s x angle", positive=True)
     density = x / (2 * sympy.pi * s**2) * sympy.exp(-(x**2) / (2 * s**2))
+    # The half-plane beyond the wall, plus a sector of angle t outside the radius b (Rayleigh tail).
     result.formula = sympy.integrate(density, (x, b, sympy.oo), (angle, 0, t))
     wall = float(theory.collision_share(2.0, np.eye(2), (1.0, 0.0)))
     bends = {"wall": 0.0, "bent": 0.5 * np.pi, "round": np.pi}
@@ -445,6 +467,7 @@ def clearance_and_noise(result):
     def touched(turn, radius=4.0, error=error):
         """Return the share of positions where a disc touches an arc with straight ends."""
         angles, far = np.linspace(-0.5, 0.5, 41) * turn, np.linspace(0.0, 7.0, 36)
+        # The path is the offset curve of the disc at two standard deviations.
         arc = (radius + 2.0) * np.exp(1j * angles)
         ends = [arc[i] + 1j * sign * far * np.exp(1j * angles[i]) for i, sign in ((0, -1), (-1, 1))]
         away = np.full(error.shape[1], np.inf)
@@ -477,6 +500,7 @@ def clearance_and_noise(result):
         outside=sharp + [x < 1.0 / 40.0 for x in worse],
     )
     result.correction_holds(
+        # 80,000 samples leave 2 % on a share of a few per cent.
         all(abs(touched(turn) / law[name] - 1.0) < 0.05 for name, turn in bends.items()),
         abs(worse[0] / slanted - 1.0) < 0.05,
         abs(both / lane - 1.0) < 0.05,
@@ -504,6 +528,7 @@ def planner_step(result):
         corners = np.median([r.plans[0].value.waypoints.shape[1] for r in records])
         return successes(records).mean(), 1e-3 * wait, length, corners
 
+    # The same small step with and without cost separates waiting from the worse path.
     (paid, wait, slow, corners), (free, *_), (fine, _, quick, few) = (
         runs(0.002, cost),
         runs(0.002, 0.0),
@@ -540,18 +565,22 @@ def overrun_ages(result):
     from course.pipeline import Scenario, Settings, repair, run
 
     L, t = sympy.symbols("L t", positive=True)
+    # Between L, when a result arrives, and 2 L, just before the next one.
     result.formula = sympy.integrate(L + t, (t, 0, L)) / L
     seconds = result.input("seconds", 3.0)
     scene = Scenario(velocity=(-0.02, 0.015), seconds=seconds)
     u = np.array(scene.velocity)
+    # Without noise, bias and filter only the delay is left.
     plain = replace(Settings(), noise=0.0, bias=(0.0, 0.0), filtered=False)
 
     def age(rule, late, period):
         """Return the mean over the phases of what an arm without lag aims at [s]."""
         cycle = {"drop": period * np.ceil(late / period), "block": late, "queue": period}[rule]
         aimed = []
+        # Mean over eight phases of the camera, since the age is a sawtooth in time.
         for phase in (seconds - late - cycle * (np.arange(8) + 0.5) / 8) % cycle:
             report = replace(plain, overrun=rule, latency=late, frame=period, phase=float(phase))
+            # The goal moves at a constant velocity: the error along it over the speed is an age.
             aimed.append(-run(scene, repair(report, "plan", "control")).error @ u / (u @ u))
         return float(np.mean(aimed))
 
@@ -590,6 +619,7 @@ def raw_estimate_replans(result):
     from course.pipeline import Scenario, Settings, run_many
 
     r, s, x = sympy.symbols("r s x", positive=True)
+    # Difference of two noisy pictures: variance 2 s^2 per axis, so its length is Rayleigh.
     density = x / (2 * s**2) * sympy.exp(-(x**2) / (4 * s**2))
     result.formula = sympy.integrate(density, (x, r, sympy.oo))
     scene, settings = Scenario(seconds=1.5), Settings()
@@ -601,6 +631,7 @@ def raw_estimate_replans(result):
 
     raw = result.measure("raw", plans(sigma, False), 0.3)
     calm = result.measure("calm", plans(sigma, True, range(8)), 0.3)
+    # The same share by sampling, independent of the integral.
     jumps = np.hypot(*(sigma * result.rng.standard_normal((2, 2, 50_000)).sum(axis=0)))
     far = float(np.mean(jumps > settings.replan))
     law = float(result.formula.subs({r: settings.replan, s: sigma}))
@@ -615,6 +646,7 @@ def raw_estimate_replans(result):
         calm > 6.0,
         only_if="they come raw, with a third of that distance on each axis or more, tens of times "
         "a second, and a plan is ready before the next picture",
+        # From 15 % above a third of the distance; outside from 15 % below it.
         inside=[
             *(bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws),
             *(bool(plans(x * third, False, frame=T, latency=L) > 6.0) for x, T, L in wild),

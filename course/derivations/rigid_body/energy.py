@@ -71,6 +71,7 @@ def _energy_ratio(name: str) -> Any:
     import sympy
 
     A, _, omega = _matrix(name)
+    # The energy is the quadratic form s^T E s, so one step changes it to s^T (A^T E A) s.
     energy = sympy.diag(omega**2 / 2, sympy.Rational(1, 2))
     return sympy.simplify(A.T * energy * A * energy.inv())
 
@@ -101,6 +102,8 @@ def explicit_energy_factor(result):
     result.measure("factor_1_hz_10_ms", value)
     result.statement = f"A^T E A = ({ratio[0, 0]}) E for the matrix A of the step."
     result.statement_holds(float(value) > 1)
+    # "Whatever the state" means that A^T E A is a scalar multiple of E, not only that one state
+    # gains.
     result.correction_holds(ratio == ratio[0, 0] * sympy.eye(2))
 
 
@@ -131,9 +134,11 @@ def explicit_growth_per_second(result):
 
     def power(dt: float, omega: float = 2 * np.pi) -> float:
         """Return the power of dt in the growth of the logarithm over the same time."""
+        # Same duration at both steps: 1000 steps of 2 dt, 2000 of dt.
         return float(np.log2(growth(2 * dt, 1000, omega) / growth(dt, 2000, omega)))
 
     _, h, omega = _matrix("explicit_euler")
+    # expm1 turns the growth of ln E back into the relative gain of one step.
     per_step = np.log2(np.expm1(growth(2e-4, 1)) / np.expm1(growth(1e-4, 1)))
     small = result.input("small", 0.05)
     result.measure("power_of_dt_per_step", per_step, 1e-3)
@@ -146,6 +151,8 @@ def explicit_growth_per_second(result):
     result.statement_holds(
         abs(per_step - 1) < 0.1,
         only_if="it is the growth of ln E per second, and omega dt stays below {small}",
+        # Samples below the bound are proportional to dt within 1 %. Those up to four times it reach
+        # the next term of ln(1 + (omega h)^2), so that some fail.
         inside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(0.01, 1, 12) * small],
         outside=[abs(power(x / 2, 1.0) - 1) < 0.01 for x in result.rng.uniform(1, 4, 12) * small],
     )
@@ -168,6 +175,8 @@ def explicit_adds_always(result):
         start, end = (problems.pendulum_energy(*s, _pendulum()[1]) for s in zip(q, v, strict=True))
         return (end - start) / h**2
 
+    # States of every angle: V'' = (g / l) cos q changes its sign at the horizontal, so that a
+    # sample from small swings alone would confirm the claim.
     draws = result.rng.uniform((-np.pi, -5.0), (np.pi, 5.0), (200, 2)).T
     law = (g_over_l * np.cos(draws[0]) * draws[1] ** 2 + (g_over_l * np.sin(draws[0])) ** 2) / 2
     bottom, top = float(change(0.3, 2.0)), float(change(np.pi - 0.1, 2.0))
@@ -177,6 +186,7 @@ def explicit_adds_always(result):
         "Change of a pendulum's energy in one step, near the bottom and near the top."
     )
     result.statement_holds(bottom > 0 and top > 0)
+    # The law is the second-order term in h; what it neglects is of relative size h = 1e-4.
     result.correction_holds(top < 0, np.abs(change(*draws) - law).max() < 1e-3 * np.abs(law).max())
 
 
@@ -193,6 +203,7 @@ def explicit_adds_without_forces(result):
     from course.rigid_body.spatial import free_flight_acceleration as flight
 
     n, h, names = 50, result.input("step_ms", 1.0) / 1000, ("explicit_euler", "semi_implicit_euler")
+    # Sorted, at least 0.1 apart, and each below the sum of the other two, as for a physical body.
     moments = np.sort(result.rng.uniform(1.0, 1.8, (3, n)), axis=0) + [[0.0], [0.1], [0.2]]
     omega, velocity = result.rng.normal(size=(2, 3, n))
     weights = np.vstack((np.ones((3, n)), moments))
@@ -205,9 +216,12 @@ def explicit_adds_without_forces(result):
         return (weights * (v[-1] ** 2 - v[0] ** 2)).sum(axis=0) / 2
 
     tumbling = [gains(name, omega) for name in names]
+    # Spin about a principal axis has omega x (I omega) = 0: Euler's equations leave it unchanged.
     about_axis = omega * np.eye(3)[result.rng.integers(0, 3, n)].T
     steady, straight = (gains(names[0], spin) for spin in (about_axis, 0 * omega))
     alpha = flight(q, np.vstack((velocity, omega)), params)[3:]
+    # omega . (I alpha) vanishes, because the gyroscopic torque does no work; the square in h
+    # remains.
     law = h * h * (moments * alpha**2).sum(axis=0) / 2
     tumble, seconds = problems.tumble(), result.input("seconds", 20.0)
     energy = _energies(tumble, names[0], h, round(seconds / h))
@@ -221,6 +235,8 @@ def explicit_adds_without_forces(result):
         outside=np.concatenate((straight, steady)) > 0,
     )
     result.correction_holds(
+        # Bit for bit: the acceleration reads only the velocity, so the order of the lines is
+        # irrelevant.
         np.array_equal(tumbling[0], tumbling[1]),
         not straight.any(),
         (np.diff(energy) > 0).all(),
@@ -250,6 +266,8 @@ def usual_listing_is_explicit(result):
         v += a * dt
         return x, v
 
+    # Random states and steps of a nonlinear system: on a special state, such as x = 0 at rest, the
+    # two orders could agree.
     def apart(lines: Any, method: Any) -> float:
         draws = [tuple(float(z) for z in row) for row in result.rng.uniform(0.01, 2, (100, 3))]
         steps = [
@@ -261,6 +279,7 @@ def usual_listing_is_explicit(result):
     result.measure("from_explicit_m", apart(listing, explicit_euler), 0.5)
     result.statement = "Largest difference over 100 random states and steps of a pendulum."
     result.statement_holds(apart(listing, explicit_euler) < 1e-12)
+    # The same operations in the same order give the same bits, so no tolerance is needed.
     result.correction_holds(
         apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0
     )
@@ -292,11 +311,13 @@ def semi_implicit_dissipates(result):
 
     A, _, omega = _matrix("semi_implicit_euler")
     c = sympy.Symbol("c")
+    # Modified energy (backward error analysis): the quadratic form that A leaves unchanged.
     form = sympy.Matrix([[omega**2 / 2, c / 2], [c / 2, sympy.Rational(1, 2)]])
     (solution,) = sympy.solve(list((A.T * form * A - form).applyfunc(sympy.expand)), c, dict=True)
     u, steps = result.input("omega_h", 0.1), result.input("steps", 1000)
     spring = problems.oscillator(omega=1.0)
     energy = _energies(spring, "semi_implicit_euler", u, 200 * steps)
+    # Means over 20,000 steps, some 300 periods, average the swing out of the drift.
     drift = abs(energy[-20_000:].mean() / energy[:20_000].mean() - 1)
     explicit = _energies(spring, "explicit_euler", u, steps, steps)
     result.formula = solution[c]
@@ -304,10 +325,12 @@ def semi_implicit_dissipates(result):
     result.measure("highest", energy.max() / energy[0], 1e-4)
     result.measure("explicit_after_1000", explicit[1] / explicit[0], 1e-4)
     result.statement = f"200,000 steps: the mean energy moves by {drift:.0e} of itself."
+    # An independent test of the algebra: 50 steps up to close to the limit 2, from random states.
     h, start = result.rng.uniform(0.05, 1.9, 50), result.rng.normal(size=(2, 1, 50))
     x, v = _steps("semi_implicit_euler", _spring(), start[0], start[1], h, 500)
     retained = v**2 / 2 + x**2 / 2 - h * x * v / 2
     result.statement_holds(drift > 1e-3)
+    # 1e-9 is rounding over 500 steps. The true energy would swing by several per cent.
     result.correction_holds(drift < 1e-5, np.ptp(retained, axis=0).max() < 1e-9 * retained.max())
 
 
@@ -337,6 +360,7 @@ def semi_implicit_energy_swing(result):
     # Released at rest, where the conserved value is the energy of the start.
     runs = [_energies(spring, "semi_implicit_euler", x, 100_000) for x in (u, u / 2)]
     swing, mean = np.array([[np.ptp(e) / e[0] / 2, e.mean() / e[0] - 1] for e in runs]).T
+    # x = v / omega maximises x v, hence the difference between the energy and the modified energy.
     top = energies(np.full(1, np.pi / 4), u)[:, 0]
     result.measure("swing_over_omega_h", swing[1] / (u / 2), 2e-3)
     result.measure("power_of_swing", np.log2(swing[0] / swing[1]), 2e-3)
@@ -350,6 +374,7 @@ def semi_implicit_energy_swing(result):
     result.statement_holds(
         outside.all(),
         only_if="the run starts where x v = 0, at a turning point or in the middle",
+        # The nearest quarter turn, where x v = 0 and the energy equals the conserved form.
         inside=about(np.round(phase / (np.pi / 2)) * np.pi / 2, h),
         outside=outside,
     )
@@ -381,12 +406,14 @@ def swapping_two_lines(result):
     def bounded(u: float) -> bool:
         return spectral_radius("semi_implicit_euler", u) <= 1 + 1e-9
 
+    # Above 2 the swapped step overtakes the other: equal spectral radii mark the crossing.
     crossing = brentq(faster, 2.01, 2.5)
     result.measure("inside", spectral_radius("semi_implicit_euler", 1.9), 1e-4)
     result.measure("outside", spectral_radius("semi_implicit_euler", 2.5), 1e-4)
     result.measure("explicit_outside", spectral_radius("explicit_euler", 2.5), 1e-4)
     result.measure("faster_from", crossing)
     result.statement = "Largest growth factor of an oscillator's amplitude per step."
+    # From just above the limit, where the growth per step is smallest.
     above = result.rng.uniform(2.0001, 2.2, 20)
     pull, params = _pendulum()
     large = result.input("pendulum_omega_h", 1.5)
@@ -394,6 +421,7 @@ def swapping_two_lines(result):
     def share(u: float) -> float:
         """Return the share of swings whose energy above the bottom grows tenfold in 2000 steps."""
         rate = np.sqrt(params[0])
+        # Amplitudes up to 3 rad: the resonances that let the energy diffuse need a nonlinear force.
         start = result.rng.uniform(-1, 1, (2, 1, 200)) * np.reshape((3, rate), (2, 1, 1))
         q, v = _steps("semi_implicit_euler", (pull, params), start[0], start[1], u / rate, 2000)
         energy = (v / rate) ** 2 / 2 + 1 - np.cos(q)
@@ -439,6 +467,8 @@ def area_preserved(result):
     for n in names:
         result.measure(f"{n}_at_half", excess[n].subs({omega: 1, h: sympy.Rational(1, 2)}))
     q, v, step = result.rng.uniform((-3, -4, 0.05), (3, 4, 0.3), (20, 3)).T
+    # Central differences with 1e-6 leave errors near 1e-10, well below the threshold 1e-7 further
+    # down.
     size = 1e-6 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]).T[:, :, None]
 
     def pendulum_area(name: str) -> np.ndarray:
@@ -456,6 +486,8 @@ def area_preserved(result):
     result.statement_holds(
         "semi_implicit_euler" in selected and "rk4" not in selected and error["rk4"] > 1e-6
     )
+    # The flags of the integrators are compared with two independent determinants: the algebra of a
+    # linear step and the differences of a nonlinear one.
     result.correction_holds(
         selected == {n for n in names if INTEGRATORS[n].symplectic},
         all((error[n] < 1e-7) == (n in selected) for n in names),
@@ -480,7 +512,9 @@ def symplectic_conserves_energy(result):
 
     h = result.input("step_ms", 20.0) / 1000
     coarse, fine = error(h, 500_000), error(h / 2, 1000)
+    # The same number of steps early and late: a secular drift would make the late maximum larger.
     early, late = coarse[:5000].max(), coarse[-5000:].max()
+    # Halving h must quarter the error of a second-order method.
     power = np.log2(early / fine.max())
     result.measure("relative_error", early, 5e-3)
     result.measure("late_over_early", late / early, 5e-3)
@@ -512,12 +546,15 @@ def symplectic_with_varying_step(result):
     def drifts(eccentricity: np.ndarray, reversible: bool) -> np.ndarray:
         """Return the drift of the median energy between the first and the last two orbits."""
         e, pace = eccentricity, 0.1
+        # Start at the pericentre of a Kepler orbit with semi-major axis 1, hence the energy -1/2.
         q, v = np.array([1 - e, 0 * e]), np.array([0 * e, np.sqrt((1 + e) / (1 - e))])
         rate = (1 - e) ** -1.5  # of steps; its time derivative is integrated, half a step ahead
         times: list[Any] = []
         t, energies = 0 * e, []
         while t.min() < 2 * np.pi * orbits:
             r = np.hypot(*q)
+            # Integrating controller of Hairer and Soderlind: the step density is advanced in
+            # leapfrog with the state, so that the pair is time-reversible.
             change = -1.5 * pace * (q * v).sum(axis=0) / r**2
             rate = rate + (change if times else change / 2) if reversible else r**-1.5
             q, v = velocity_verlet(q, v, attraction, pace / rate, None)
@@ -526,6 +563,7 @@ def symplectic_with_varying_step(result):
             energies.append((v * v).sum(axis=0) / 2 - 1 / np.hypot(*q))
         turn, energy = np.array(times) / (2 * np.pi), np.array(energies)
         first, last = turn < 2, (turn > orbits - 4) & (turn < orbits)
+        # Medians ignore the short peaks of the energy error at each pericentre.
         return np.abs(
             [
                 np.median(energy[last[:, i], i]) - np.median(energy[first[:, i], i])
@@ -554,6 +592,7 @@ def symplectic_with_varying_step(result):
         inside=reversible < 3e-4,
         outside=naive < 3e-4,
     )
+    # Time reversibility to rounding for Verlet, a visible defect for semi-implicit Euler.
     result.correction_holds(
         (naive > 10 * reversible).all(),
         there_and_back(velocity_verlet) < 1e-14 < 1e-4 < there_and_back(semi_implicit_euler),
@@ -585,8 +624,11 @@ def semi_implicit_arm_energy(result):
     arm, one = problems.double_pendulum(), problems.pendulum()
     hanging = problems.double_pendulum_energy(np.zeros(2), np.zeros(2), arm.system.params)
     lost = -drift(arm)
+    # Angles up to 2.5 rad: at small angles the Coriolis terms vanish and the arm looks like
+    # springs.
     starts = result.rng.uniform(-2.5, 2.5, (runs, 2))
     arms = np.array([drift(problems.double_pendulum(tuple(a))) for a in starts])
+    # Pendulums have a constant mass matrix and serve as the control group.
     singles = np.array([drift(problems.pendulum(a)) for a in result.rng.uniform(0.2, 2.9, runs)])
     tumble = np.diff(_energies(problems.tumble(), "semi_implicit_euler", 1e-3, 20_000))
     # The motion is chaotic: another processor takes another path.
@@ -629,6 +671,7 @@ def semi_implicit_keeps_area_always(result):
     def selected(u: float, damping: float) -> bool:
         return abs(np.linalg.det(numeric_matrix("semi_implicit_euler", u, damping)) - 1) < 1e-12
 
+    # The outside samples have damping ratios below 0.03, which already must break the area.
     draws = result.rng.uniform(0.01, 3, (20, 2))
     result.statement_holds(
         damped == 1,
@@ -663,6 +706,7 @@ def rk4_energy_factor(result):
     amplitude = sympy.series(sympy.sqrt(factor), h, 0, 7).removeO()
     energy = _energies(problems.oscillator(omega=1.0), "rk4", 0.5, 1000, 1000)
     retained = energy[1] / energy[0]
+    # The simulation of 1000 steps must reproduce the symbolic factor to the power of 1000.
     at = sympy.lambdify(h, factor.subs(omega, 1))
     result.measure("left_after_1000_at_half", retained)
     result.measure("amplitude_coefficient", amplitude.coeff(h, 6).subs(omega, 1))
@@ -670,6 +714,7 @@ def rk4_energy_factor(result):
     result.statement_holds(retained > 1)
     result.correction_holds(
         abs(retained / at(0.5) ** 1000 - 1) < 1e-9,
+        # 2.828 and 2.829 bracket 2 sqrt(2), where the factor passes 1.
         (at(result.rng.uniform(0.05, 2.828, 100)) < 1).all() and at(2.829) > 1,
     )
 
@@ -698,6 +743,7 @@ def verlet_frequency(result):
 
     A, h, omega = _matrix("velocity_verlet")
     result.formula = frequency = 2 / h * sympy.asin(omega * h / 2)
+    # A rotation by the angle Omega h has the trace 2 cos(Omega h).
     half_trace = sympy.simplify(A.trace() / 2)
     share = sympy.series(frequency / omega, h, 0, 4).removeO().coeff(h, 2)
     u, angle = result.input("omega_h", 0.1), result.input("angle_rad", 1000.0)
@@ -710,6 +756,7 @@ def verlet_frequency(result):
         f"{round(angle / u)} steps: {reached - angle:.3f} rad ahead of the true motion."
     )
     result.statement_holds(abs(run.q[-1, 0] - np.cos(angle)) < 1e-3)
+    # Released at rest, Verlet follows cos(Omega t) exactly at its steps, so 1e-9 is only rounding.
     result.correction_holds(
         sympy.simplify(sympy.expand_trig(sympy.cos(frequency * h)) - half_trace) == 0,
         sympy.simplify(_matrix("semi_implicit_euler")[0].trace() / 2 - half_trace) == 0,

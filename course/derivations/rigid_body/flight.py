@@ -99,7 +99,10 @@ def drop(
         if (count >= bounces).all():
             break
         q1, v1 = step(q, v, falling, 1.0, -g)
+        # A ball that has done its bounces is frozen.
         q1, v1 = np.where(count < bounces, q1, q), np.where(count < bounces, v1, v)
+        # Energy bookkeeping: what flight, contact rule and restitution each add must sum to the
+        # change.
         flight = flight + g * (q1 - q) + (v1 * v1 - v * v) / 2
         hit = q1 < 0
         rule = rule - g * np.where(hit, q1, 0)
@@ -110,6 +113,7 @@ def drop(
         hits.append(hit)
         count = count + hit
     y, w = np.array(qs)[:, 0], np.array(vs)[:, 0]
+    # Back from the integer units to joules.
     joule = np.square(unit / dt)
     energy = joule * (g * y + w * w / 2)
     parts = (joule * part[0] for part in (rule, restitution, flight))
@@ -153,6 +157,7 @@ def _change(method: str) -> tuple[Any, Any]:
 
     m, g, h = sympy.symbols("m g h", positive=True)
     y, v = sympy.symbols("y v", real=True)
+    # The integrator's own code runs on symbols, so the formula is of what is simulated.
     q1, v1 = step_of(method)(np.array([y]), np.array([v]), falling, h, -g)
     change = sympy.expand(m * g * (q1[0] - y) + m * (v1[0] ** 2 - v**2) / 2)
     return sympy.nsimplify(change, rational=True), sympy.expand(v1[0] - v)
@@ -208,8 +213,10 @@ def semi_implicit_free_fall(result):
     result.formula, dv = _change("semi_implicit_euler")
     y, v, g, h = (sympy.Symbol(n, real=True) for n in "yvgh")
     end = step_of("semi_implicit_euler")(np.array([y]), np.array([v]), falling, h, -g)
+    # Determinant of the Jacobian of one step: 1 means symplectic.
     area = sympy.Matrix([end[0][0], end[1][0]]).jacobian([y, v]).det()
     m, g, h = sympy.symbols("m g h", positive=True)
+    # From 90 m up, so that no ball meets the floor within 3 s.
     heights, speeds = result.rng.uniform((90, -9), (150, 9), (50, 2)).T
     run = drop("semi_implicit_euler", 300, height=heights, speed=speeds)
     retained = run.energy - GRAVITY * STEP * run.v / 2
@@ -240,6 +247,7 @@ def worked_step_1_semi_implicit(result):
     result.measure("v_m_per_s", v)
     result.measure("energy_j", e)
     result.statement = "One step of 10 ms from rest at 5 m."
+    # Rounded to the digits quoted.
     result.statement_holds((round(y, 3), round(v, 4), round(e, 2)) == (4.999, -0.0981, 49.05))
     result.correction_holds(abs(START - e - gained) < 1e-9, e < START)
 
@@ -263,6 +271,7 @@ def worked_step_100(result):
     result.statement = "100 steps of explicit Euler by the course's integrator."
     result.statement_holds(abs(y - 4.51) < 0.01)
     result.correction_holds(
+        # Closed form of explicit Euler: the sum of 0 to n - 1 is n (n - 1) / 2.
         abs(y - (HEIGHT - GRAVITY * STEP**2 * 100 * 99 / 2)) < 1e-10,
         abs(v + GRAVITY) < 1e-10,
         abs(of_that_state - 49.70) > 4,
@@ -286,6 +295,7 @@ def worked_step_500(result):
     result.measure("gain_percent", 100 * (run.energy[step, 0] / START - 1))
     result.statement = f"The rule acts at steps {', '.join(str(i) for i in steps)}."
     result.statement_holds(first == step)
+    # Nearby starts as well, so that the result does not hang on a tie.
     early = near("explicit_euler").bounced.argmax(axis=0)
     result.correction_holds(100 < first < 110, before >= 2, (abs(early - first) < 5).all())
 
@@ -308,6 +318,7 @@ def worked_ten_bounces_explicit(result):
     result.measure("near_highest_j", others.energy[-1].max())
     result.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
     result.statement_holds(abs(gain - 59) < 1)
+    # The parts must sum to the change of the energy: nothing is left unaccounted.
     result.correction_holds(
         flight > 0 and rule > 0,
         abs(flight + rule - (end - START)) < 1e-9,
@@ -388,10 +399,12 @@ def worked_ten_bounces_rk4(result):
     result.measure("near_highest_percent", others.percent().max())
     state = np.array([HEIGHT]), np.array([-3.0]), falling, STEP, None
     exact = step_of("exact_flight")(*state)
+    # Constant acceleration: every second-order method integrates it exactly.
     deviation = max(
         np.abs(np.subtract(INTEGRATORS[name].step(*state), exact)).max()
         for name in ("rk4", "velocity_verlet", "explicit_midpoint", "implicit_midpoint")
     )
+    # Random heights, speeds and steps, so that no start is at a tie.
     draws = result.rng.uniform((0.5, -2, 0.02), (5, 2, 0.05), (8, 3))
     resolved = [abs(_resolved("rk4", draw) - 1) for draw in draws]
     late = [abs(_resolved("rk4", draw, False) - 1) for draw in draws]
@@ -426,6 +439,7 @@ def worked_ten_bounces_rk4(result):
 def worked_table_belongs_to_the_method(result):
     heights, near_by, spreads = result.rng.uniform(4, 6, 12), [], []
     for name in METHODS:
+        # A restitution changed by a millionth stands for the last digit of the arithmetic.
         ends = drop(name, e=1 + 1e-6 * np.arange(-1, 2)).energy[-1]
         for label, value in zip(("below_1", "1", "above_1"), ends, strict=True):
             result.measure(f"{name}_e_{label}_j", value)
@@ -442,6 +456,7 @@ def worked_table_belongs_to_the_method(result):
         spread > 1,
         all(_tied(drop(name, height=heights)).all() for name in METHODS),
         not any(_tied(near(name)).any() for name in METHODS),
+        # The ranges of the three methods do not overlap once starts are random.
         near_by[1].max() < near_by[2].min() < near_by[2].max() < near_by[0].min(),
     )
 
@@ -459,10 +474,14 @@ def semi_implicit_bouncing_decays(result):
     heights, speeds = result.rng.uniform((4, -3), (6, 3), (n, 2)).T
     run = drop("semi_implicit_euler", dt=dt, height=heights, speed=speeds)
     small, down = result.rng.uniform((0.1, -5), (10, 5), (n, 2)).T
+    # Steps scaled with the root of the height: the number of steps in a flight doesn't depend on
+    # it.
     steps = result.rng.uniform(0.004, 0.02, n) * np.sqrt(small)
     wide = drop("semi_implicit_euler", dt=steps, height=small, speed=down)
+    # The modified energy: constant in flight, so that it shows the bounces alone.
     retained = wide.energy - GRAVITY * steps * wide.v / 2
     half = -(GRAVITY * steps * wide.v)[wide.bounced].mean() / 2
+    # Drops from rest in integer units land exactly on the floor and try to break the claim.
     tied = drop("semi_implicit_euler", dt=dt, height=4 + 0.0997 * np.arange(12))
     result.measure("near_mean_percent", run.percent().mean())
     result.measure("lowest_percent", run.percent().min())
@@ -497,6 +516,7 @@ def bounce_gives_the_loss_back(result):
     )
     draws = result.rng.uniform((2, -2, 0.002), (5, 2, 0.01), (4, 3))
     ends = [_resolved("semi_implicit_euler", draw) for draw in draws]
+    # First order in h: m g h v with the impact speed of the start, for ten bounces.
     expected = [
         1 - 10 * GRAVITY * h * np.sqrt(v * v + 2 * GRAVITY * y) / _energy(y, v) for y, v, h in draws
     ]
@@ -504,6 +524,7 @@ def bounce_gives_the_loss_back(result):
     result.statement_holds(remaining > 0.99)
     result.correction_holds(
         remaining < 0.9,
+        # 30 %: the speed falls from bounce to bounce, which the first order ignores.
         all(abs(a - b) < 0.3 * (1 - b) for a, b in zip(ends, expected, strict=True)),
     )
 
@@ -516,6 +537,7 @@ def bounce_gives_the_loss_back(result):
 )
 def elastic_bounce_rule(result):
     run = worked_example("exact_flight")
+    # One step's travel at the speed of each impact.
     bound = result.measure("bound_j", (GRAVITY * np.abs(run.v) * STEP)[run.bounced].sum())
     added = result.measure("added_in_ten_bounces_j", float(run.by_rule[0]))
     result.statement = "Exact flight, so that all the energy comes from the rule."
@@ -541,6 +563,7 @@ def _rule_gain(method: str, rng: Any, e: Any = 1.0, share: Any = 1.0, n: int = 2
     h, part, speed = rng.uniform((0.001, 0, 0.5), (0.02, 1, 9), (n, 3)).T
     if np.min(e) < 1:
         speed = share * 2 * GRAVITY * h / (1 - e * e)
+    # Start one step before the impact, at a random share of that step's travel above the floor.
     before = np.array([-(speed - GRAVITY * h)])  # a step later it is -speed
     moved = -step_of(method)(np.zeros((1, n)), before, falling, h, None)[0][0]
     run = drop(method, 1, 2, h, e, part * moved, before[0])
@@ -571,6 +594,7 @@ def bounce_rule_takes_energy(result):
         run = drop("semi_implicit_euler", 1, 2, h, rest, 0.0, GRAVITY * h - speed)
         return float(run.by_rule[0] + run.by_restitution[0])
 
+    # The root of the gain in the speed, by Brent's method, independent of the formula.
     limit = result.measure("limit_mm_per_s", 1000 * brentq(full_depth, 0.011, 1.0))
     late = drop("semi_implicit_euler", 4000, 10**9, step / 1000, rest, 1.0).v[-1000:, 0]
     result.measure("kept_mm_per_s", 1000 * late.min(), 1e-3)
@@ -595,6 +619,7 @@ def bounce_rule_takes_energy(result):
 def order_survives_bounces(result):
     from course.rigid_body import problems, rk4, simulate
 
+    # The error depends on where in the step the impact falls; 200 heights average that out.
     heights = np.linspace(3.0, 5.0, 200)
     true = [problems.bounce_height(1.8, x, 1.0, GRAVITY) for x in heights]
 
@@ -609,6 +634,7 @@ def order_survives_bounces(result):
 
     ball = np.array([1.0]), np.array([-3.0]), falling, 0.01, None
     order = result.measure("order_smooth", np.log2(smooth(1000, 2.5) / smooth(2000, 2.5)), 0.02)
+    # Slope over three halvings of the step.
     bounced = result.measure("order_with_bounce", np.log2(error(250) / error(2000)) / 3, 0.02)
     result.statement = "RK4 on a pendulum, and on a ball that bounces once, over 200 heights."
     result.statement_holds(

@@ -22,6 +22,7 @@ def _pictures(physics_hz, picture_hz):
         interpolate=lambda before, newest, alpha: shown.append((newest, alpha)),
         render=lambda state, time: None,
     )
+    # Exact fractions, so that no rounding decides whether a picture falls on a step.
     physics, picture = Fraction(1, physics_hz), Fraction(1, picture_hz)
     FixedStepLoop(
         0,
@@ -65,6 +66,8 @@ def steps_per_picture(result):
                 result.rng.integers(2, 15, 10), result.rng.integers(20, 60, 10), strict=True
             )
         ],
+        # rate // 7 - 1 lies strictly between an eighth and a seventh of the rate, so it never
+        # divides it.
         outside=[finished(int(rate), int(rate) // 7 - 1) for rate in physics],
     )
     result.correction_holds(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
@@ -95,6 +98,7 @@ def cameras_in_every_step(result):
 
         def control(measured, image, time):
             if image is not None:
+                # Age at the control tick: time now less the time of the measurement or exposure.
                 observed.append((1000 * (time - measured), 1000 * (time - image.time)))
 
         phases = Phases(
@@ -126,6 +130,7 @@ def cameras_in_every_step(result):
         return np.abs(aged[:, 0] - aged[:, 1]).max() < 1e-9
 
     result.statement_holds(
+        # Each camera breaks one part of the condition: its rate, its delay, or both.
         any(alike(hz, ms) for hz, ms in ((30, delay), (30, 0), (60, 5), (1000, 5)))
     )
     result.correction_holds(
@@ -151,11 +156,13 @@ def clock_by_adding_dt(result):
     result.statement = (
         f"At 1 kHz the clock is off by {short:.1e} s after 10 s and by {long:.1e} s after an hour."
     )
+    # Multiples of 1/1024 s are exact in binary, multiples of 1/1000 s are not.
     periods = result.rng.choice(np.arange(3, 999), 10, replace=False)
 
     def late(start, n, steps=1000):
         """Return how wrong a clock is that starts at `start` and adds n/1024 s a step [s]."""
         reading = float(np.cumsum(np.append(start, np.full(steps, n / 1024)))[-1])
+        # A sequential sum, as a loop computes it; np.sum would add pairwise and hide the rounding.
         return (reading - start) - steps * n / 1024
 
     result.statement_holds(
@@ -198,6 +205,7 @@ def step_sweet_spot(result):
     result.statement = (
         "Semi-implicit Euler on 1 kg and an undamped spring, by the eigenvalues of its step."
     )
+    # Within 10 % outside both ends of the range.
     beside = [*result.rng.uniform(0.9 * slow, slow, 6), *result.rng.uniform(fast, 1.1 * fast, 6)]
     result.statement_holds(
         right(np.sqrt(soft / mass)) and right(np.sqrt(stiff / mass)),
@@ -244,6 +252,7 @@ def deformables_need_a_tenth(result):
         )
         mujoco.set_mju_user_warning(None)
         data = mujoco.MjData(model)
+        # A perturbation that excites all modes, so that the stiffest one can grow.
         data.qpos[:] = np.random.default_rng(0).normal(size=model.nq) * 1e-5
         for _ in range(300):
             if np.abs(data.qpos).max() < 1e-2:  # far from what MuJoCo would complain about
@@ -251,9 +260,11 @@ def deformables_need_a_tenth(result):
         return np.abs(data.qpos).max() < 1e-2
 
     def limit(young, length=spacing):
+        # Speed of sound sqrt(E / rho) with 1000 kg/m^3: the CFL time brackets the limit.
         high = 4 * length / np.sqrt(young / 1000)  # four times what sound takes along an edge
         low = high / 100
         while high / low > 1.01:
+            # Bisection in the logarithm, as the limit may lie anywhere in two decades.
             middle = np.sqrt(low * high)
             low, high = (middle, high) if stable(young, middle, length=length) else (low, middle)
         return low
@@ -272,6 +283,7 @@ def deformables_need_a_tenth(result):
     result.statement_holds(soft < 2e-4 and 5e-5 < stiff)
     result.correction_holds(
         soft > 1e-3 and stiff < 1e-4,
+        # The limit falls with the root of the stiffness, independent of the shape of the elements.
         abs(soft / stiff / np.sqrt(plastic / foam) - 1) < 0.05,
         abs(result.figures["half_as_long"] - 0.5) < 0.02,
         all(free),
@@ -300,6 +312,7 @@ def tenth_of_the_step(result):
         coarse, fine = (integrators.evaluations_per_step(system, name, h) for h in (dt, dt / 10))
         return abs(fine / coarse - 1) < 1e-9
 
+    # The implicit midpoint rule iterates, so its number of evaluations depends on the step.
     explicit = [n for n in integrators.INTEGRATORS if n != "implicit_midpoint"]
     coarse, fine = (
         integrators.evaluations_per_step(problem.system, "semi_implicit_euler", step) / step
@@ -343,6 +356,7 @@ def halving_dt_finds_the_culprit(result):
 
     def growth(name, ms):
         """Return decades of amplitude gained in a second."""
+        # Per second and not per step, or the smaller step would look better for having less time.
         return np.log10(spectral_radius(name, omega * ms / 1000)) * 1000 / ms
 
     before = result.measure("semi_implicit_10_ms", growth("semi_implicit_euler", 10))
@@ -361,6 +375,7 @@ def halving_dt_finds_the_culprit(result):
         before > 1 and abs(after) < 1e-6,
         fast > slow,
         min(growth("explicit_euler", ms) for ms in 10 ** result.rng.uniform(-3, 2, 50)) > 0,
+        # With damping explicit Euler has a limit, 2 zeta / omega, and halving does cure it.
         spectral_radius("explicit_euler", 0.5, 0.3)
         <= 1
         < spectral_radius("explicit_euler", 1, 0.3),
@@ -394,6 +409,7 @@ def arm_drift_is_numerical(result):
         mujoco.mj_step(model, data, round(10 / timestep))
         return abs(data.qpos[0])
 
+    # The control: with an exact balance the same integrator at the same step must not move.
     balanced, deviation = drift(1.0, 0.002), drift(compensated, 0.002)
     finer = drift(compensated, 0.0005)
     result.measure("gravity_off_by_1_percent_rad", deviation, tolerance=0.01)
@@ -431,7 +447,9 @@ def gradient_search_is_linear(result):
         iterations, step = 0, 1.0
         while abs(step) > 1e-9 and iterations < 100:
             gradient = (motion(omega + 1e-5) - motion(omega - 1e-5)) / 2e-5
+            # Gauss-Newton step for one parameter.
             step = gradient @ (motion(omega) - recorded) / (gradient @ gradient)
+            # Backtracking: halve the step until the loss no longer rises.
             while abs(step) > 1e-11 and loss(omega - step) > loss(omega):
                 step *= 0.5
             omega -= step
@@ -442,6 +460,7 @@ def gradient_search_is_linear(result):
     grid = np.linspace(*ends, 4001)
     values = np.array([loss(w) for w in grid])
     valleys = (values[1:-1] < values[:-2]) & (values[1:-1] < values[2:])
+    # The maxima of the loss beside the true frequency bound its valley.
     tops = grid[1:-1][(values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])]
     low = result.measure("valley_from_rad_per_s", tops[tops < 5].max(), tolerance=1e-3)
     high = result.measure("valley_to_rad_per_s", tops[tops > 5].min(), tolerance=1e-3)
@@ -508,11 +527,14 @@ def gradient_by_differences(result):
         work["adjoint"] = counted.done
         with Counted() as counted:
             moved = [end(start + 1e-6 * row) for row in torch.eye(n, dtype=torch.float64)]
+        # n perturbed runs and the reference run.
         work["differences"] = counted.done + work["run"]
         with Counted() as counted, forward_ad.dual_level():
             for row in torch.eye(n, dtype=torch.float64):
+                # Forward mode: one run with dual numbers for each parameter.
                 forward_ad.unpack_dual(end(forward_ad.make_dual(start, row)))
         work["forward"] = counted.done
+        # Check of the adjoint: one-sided differences with 1e-6 agree with it to about that size.
         gap = np.abs((np.array([float(x - here) for x in moved]) / 1e-6) - adjoint.numpy()).max()
         return {k: v / work["run"] for k, v in work.items()}, gap
 
@@ -562,6 +584,8 @@ def every_recording_identifies(result):
     def report(share):
         """Return whether a thrown block shows both, its slip a share of what the impact stops."""
         e, friction, height = result.rng.uniform((0.3, 0.05, 0.2), (0.9, 0.8, 1.5))
+        # Coulomb's bound mu (1 + e) v_n on the slip that an impact can stop; a share above 1
+        # slides.
         stopped = friction * (1 + e) * np.sqrt(2 * problems.STANDARD_GRAVITY * height)
         scene = differentiable.Setup((0.0, height), (share * stopped, 0.0))
         return all(differentiable.information((e, friction, 1.0), scene, times).identified[:2])
@@ -574,6 +598,7 @@ def every_recording_identifies(result):
         ]
 
     def shows(angle):
+        # Central difference with respect to friction.
         return abs(dropped(angle, 0.3 + 1e-5) - dropped(angle, 0.3 - 1e-5)) / 2e-5
 
     drop = result.measure("vertical_drop", by_friction((0.0, -3.0)))
@@ -590,6 +615,7 @@ def every_recording_identifies(result):
         inside=[report(share) for share in result.rng.uniform(1.02, 2.0, 10)],
         outside=[report(share) for share in result.rng.uniform(0.5, 0.98, 10)],
     )
+    # Exactly zero: where nothing slides, the coefficient is not in the computation's result.
     result.correction_holds(drop == 0.0, sticking == 0.0, shows(0.0) == 0.0, tilted > 1.0)
 
 
@@ -618,6 +644,7 @@ def smooth_gradients_by_draws(result):
         fall = np.sqrt(2 * h / g)
         return e * g * fall * (duration - fall) - g * (duration - fall) ** 2 / 2
 
+    # Closed form, differentiated by central differences.
     truth = result.measure("truth", (bounced(height + 1e-6) - bounced(height - 1e-6)) / 2e-6)
     implicit = differentiable.drop_gradients(height, e, duration).by_height
     naive = np.array(
@@ -633,6 +660,7 @@ def smooth_gradients_by_draws(result):
         up, down = (
             differentiable.naive_drop(height + x, e, 2e-3, duration) for x in (moved, -moved)
         )
+        # Score-function estimator for Gaussian perturbations, with antithetic pairs.
         return (up - down) * moved / (2 * spread**2)
 
     slopes = [slope(x) for x in spread * result.rng.normal(size=runs // 2)]
@@ -647,5 +675,6 @@ def smooth_gradients_by_draws(result):
     result.correction_holds(
         abs(implicit - truth) < 1e-6,
         np.abs(naive - truth).min() > 0.5,
+        # Four standard errors of the mean, and these must be small enough to tell 1 from the truth.
         abs(np.mean(slopes) - truth) < 4 * error < 0.3,
     )

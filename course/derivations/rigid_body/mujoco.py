@@ -20,6 +20,7 @@ def small_model(worldbody, timestep, integrator="Euler", more="", flags=""):
 
     model = mujoco.MjModel.from_xml_string(
         f'<mujoco><option timestep="{timestep}" integrator="{integrator}" {more}>'
+        # MuJoCo resets a diverging state by default, which would hide the instability.
         f'<flag autoreset="disable" {flags}/></option>'
         f"<worldbody>{worldbody}</worldbody></mujoco>"
     )
@@ -46,6 +47,7 @@ def _grows(integrator, timestep, damping=0.0, steps=3000):
     data.qpos[0] = 1.0
     for _ in range(steps):
         mujoco.mj_step(model, data)
+        # Written so that NaN counts as growth.
         if not abs(data.qpos[0]) < 100.0:
             return True
     return False
@@ -57,6 +59,7 @@ def _limit(integrator, damping=0.0):
     if not _grows(integrator, 1000.0, damping):
         return float("inf")
     while high / low > 1.0005:
+        # Bisection in the logarithm of the step.
         middle = float(np.sqrt(low * high))
         if _grows(integrator, middle, damping):
             high = middle
@@ -94,6 +97,7 @@ def _energy(integrator, moments=_MOMENTS, child="", spin=_SPIN, timestep=0.0025,
 def _random_tumble(rng):
     """Return (moments, spin) of a body that can exist, well away from a steady spin."""
     moments = np.sort(rng.uniform(1.0, 3.0, 3))
+    # Triangle inequality of the moments.
     moments[2] = min(moments[2], 0.95 * (moments[0] + moments[1]))
     return moments, rng.uniform(0.5, 1.5, 3)
 
@@ -154,6 +158,7 @@ def mujoco_euler_is_semi_implicit(result):
             model, data = _spring("Euler", omega_h, 1.0, damping)
             data.qpos[0], data.qvel[0] = x, v
             mujoco.mj_step(model, data)
+            # One step from each unit state gives a column of the step's matrix.
             columns.append([data.qpos[0], data.qvel[0]])
         return np.array(columns).T
 
@@ -168,6 +173,7 @@ def mujoco_euler_is_semi_implicit(result):
     result.correction_holds(
         explicit > 1e-3,
         max(distance("semi_implicit_euler", x) for x in result.rng.uniform(0.01, 3, 10)) < 1e-12,
+        # With damping it must differ, because MuJoCo takes the damping implicitly.
         distance("semi_implicit_euler", 0.3, 0.2) > 1e-3,
     )
 
@@ -185,6 +191,7 @@ def mujoco_stable_by_euler(result):
 
     def moves(integrator, clamp):
         """Return range of the height of a ball at rest, its contact asked for half a step [m]."""
+        # A time constant of half a step: refsafe would raise it to two steps.
         contact = 'solref="0.001 1"'
         model, data = small_model(
             f'<geom type="plane" size="1 1 1" {contact}/><body pos="0 0 .15">'
@@ -198,6 +205,7 @@ def mujoco_stable_by_euler(result):
         for _ in range(1000):
             mujoco.mj_step(model, data)
             heights.append(data.qpos[0])
+        # The second half of the run, after the ball has settled or not.
         return np.ptp(heights[500:])
 
     above = result.input("just_above", 2.01)
@@ -240,6 +248,7 @@ def collisions_after_integration(result):
         data.qpos[0] = height
         while data.qpos[0] > 0:
             mujoco.mj_step(model, data)
+        # Contacts of the positions before the step's integration.
         stale = data.ncon
         mujoco.mj_forward(model, data)
         return stale, data.ncon
@@ -285,6 +294,7 @@ def mujoco_euler_damping_explicit(result):
     result.statement_holds(abs(implicit) > 1)
     result.correction_holds(
         abs(explicit - (1 - h * 1e5)) < 1e-6,
+        # Eleven decades of damping against 1 / (1 + h c / m).
         all(
             abs(remaining(c) * (1 + h * c) - 1) < 1e-9 for c in 10 ** result.rng.uniform(-2, 9, 12)
         ),
@@ -301,6 +311,7 @@ def mujoco_any_stiffness(result):
     limits = [result.measure(f"{n}_omega_h", _limit(n), tolerance=2e-3) for n in names]
     result.statement = "Largest stable step on 1 kg and 1 N/m, by bisection."
     result.statement_holds(np.isinf(limits[0]))
+    # The bisection is good to 1 in 2000, hence 2e-3.
     result.correction_holds(all(abs(value / 2 - 1) < 2e-3 for value in limits))
 
 
@@ -365,6 +376,7 @@ def mujoco_discrete_has_a_limit(result):
     )
     steps = 10 ** result.rng.uniform(-2, 3, 12)
     result.statement_holds(any(_grows("discrete", x, steps=300) for x in (*steps, 1000.0)))
+    # Implicit Euler's factor 1 / (1 + (omega h)^2), over five decades of omega h.
     result.correction_holds(all(abs(retained(x, 3) * (1 + x * x) ** 3 - 1) < 1e-8 for x in steps))
 
 
@@ -383,6 +395,7 @@ def mujoco_rk4(result):
         """Force computations per step, counted with a callback."""
         model, data = _spring(name, 0.01, 1.0)
         calls: list[Any] = []
+        # The passive-force callback runs once in every evaluation of the forces.
         mujoco.set_mjcb_passive(lambda model, data: calls.append(None))
         try:
             mujoco.mj_step(model, data, 10)
@@ -421,6 +434,7 @@ def mujoco_rk4_on_rotations(result):
         return problem.error(data.qpos[3:].copy())
 
     def order(name):
+        # Observed order against Jacobi's closed form; both steps are in the asymptotic range.
         return np.log2(error(name, 0.01) / error(name, 0.005))
 
     names = ("Euler", "RK4", "implicitfast")
@@ -464,6 +478,7 @@ def mujoco_free_spin_energy(result):
         for name in ("implicit", "implicitfast", "discrete")
         for moments, spin in bodies
     ]
+    # A loss of first order halves with the step.
     halved = (1 - _energy("implicitfast", timestep=0.00125)) / (1 - fast)
     result.statement = (
         f"Kinetic energy over that at the start, 2.5 ms. From 135 rad/s at 10 ms Euler passes "
@@ -498,6 +513,7 @@ def mujoco_implicitfast_gyroscopic(result):
         loaded < 1,
         only_if="the free body carries no further joint",
         inside=[_energy("implicitfast", m, spin=spin) < 1 for m, spin in bodies],
+        # The same bodies with a joint that hardly weighs anything.
         outside=[_energy("implicitfast", m, part, spin) < 1 for m, spin in bodies],
     )
     result.correction_holds(
@@ -523,6 +539,7 @@ def mjx_is_differentiable(result):
     version, mjx = _manual("mjx.rst")
     _, warp = _manual("mjwarp/index.rst")
     result.measure("manual", ".".join(version.split(".")[:2]))
+    # Centred differences are of second order and serve as the truth for the one-sided ones.
     truth = _derivative(1e-5, centred=1)
     large, small = (np.abs(_derivative(d) - truth).max() for d in (1e-2, 1e-3))
     ratio = result.measure("error_ratio", large / small, tolerance=0.01)

@@ -23,6 +23,7 @@ def _state_rank(spatial: bool) -> tuple[int, int]:
     """
     from course.rigid_body import quaternion
 
+    # Four points that aren't in a plane: their motion determines the body's.
     marks = np.column_stack((np.zeros(3), _AXES))
 
     def observed(state: np.ndarray) -> np.ndarray:
@@ -37,6 +38,7 @@ def _state_rank(spatial: bool) -> tuple[int, int]:
         turning = quaternion.rotate(q, np.cross(state[10:], marks.T).T)
         return np.concatenate([(arms.T + state[:3]).ravel(), (turning.T + state[7:10]).ravel()])
 
+    # A generic state; at a special one the rank could be lower.
     base = np.random.default_rng(1).uniform(0.1, 1.0, 13 if spatial else 6)
     if spatial:
         base[3:7] = quaternion.normalise(base[3:7])
@@ -53,6 +55,7 @@ def _turns(order: Any, middle: float) -> np.ndarray:
     from course.rigid_body import quaternion
 
     a, b, c = order
+    # The first axis as seen from the body, after the middle turn.
     back = quaternion.conjugate(quaternion.exp(middle * _AXES[b]))
     return np.array([quaternion.rotate(back, _AXES[a]), _AXES[b], _AXES[c]])
 
@@ -154,6 +157,7 @@ def gimbal_lock_rank(result):
     result.measure("rank_at_89", rank(89.0))
     result.measure("smallest_at_89", smallest(89.0))
     q = quaternion.normalise(result.rng.normal(size=(4, 100_000)))
+    # Uniform orientations, by normalising Gaussian quaternions; then sin(pitch) is uniform.
     sines = np.abs(np.sin(quaternion.to_euler_zyx(q)[1]))
     near = result.measure("hundredth_deg", np.degrees(np.arccos(0.99)))
     result.statement = (
@@ -161,6 +165,7 @@ def gimbal_lock_rank(result):
         f"orientations {np.mean(sines > 0.99):.2%} have a pitch within {near:.1f} degrees of the "
         "lock."
     )
+    # Up to 0.1 degree from the lock, where a rank with a loose tolerance would drop.
     draws = result.rng.uniform((-89.9, -3), (89.9, 3), (50, 2))
     result.statement_holds(rank(-lock) == rank(lock) == 2)
     result.correction_holds(
@@ -185,6 +190,7 @@ def gimbal_lock_at_one_attitude(result):
 
     up, down = [locked(0.0, 1, 0.0), locked(0.0, -1, 0.0)]
     angles = result.rng.uniform(-np.pi, np.pi, (100, 3))
+    # Adding d to the yaw and +-d to the roll must move nothing, for any d.
     same = max(
         float(quaternion.angle_between(locked(y, s, r), locked(y + d, s, r + s * d)))
         for y, r, d in angles
@@ -220,6 +226,7 @@ def pointing_up_locks(result):
         """
         return bool(abs(quaternion.rotate(up, _AXES[order[2]])[order[0]]) > 1 - 1e-12)
 
+    # All twelve orders, so the number is counted and not sampled.
     locked = [order for order in _orders() if locks(order)]
     zyx = quaternion.euler_zyx_rate_matrix(np.pi / 2, 0.3)
     result.measure("locked_up", len(locked))
@@ -250,6 +257,7 @@ def gimbal_lock_is_physical(result):
     turned = result.measure("turned_rad", float(quaternion.angle_between(start, end)))
 
     def yaw_rate(pitch: float) -> float:
+        # The angle rates that a unit rate about the lost axis needs.
         return float(np.linalg.solve(quaternion.euler_zyx_rate_matrix(pitch, 0.0), lost)[0])
 
     result.measure("yaw_rate_at_89", yaw_rate(np.radians(89.0)))
@@ -272,6 +280,7 @@ def gimbal_lock_is_physical(result):
 def another_order_of_angles(result):
     lock, half = result.input("lock_deg", 90), result.input("half_turn_deg", 180)
     repeated = {order: order[0] == order[2] for order in _orders()}
+    # A repeated axis locks where first and last axis coincide: at 0 and half a turn.
     places = {True: np.radians([0, half]), False: np.radians([-lock, lock])}
     singular = [
         order
@@ -298,6 +307,7 @@ def quaternion_has_no_lock(result):
 
     values = []
     for q in quaternion.normalise(result.rng.normal(size=(4, 200))).T:
+        # Columns of the map from body rates to the quaternion's rate.
         values.append(np.linalg.svd([quaternion.derivative(q, e) for e in _AXES])[1])
     low, high = float(np.min(values)), float(np.max(values))
     result.measure("smallest", low)
@@ -318,6 +328,7 @@ def quaternion_is_unique(result):
 
     q = quaternion.normalise(np.array([0.3, -0.5, 0.7, 0.2]))
     same = float(np.abs(quaternion.to_matrix(q) - quaternion.to_matrix(-q)).max())
+    # 360 turns of one degree: half the angle, so a full turn ends at -q.
     full = float(q @ quaternion.product(q, _spun(np.array([0.0, 0.0, np.pi / 180]), 1.0, 360)[1]))
     apart = result.input("apart_rad", 0.2)
     near = quaternion.product(q, quaternion.exp(np.array([apart, 0.0, 0.0])))
@@ -346,6 +357,7 @@ def quaternion_norm_keeps_itself(result):
     result.statement = f"Length {added:.6f}; by the exponential map {abs(retained - 1):.1e} off 1."
 
     def deviation(rate: np.ndarray, step: float) -> float:
+        # The added rate is orthogonal to q (Pythagoras), 50 steps of the root.
         grown = (1 + (np.linalg.norm(rate) * step / 2) ** 2) ** 25
         return float(np.linalg.norm(_spun(rate, step, 50)[0]) / grown - 1)
 
@@ -377,6 +389,8 @@ def renormalising_repairs(result):
         truth = quaternion.exp(rate * h * steps)
         ends = _spun(rate, h, steps, quaternion.normalise)
         angle = np.linalg.norm(rate) * h
+        # Adding the rate moves q along a tangent; scaled back, it has turned by 2 atan(omega h /
+        # 2).
         law = steps * (angle - 2 * np.arctan(angle / 2))
         return *(float(quaternion.angle_between(truth, end)) for end in ends), law
 
@@ -427,4 +441,5 @@ def added_quaternion_adds_energy(result):
         f"{np.linalg.norm(wrong):.3f}, and the energy has changed by {gain - 1:.0e} of itself."
     )
     result.statement_holds(gain > 1.001)
+    # Equal to the last bit, because the body rates' equation does not read the quaternion.
     result.correction_holds(np.array_equal(v, wrong_v), apart > 1e-3, abs(gain - 1) < 1e-6)

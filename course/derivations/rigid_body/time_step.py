@@ -40,6 +40,7 @@ def explicit_undamped_limit(result):
         "amplitude_after_1000_at_0_2", np.hypot(tenth.q[-1, 0], tenth.v[-1, 0]), tolerance=1e-6
     )
     result.measure("radius_at_0_1", spectral_radius("explicit_euler", 0.1))
+    # Log-uniform below the quoted limit: at small steps the growth is hardest to tell from 1.
     steps = np.exp(result.rng.uniform(np.log(1e-3), np.log(2), 30))
     radii = np.array([spectral_radius("explicit_euler", x) for x in steps])
     result.statement = (
@@ -48,6 +49,7 @@ def explicit_undamped_limit(result):
     result.statement_holds(max(radii) <= 1)
     result.correction_holds(
         min(radii) > 1,
+        # The numerical eigenvalues against the closed form, which is derived independently below.
         np.allclose(radii, np.sqrt(1 + steps**2), rtol=1e-12),
         abs(measured_limit("semi_implicit_euler") - 2) < 1e-6,
     )
@@ -77,6 +79,7 @@ def explicit_eigenvalues(result):
     quoted = 1 - h**2 * omega**2 / 2 + sympy.I * h * root
     explicit, semi = step_matrix("explicit_euler"), step_matrix("semi_implicit_euler")
 
+    # A value is an eigenvalue if it makes the characteristic polynomial vanish identically.
     def solves(matrix: sympy.Matrix, value: sympy.Expr) -> bool:
         return bool(sympy.simplify((matrix - value * sympy.eye(2)).det()) == 0)
 
@@ -112,6 +115,7 @@ def quoted_modulus(result):
     result.measure("of_explicit_euler_at_half", explicit.subs(half))
     result.statement = "Both expanded in omega dt, by algebra."
     result.statement_holds(sympy.expand(text - explicit) == 0)
+    # Shows where the quoted expression comes from: the imaginary part was dropped.
     result.correction_holds(
         sympy.expand(text - real**2) == 0,
         sympy.expand(real**2 + imaginary - 1) == 0,
@@ -132,6 +136,8 @@ def growing_determinant_has_a_limit(result):
     steps = result.rng.uniform(0.001, 2, 30)
     matrices = [numeric_matrix("explicit_euler", x) for x in steps]
     starts = result.rng.normal(size=(30, 2))
+    # With omega = 1 the energy is |s|^2 / 2. Random states show that the factor is the same for all
+    # of them, as A is a rotation times a scale.
     factors = [np.sum((A @ s) ** 2) / np.sum(s**2) for A, s in zip(matrices, starts, strict=True)]
     half = oscillator.stepper("explicit_euler", 0.5)(np.array([1.0, 0.0]))
     result.measure("energy_factor_at_half", np.sum(half**2))
@@ -158,12 +164,14 @@ def semi_implicit_unconditional(result):
         run = integrators.simulate(system, "semi_implicit_euler", dt, 100, every=1)
         return float(np.abs(run.q).max())
 
+    # 6.3 and 6.5 ms bracket the limit of 6.32 ms.
     inside = result.measure("largest_6_3_ms_m", largest(0.0063))
     outside = result.measure("largest_6_5_ms_m", largest(0.0065))
     below, above = result.rng.uniform(0.001, 1.999, 30), result.rng.uniform(2.001, 8, 30)
     radii = [[spectral_radius("semi_implicit_euler", x) for x in xs] for xs in (below, above)]
     result.statement = "100 kN/m on 1 kg, released at 1 m, 100 steps."
     result.statement_holds(outside < 100)
+    # 100 times the release separates a bounded swing from exponential growth within 100 steps.
     result.correction_holds(
         inside < 100 < outside,
         max(radii[0]) < STABLE,
@@ -199,6 +207,7 @@ def semi_implicit_limit(result):
     m, k = sympy.symbols("m k", positive=True)
     A = step_matrix("semi_implicit_euler")
     heavy = {m: result.input("mass_kg", 1), k: result.input("stiffness_n_per_m", 100_000)}
+    # Jury criterion at -1: with determinant 1 the eigenvalue -1 appears where 1 + trace + det = 0.
     limit = sympy.solve(A.trace() + 1 + A.det(), h)[0].subs(omega, sympy.sqrt(k / m))
     measured = result.measure("omega_h", measured_limit("semi_implicit_euler"))
     result.measure("limit_ms", 1000 * float(limit.subs(heavy)))
@@ -231,6 +240,7 @@ def contact_limit_explicit(result):
     omega = _penalty_omega(1e5)
     semi = 1000 * measured_limit("semi_implicit_euler") / omega
     step = result.input("step_ms", 1)
+    # An amplitude grows by the spectral radius, the energy by its square.
     gain = spectral_radius("explicit_euler", omega * step / 1000) ** 2 - 1
     result.measure("semi_implicit_limit_ms", semi)
     result.measure("explicit_gain_per_step_1_ms", gain)
@@ -258,6 +268,7 @@ def contact_stable_at_1_khz(result):
     limited = ("semi_implicit_euler", "velocity_verlet", "rk4")
     result.measure("at_1_khz", omega * 1e-3)
     result.measure("at_100_hz", omega * 1e-2)
+    # Two half steps composed are a method of their own, with omega dt = 1.6 per half at 100 Hz.
     halves = numeric_matrix("semi_implicit_euler", omega * 1e-2 / 2)
     twice = np.abs(np.linalg.eigvals(halves @ halves)).max()
     result.measure("explicit_1_khz", radii["explicit_euler"][0], tolerance=1e-4)
@@ -294,11 +305,13 @@ def contact_rate_by_stability(result):
 
     def rebound(dt: float) -> np.ndarray:
         """Return speeds after an elastic contact, entered at 1 m/s, the phase of the step drawn."""
+        # Touch falls anywhere within a step, so the position at the start of the step is uniform.
         v, x = np.full(2000, -1.0), result.rng.uniform(0, dt, 2000)
         flying = np.zeros(2000, dtype=bool)
         for _ in range(int(0.05 / dt)):
             v = np.where(flying, v, v - dt * omega**2 * np.minimum(x, 0))
             x = x + dt * v
+            # Only the first contact counts: whatever has left the spring flies on without force.
             flying |= (x > 0) & (v > 0)
         return v
 
@@ -311,6 +324,7 @@ def contact_rate_by_stability(result):
     energy = result.measure("energy_5_ms", float(np.mean(rebound(slow) ** 2)), tolerance=0.05)
     result.statement = "Semi-implicit Euler, 1 kg at 1 m/s on 100 kN/m; 2000 phases of the step."
     result.statement_holds(rate >= 1000)
+    # One part in a thousand on both sides of the stiffness whose limit is the fast step.
     result.correction_holds(
         slow < limit,
         rate < 200,
@@ -333,6 +347,7 @@ def penalty_listing_limits(result):
 
     def limit_ms(method: str, stiffness: float) -> float:
         omega = _penalty_omega(stiffness)
+        # The damper is fixed, so the damping ratio falls as the spring stiffens.
         zeta = damper / (2 * omega)
         return 1000 * measured_limit(method, zeta, low=1e-3) / omega
 
@@ -345,6 +360,7 @@ def penalty_listing_limits(result):
     result.statement = "Both bisected on the eigenvalues of the step with the damper."
     message = {"soft": 30.0, "stiff": 9.0, "steel": 3.0}
     result.statement_holds(all(semi[name] >= message[name] for name in message))
+    # Explicit Euler's limit 2 zeta / omega is damper / stiffness for 1 kg.
     result.correction_holds(
         all(semi[n] < 2000 / _penalty_omega(k) for n, k in stiffness.items()),
         all(abs(explicit[n] / (1000 * damper / k) - 1) < 1e-6 for n, k in stiffness.items()),
@@ -364,6 +380,7 @@ def determinant_one_is_stable(result):
     def drawn(trace: float) -> np.ndarray:
         """Return a matrix of this trace and determinant 1."""
         a, b = result.rng.uniform(-3, 3), result.rng.uniform(0.5, 2)
+        # The lower left entry is solved from the determinant.
         return np.array([[a, b], [(a * (trace - a) - 1) / b, trace - a]])
 
     def two(trace: float) -> np.ndarray:
@@ -377,12 +394,15 @@ def determinant_one_is_stable(result):
     result.measure("outer_at_2_1", outer)
     result.measure("inner_at_2_1", inner)
     result.statement = "Semi-implicit Euler at omega dt = 2.1: both real, product 1."
+    # Close to the traces 2 and -2, where the eigenvalues are only just real.
     outside = result.rng.uniform(2.001, 2.2, 20) * result.rng.choice([-1, 1], 20)
     result.statement_holds(
         on_circle(numeric_matrix("semi_implicit_euler", 2.1)),
         only_if="it is that of one oscillator, 2 by 2, and its trace lies between -2 and 2",
         inside=[on_circle(drawn(trace)) for trace in result.rng.uniform(-1.999, 1.999, 50)],
         outside=[on_circle(drawn(trace)) for trace in outside]
+        # Chosen to break a condition on the trace alone: in four dimensions it does not bound the
+        # moduli.
         + [on_circle(two(trace)) for trace in result.rng.uniform(-1.999, -0.8, 8)],
     )
     result.correction_holds(
@@ -414,6 +434,7 @@ def stable_at_the_limit(result):
     def grown(start: np.ndarray) -> np.ndarray:
         sizes, state = [], start
         for _ in range(400):
+            # The minus removes the alternation that the eigenvalue -1 causes.
             state = -step(state)
             sizes.append(state)
         return np.array(sizes)
@@ -423,6 +444,8 @@ def stable_at_the_limit(result):
     result.statement = f"Eigenvalue {value} of multiplicity {multiplicity}; released at 1 m."
     result.statement_holds(after[2] < 10)
     result.correction_holds(
+        # Algebraic multiplicity 2 with one eigenvector is a Jordan block, so the growth is linear:
+        # constant differences from one step to the next.
         (value, multiplicity, len(vectors)) == (-1, 2, 1),
         np.allclose(along, along[0]),
         all(np.allclose(d, d[0]) and np.abs(d[0]).max() > 1e-3 for d in drawn),
@@ -452,7 +475,9 @@ def explicit_damped_limit(result):
     squared = sympy.expand(step_matrix("explicit_euler", damped=True).det())
     result.formula = sympy.solve(sympy.cancel((squared - 1) / h), h)[0]
     measured = result.measure("omega_h_at_zeta_0_1", measured_limit("explicit_euler", 0.1, low=0.1))
+    # Underdamped only: from zeta = 1 on the eigenvalues are real and another limit applies.
     zetas = result.rng.uniform(0.01, 0.99, 12)
+    # The bisection on numerical eigenvalues knows nothing of the symbolic root it is compared with.
     ratios = [measured_limit("explicit_euler", z, low=z) / (2 * z) for z in zetas]
     result.statement = f"|lambda|^2 = {squared}."
     result.statement_holds(measured < 1e-3)
@@ -493,11 +518,13 @@ def semi_implicit_damped_limit(result):
 
     def implicit(z: float) -> float:
         def stable(x: float) -> bool:
+            # The step solved for the new velocity, with velocities scaled by omega.
             d = 1 / (1 + 2 * z * x)
             return stability.spectral_radius([[1 - x * x * d, x * d], [-x * d, d]]) < 1 + 1e-10
 
         return stability.limit(stable, 0.01, 50.0, rel=1e-10)
 
+    # Over- and underdamped, as the formulas hold for both.
     zetas = np.append(0.5, result.rng.uniform(0.01, 3, 10))
     fallen = [measured_limit("semi_implicit_euler", z, low=0.01) for z in zetas]
     risen = [implicit(z) for z in zetas]
@@ -536,6 +563,8 @@ def verlet_limit(result):
     result.correction_holds(
         sympy.simplify(a.trace() - b.trace()) == 0,
         sympy.simplify(a.det() - b.det()) == 0,
+        # Similar matrices: shift b = a shift, so the eigenvalues agree, not only trace and
+        # determinant.
         (shift * b - a * shift).applyfunc(sympy.expand) == sympy.zeros(2),
         abs(verlet - 2) < 1e-6,
     )
@@ -566,6 +595,7 @@ def explicit_midpoint_limit(result):
 
         Its square is 1 + (1/4 - 2 third + 2 fourth) x^4 and terms of higher order.
         """
+        # Stability polynomial on the imaginary axis, which is where an undamped spring lies.
         return bool(abs(np.polyval([fourth, third, 0.5, 1, 1], 1j * x)) > 1)
 
     result.formula = sympy.expand(step_matrix("explicit_midpoint").det())
@@ -573,6 +603,7 @@ def explicit_midpoint_limit(result):
     result.measure("gain_at_0_1", tenth)
     result.measure("euler_gain_at_0_1", spectral_radius("explicit_euler", 0.1) ** 2 - 1)
     result.statement = f"Energy per step times {result.formula}."
+    # Weights on both sides of 1/8, where the coefficient of x^4 changes its sign.
     heavy, light = result.rng.uniform(0.13, 0.5, 30), result.rng.uniform(0, 0.12, 30)
     limits = np.sqrt(2 * heavy - 0.25) / heavy  # (1 - x^2/2)^2 + (x - c x^3)^2 = 1
     verlet = [
@@ -621,6 +652,7 @@ def rk4_limit(result):
 
     h = symbols()[0]
     squared = sympy.expand(step_matrix("rk4").det())
+    # Below x^6 all terms of |lambda|^2 - 1 cancel, so dividing by h^6 leaves the root wanted.
     result.formula = next(root for root in sympy.solve(sympy.cancel((squared - 1) / h**6), h))
     measured = result.measure("omega_h", measured_limit("rk4"))
     result.measure("over_semi_implicit", measured / measured_limit("semi_implicit_euler"))
@@ -654,6 +686,7 @@ def implicit_midpoint_limit(result):
     def turned(matrix: np.ndarray) -> float:
         return float(np.abs(np.angle(np.linalg.eigvals(matrix)[0])))
 
+    # Log-uniform over four decades, since the claim is about any step.
     steps = 10 ** result.rng.uniform(-1, 3, 20)
     matrices = [numeric_matrix("implicit_midpoint", x) for x in steps]
     at_10 = turned(numeric_matrix("implicit_midpoint", 10.0))
@@ -663,6 +696,7 @@ def implicit_midpoint_limit(result):
     result.statement_holds(abs(at_10 - 10) < 0.1)
     result.correction_holds(
         sympy.simplify(sympy.expand_trig(sympy.cos(result.formula)) - half_trace) == 0,
+        # Orthogonal, hence energy is conserved exactly: the method is a Cayley transform.
         all(np.allclose(A.T @ A, np.eye(2), atol=1e-6) for A in matrices),
         np.allclose([turned(A) for A in matrices], 2 * np.arctan(steps / 2), atol=1e-5),
     )
@@ -690,6 +724,7 @@ def limit_scales_with_root(result):
         return limit(method, soft, zeta) / limit(method, stiff, then) * soft / stiff
 
     for method in ("semi_implicit_euler", "rk4"):
+        # Twice omega is four times the stiffness, so a fall of 2 is the square root.
         result.measure(method, 2 * fall(method, 10, 20, 0, False), tolerance=1e-3)
     retained = result.measure(
         "fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3
@@ -701,6 +736,7 @@ def limit_scales_with_root(result):
     result.statement_holds(
         abs(retained - 2) < 0.01,
         only_if="nothing damps, or the damping ratio stays the same",
+        # Ratios below 0.2 are set to zero, so that undamped springs are among the samples.
         inside=[abs(fall(m, a, b, z * (z > 0.2), False) - 1) < 1e-3 for m, a, b, z in draws],
         outside=[abs(fall(m, a, b, z, True) - 1) < 1e-3 for m, a, b, z in draws],
     )

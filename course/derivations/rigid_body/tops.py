@@ -24,6 +24,7 @@ _EXAMPLE = np.array([1.0, 2.0, 3.0])  # moments [kg m^2]
 
 def _moments(rng: Any) -> np.ndarray:
     """Return moments I1 < I2 < I3 of a body that exists, well apart, shape (3,) [kg m^2]."""
+    # Each below the sum of the other two, as the moments of any body are.
     return np.sort(rng.uniform(1.0, 1.8, 3)) + [0.0, 0.1, 0.2]
 
 
@@ -84,6 +85,7 @@ def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
     body.v[3:] = omega
     wrench = force / mass, torque, inertia.ravel(), np.linalg.inv(inertia).ravel()
     alpha = newton_euler_acceleration(body.q, body.v, np.concatenate(wrench))[3:]
+    # Three poses suffice for a second difference of any point's path.
     poses = [body.q]
     for _ in range(2):
         body.apply_force(force)
@@ -96,10 +98,12 @@ def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
         return (p[2] - 2 * p[1] + p[0]) / h**2
 
     def rest(r: np.ndarray) -> np.ndarray:
+        # Parallel-axis theorem (Steiner).
         about = inertia + mass * (r @ r * np.eye(3) - np.outer(r, r))
         return torque - np.cross(r, force) - about @ alpha - np.cross(omega, about @ omega)
 
     def turned(e: np.ndarray) -> np.ndarray:
+        # Euler's and centripetal acceleration of a point fixed in the body.
         return np.cross(alpha, e) + np.cross(omega, np.cross(omega, e))
 
     field = np.array([turned(e) for e in np.eye(3)]).T
@@ -121,6 +125,7 @@ def force_is_mass_times_acceleration(result):
         force, path, _, _ = _pushed(result.rng, mass=mass)
         return float(np.abs(mass * path(scale * result.rng.normal(size=3)) - force).max())
 
+    # Scale 0 is the centre of mass itself; 1e-4 covers the second difference with h = 1e-5.
     centre, elsewhere = ([deviation(scale) for _ in range(20)] for scale in (0.0, 0.5))
     result.measure("largest_off_n", max(elsewhere), 1e-3)
     result.statement = (
@@ -156,6 +161,7 @@ def planar_torque(result):
     torque = np.array([felt(*draw) for draw in draws])
     flat = np.pad(draws, ((0, 0), (0, 0), (0, 1)))
     place, arm, force = flat.transpose(1, 0, 2)
+    # The three-dimensional cross product as the truth, about the centre and about the origin.
     right, wrong = np.cross(arm, force)[:, 2], np.cross(place + arm, force)[:, 2]
     result.measure("off_from_origin_nm", np.abs(torque - wrong).max())
     result.statement = "The rate that 50 boxes gain from a random force at a random point."
@@ -183,8 +189,10 @@ def euler_equation_point(result):
     for _ in range(20):
         _, path, rest, poles = _pushed(result.rng)
         r = result.rng.normal(size=3)
+        # The points at which the missing term m c x a_P vanishes: centre, pole, and a_P along c.
         inside += [np.linalg.norm(rest(point)) < 1e-9 for point in (0 * r, *poles)]
         outside += [np.linalg.norm(rest(point)) < 1e-9 for point in (r, poles[0] + 0.1 * r)]
+        # The remainder elsewhere must be exactly that term, from the measured path.
         explained.append(np.abs(rest(r) - 2.0 * np.cross(-r, path(r))).max())
     turned = quaternion.to_matrix(_spin(_EXAMPLE, omega, 1.0).q[-1])
     observed = turned @ np.diag(_EXAMPLE) @ turned.T
@@ -234,6 +242,7 @@ def gyroscopic_term_always_there(result):
     result.correction_holds(
         max(term(cube, omega) for _, omega in draws) == 0,
         all(term(m, a * w) == 0 for m, w in draws for a in axes),
+        # The term as the simulation has it against the cross product.
         all(np.allclose(torque(m, w), np.cross(w, m * w)) for m, w in draws),
     )
 
@@ -248,6 +257,7 @@ def gyroscopic_term_always_there(result):
     source="Goldstein, Classical Mechanics, sec. 5.7",
 )
 def gyroscopic_term_holds_the_top_up(result):
+    # Three equal moments about the tip: omega x (I omega) vanishes identically.
     tilt, equal = 0.3, (0.02, 0.02)
     spinning, run, system = _top_run(equal, 60.0, tilt, result.input("seconds", 4.0))
     term = np.abs(np.cross(run.v, system.params[:3] * run.v)).max()
@@ -286,6 +296,7 @@ def top_condition(result):
     # Small horizontal displacement z = x + i y of the axis: I1 z'' - i I3 w z' - m g l z = 0.
     rate = sympy.Symbol("rate")
     characteristic = -i1 * rate**2 + i3 * w * rate - m * g * length  # z = exp(i rate t)
+    # Stable if both rates are real, so the discriminant marks the limit.
     result.formula = sympy.solve(sympy.discriminant(characteristic, rate), w)[0]
 
     def tilt(
@@ -307,6 +318,7 @@ def top_condition(result):
         f"From a tilt of 0.001 rad: 1 % above the critical spin it reaches {above:.4f} rad, 1 % "
         f"below {below:.2f} rad."
     )
+    # Flat and slender tops, from 5 to 30 % on either side of the critical spin.
     draws = result.rng.uniform((0.01, 0.2, 0.05), (0.03, 1.6, 0.3), (10, 3))
     result.statement_holds(
         below < 0.05,
@@ -328,6 +340,7 @@ def free_body_keeps_angular_velocity(result):
 
     tumbling = problems.tumble().system
     run = simulate(tumbling, "rk4", 1e-3, 20_000, every=20)
+    # In the world frame, where it must be constant without torque.
     momentum = problems.angular_momentum(run.q.T, run.v.T, tumbling.params)
     drift = np.abs(momentum - momentum[:, :1]).max() / np.linalg.norm(momentum[:, 0])
     wander = result.measure("wander_deg", _wander(run.q, run.v), 1e-4)
@@ -338,6 +351,7 @@ def free_body_keeps_angular_velocity(result):
 
     def keeps(axis: int, aside: float) -> bool:
         run = _spin(_moments(result.rng), 3 * np.eye(3)[axis] + aside, 5.0)
+        # 0.1 rad/s aside is enough to leave the principal axis.
         return _wander(run.q, run.v) < 1e-4
 
     result.statement_holds(
@@ -369,6 +383,7 @@ def wobble_comes_from_the_term(result):
         for i in range(n + 1):
             spins[i] = quaternion.rotate(quaternion.conjugate(q[i]), momentum) / moments
             if i < n:
+                # Explicit midpoint rule on the rotation group; the momentum in space is a constant.
                 half = retract(q[i], spins[i] * seconds / n / 2)
                 middle = quaternion.rotate(quaternion.conjugate(half), momentum) / moments
                 q[i + 1] = retract(q[i], middle * seconds / n)
@@ -389,6 +404,7 @@ def wobble_comes_from_the_term(result):
     bodies = [(_moments(result.rng), result.rng.uniform(0.8, 2.0, 3)) for _ in range(8)]
     q, spins = with_momentum(_EXAMPLE, omega, n)
     wander = result.measure("wander_deg", _wander(q, spins), 1e-4)
+    # Two formulations of one motion must end in the same attitude; 1e-4 covers the midpoint rule.
     apart = float(quaternion.angle_between(q[-1], run.q[-1]))
     rates = problems.tumble_acceleration(q[0], omega, np.full(3, 2.0))
     result.statement = f"With L only: {wander:.2f} degrees; {apart:.0e} rad off Euler's equations."
@@ -437,6 +453,7 @@ def principal_axis_is_stable(result):
         return np.abs(np.delete(run.v, axis, axis=1)).max(axis=1)
 
     middle = aside(_EXAMPLE, 1, 4.0)
+    # Growth over the last second, when the growing mode dominates the decaying one.
     rate = result.measure("rate_per_s", np.log(middle[4000] / middle[3000]), 2e-3)
     theory = result.measure(
         "theory_per_s", result.formula.subs({i1: 1, i2: 2, i3: 3, w: spin}), 2e-3
@@ -461,6 +478,7 @@ def principal_axis_is_stable(result):
     result.correction_holds(
         abs(rate / float(theory) - 1) < 2e-3,
         shared.max() > 1e-6,
+        # With two equal moments the growth is linear: twice the time, twice the size.
         abs(shared[4000] / shared[2000] - 2) < 0.1,
     )
 
@@ -479,10 +497,12 @@ def tumbling_is_irregular(result):
     problem = problems.tumble()
     error = problem.error(simulate(problem.system, "rk4", 1e-3, 20_000).q[-1])
     (i1, i2, i3), (w1, _, w3) = problem.system.params, problem.system.v0
+    # Twice the energy and the squared momentum fix modulus and period of the elliptic functions.
     two_t, square = i1 * w1**2 + i3 * w3**2, (i1 * w1) ** 2 + (i3 * w3) ** 2
     pace = np.sqrt((i3 - i2) * (square - two_t * i1) / (i1 * i2 * i3))
     m = (i2 - i1) * (two_t * i3 - square) / ((i3 - i2) * (square - two_t * i1))
     period = result.measure("period_s", float(4 * ellipk(m) / pace), 1e-4)
+    # After one period the body rates must be those of the start.
     back = np.abs(problem.truth(period)[1] - problem.system.v0).max()
     result.statement = (
         f"RK4 at 1 ms agrees with the closed form after 20 s to {error:.1e} rad; the body rates "
@@ -514,6 +534,7 @@ def gyroscopic_term_is_negligible(result):
         body, rates = _moments(result.rng) ** result.rng.uniform(0.1, 1), result.rng.normal(size=3)
         size = result.rng.uniform(low, high) * small / (body[2] / body[0] - 1)
         seconds = result.rng.uniform(0.1, 3)
+        # Scaled so that spread x (omega t)^2 has the drawn size, whatever the direction.
         rates *= np.sqrt(size) / np.linalg.norm(rates) / seconds
         return _without_term(body, rates, seconds) < allowed
 
@@ -551,6 +572,7 @@ def robotics_cannot_drop_the_term(result):
     for _ in range(2000):
         mujoco.mj_step(model, data)
     moments = np.array([1.0, 2.0, 2.9])
+    # MuJoCo's body rates against our own integration of Euler's equations.
     error = np.abs(data.qvel[3:] - _spin(moments, omega, 2.0).v[-1]).max()
     turned = result.input("turned_rad", 0.05)
     slow = _without_term(moments, turned * omega / np.linalg.norm(omega), 1.0)

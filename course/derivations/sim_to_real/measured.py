@@ -23,6 +23,7 @@ def success(kind, k, gap, delay=0.01, seed=41):
     """Return the success on 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
     from course.sim_to_real import real, recorded, rollouts, tasks
 
+    # The same 400 tasks for every kind of tuning (common random numbers).
     return float(rollouts(real(gap, delay), recorded()[kind][k].T, tasks(400, seed)).rate.mean())
 
 
@@ -58,6 +59,7 @@ def measured_or_randomised(result):
     one = result.measure("one", after_mending("delay", 1.0, 0.01), 0.1)
     result.statement = "400 tasks, 10 ms of delay, gains on record."
     edge = round(10 * far)
+    # Gaps from the bound on, and the three steps below it, on three other sets of tasks.
     inside, outside = (
         [better(k, s) for k in some for s in (1, 2, 3)]
         for some in (range(edge, 11, 2), range(edge - 3, edge))
@@ -86,6 +88,7 @@ def mended_parameter(result):
     after = result.measure("after", after_mending("delay", near, late, (0,)), 0.1)
     result.statement = "400 tasks, up to three searches each."
     result.statement_holds(delay >= empty)
+    # 5 points are above twice the standard error of 400 tasks (2.5 points at most).
     result.correction_holds(delay < empty - 0.05, load > empty + 0.2, after > before + 0.2)
 
 
@@ -111,12 +114,14 @@ def trials_to_tell(result):
     from course.sim_to_real import trials
 
     z, p, d, n = sympy.symbols("z p d n", positive=True)
+    # Two-sample test: the variance of a difference of two rates is 2 p (1 - p) / n.
     result.formula = sympy.solve(sympy.Eq(d, z * sympy.sqrt(2 * p * (1 - p) / n)), n)[0]
     own = result.measure("own", trials(0.78, 0.87), 0.0)
     law = float(result.formula.subs({z: 1.96 + 0.8416, p: 0.825, d: 0.09}))
     few = int(result.input("n", 100))
     a, b = (result.rng.binomial(few, rate, 20000) for rate in (0.78, 0.87))
     middle = (a + b) / (2 * few)
+    # z test with the pooled rate at 5 %.
     observed = np.abs(a - b) / np.sqrt(2 * few * middle * (1 - middle)) > 1.96
     power = result.measure("power", observed.mean(), 0.1)
     same = result.rng.binomial(few, 0.825, (2, 20000))
@@ -149,6 +154,7 @@ def late_command(result):
     elbow, more = result.input("elbow", 1.2), result.input("more", 2.0)
     both = result.measure("both_ms", 1e3 * arm_limit(gains, elbow), 0.05)
     folded = result.measure("folded_ms", 1e3 * arm_limit(gains, more), 0.05)
+    # 5 % to both sides of the margin, and beyond it with dry friction.
     inside, outside, stuck = ([drawn(x, dry) for _ in range(8)]
                               for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1)))  # fmt: skip
     result.statement = "Joint 2 with drawn gains, 5 % to both sides of its margin, joint 1 held."
@@ -184,6 +190,7 @@ def fitted(seed=0, **changed):
 def believed_error_bar(result):
     def within(seed, friction, kind="two sines"):
         _, fit, error = fitted(seed=seed, kind=kind, f1=friction, f2=0.5 * friction)
+        # Twice the 95 % half-width leaves room for five parameters at once.
         return bool(np.all(np.abs(error) < 2.0 * fit.half_width()))
 
     friction = result.input("friction", 0.1)
@@ -208,6 +215,7 @@ def believed_error_bar(result):
             for seed in range(3)
             for kind in ("two sines", "steps", "one slow joint")
         ],
+        # Dry friction from 3 mN m on, which the model does not have.
         outside=[within(seed, x) for seed, x in enumerate(result.rng.uniform(0.003, 0.1, 8))],
     )
     result.correction_holds(wrong > 10.0 * claimed, fit.white < 1e-6)
@@ -231,12 +239,14 @@ def one_sample_late(result):
     def moved(**changed):
         """Return errors over the true values and the error bars, growth, and the stated delay."""
         log, right, _ = fitted(**changed)
+        # Every reading moved by one sample; times and commands stay.
         shifted = np.column_stack([log.measured[:, 0], log.measured[:, :-1]])
         stamped = Log(log.times, shifted, log.command)
         wrong = fit(arm, stamped, GUESS, FREE)
         error = np.abs(wrong.value - truth)
         return (
             (error / truth).max(),
+            # In units of the error bars that the correct log gives.
             (error / np.sqrt(np.diag(right.covariance))).max(),
             wrong.noise / right.noise,
             1e3 * late(wrong, stamped)[0],
@@ -275,6 +285,7 @@ def same_as_mujoco(result):
 
     log, ours, _ = fitted()
     theirs = sysid.prepared(plants.ARM, log, GUESS)()
+    # In standard deviations: a difference far below the noise is irrelevant.
     apart = np.abs(ours.value - theirs.value) / np.sqrt(np.diag(ours.covariance))
     bars = result.measure("bars", np.abs(theirs.half_width / ours.half_width() - 1.0).max(), 0.5)
     result.statement = "Five numbers from two seconds with 1 mrad of noise."
@@ -327,6 +338,7 @@ def slip_force(result):
         for _ in range(4)
     ]
     at_rest = float(result.formula.subs({**numbers, a: 0}))
+    # Bisection of the least force that holds in MuJoCo.
     low, high = 0.7 * law, 1.3 * law
     for _ in range(7):
         middle = 0.5 * (low + high)
@@ -336,6 +348,7 @@ def slip_force(result):
     result.statement_holds(held(1.02 * at_rest))
     result.correction_holds(
         abs(share - 1.0) < 0.03,
+        # Random frictions and accelerations, on both sides of the formula.
         all(held(1.05 * x.needed, x) for x in others),
         not any(held(0.93 * x.needed, x) for x in others),
     )
@@ -368,6 +381,7 @@ def friction_wrong_both_ways(result):
     result.statement_holds(
         used(1.1 * low, low)[1] == 0,
         only_if="what is believed is off by more than its margin",
+        # The margin is 1.2: errors from 35 % on exceed it, errors up to 12 % don't.
         inside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.35, 3.0, 8)],
         outside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.02, 1.12, 8)],
     )
@@ -396,6 +410,7 @@ def large_step_at_contact(result):
     while len(pairs) < n:
         lab = replace(policy(), friction=result.rng.uniform(0.3, 1.2))
         lab = replace(lab, force=lab.needed * result.rng.uniform(1.2, 2.5))
+        # Only grips that hold at the fine step, so that the coarse step is to blame for a loss.
         if (fine := lift(lab)).held:
             pairs.append((fine, lift(replace(lab, dt=0.02))))
     retained = result.measure("kept", sum(coarse.held for _, coarse in pairs), 0.15)
@@ -415,6 +430,7 @@ def large_step_at_contact(result):
         all(b.fastest < 1.0 for b in every),
         not any(b.held for b in direct),
         all(
+            # From 10 % below the limit of one spring and damper to 50 % above it.
             lost(1.5, x, z) and not lost(0.9, x, z)
             for x, z in zip(stiff, 3 * (1.0, 2.0), strict=True)
         ),
@@ -440,6 +456,7 @@ def camera_off(result):
     result.statement_holds(
         misses(0.02),
         only_if="it is off by more than the free width of the jaw",
+        # 2 mm on both sides of each jaw's free width.
         inside=[misses(w + 0.002, w) for w in jaws],
         outside=[misses(w - 0.002, w) for w in jaws],
     )

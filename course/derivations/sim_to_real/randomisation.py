@@ -93,6 +93,7 @@ def set_const_inertia(result):
     from course.oracles.mujoco.randomize import DERIVED, arrays
 
     before, after = arrays(_arm()), arrays(_scaled(_arm(), 2.0, 1.0))
+    # Bytes are compared, so that every array that changed is found and not only expected ones.
     changed = {k for k in before if before[k].tobytes() != after[k].tobytes()} - {"body_mass"}
     inertia = np.max(after["body_inertia"][1:] / before["body_inertia"][1:])
     result.measure("inertia_ratio", inertia, tolerance=0.0)
@@ -152,6 +153,7 @@ def mass_without_set_const(result):
 
     def moved(measure, factor):
         """Return the largest relative difference that mj_setConst makes."""
+        # The same model with and without the recomputation; nothing else differs.
         return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
 
     def centre(recompute):
@@ -160,6 +162,7 @@ def mass_without_set_const(result):
         data = mujoco.MjData(model)
         data.qpos[:] = 0.4, -0.7
         mujoco.mj_forward(model, data)
+        # Mass-weighted mean of the bodies' centres, independent of the stored subtree masses.
         exact = data.xipos[1:].T @ model.body_mass[1:] / model.body_mass[1:].sum()
         return data.subtree_com[1].copy(), exact
 
@@ -177,6 +180,8 @@ def mass_without_set_const(result):
         change > 1e-6,
         only_if="a constraint acts (a contact, a limit, an equality, or dry friction that holds), "
         "or a muscle whose force MuJoCo scales by acc0",
+        # Three kinds of constraint: a contact, dry friction that holds, and a muscle scaled by
+        # acc0.
         inside=[moved(depth, x) > 0.1 for x in factors]
         + [moved(stuck, x) > 1e-3 for x in factors]
         + [moved(pulled, x) > 1e-3 for x in factors],
@@ -186,6 +191,7 @@ def mass_without_set_const(result):
     result.correction_holds(
         change < 1e-9,
         abs(ratio - 1.0) > 0.1,
+        # The control: an unchanged mass must change nothing.
         moved(depth, 1.0) == 0.0,
         off > 10.0,
         np.linalg.norm(new - exact) < 1e-12,
@@ -235,6 +241,7 @@ def set_const_compiles(result):
         """Return the worst error of the constants, and damping as compiled over that preserved."""
         factors = np.array([1.0, factor, factor])
         model = _scaled(_arm(damping), factors)
+        # The independent truth: the changed model compiled from XML again.
         truth = recompiled(_ARM.format(damping=damping), factors)
         ratio = truth.actuator_biasprm[0, 2] / model.actuator_biasprm[0, 2]
         return worst_constant(model, truth)[0], ratio
@@ -288,6 +295,7 @@ def set_const_compiles(result):
     )
     result.correction_holds(
         worst < 1e-12,
+        # Critical damping scales with the root of the mass.
         all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
         bool(np.allclose(joint[1], 4.0 * np.array(joint[0]))),
         by_itself == {"tendon_lengthspring"},
@@ -323,6 +331,7 @@ def mass_and_period(result):
     # I / (m g l) about the hinge: (i / s + m l^2) / (m g l) with i the inertia about the centre
     centre, arm = (0.03**2 + 0.3**2) / 3.0, 0.3**2
     expected = np.sqrt((0.5 * centre + arm) / (centre + arm))
+    # Mass and inertia scaled by the same random factor: the period must stay.
     other = period(*[result.rng.uniform(0.5, 3.0)] * 2)
     result.statement = (
         f"Twice the mass: {scaled:.6f} times the period with the inertia scaled, {alone:.4f} times "
@@ -382,6 +391,7 @@ def scaled_damping(result):
         min(damped, zero) > 0.0,
         only_if="the default damping is not zero",
         inside=[spread(d) > 0.0 for d in 10 ** result.rng.uniform(-3, 1, 8)],
+        # Defaults of exactly zero, which no factor can spread.
         outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]],
     )
     result.correction_holds(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
@@ -402,10 +412,12 @@ def one_geom_friction(result):
     floor, sled = result.input("floor", 0.9), result.input("sled", 0.3)
     plain = result.measure("sled_0_3_floor_0_9", _contact(_sled(floor, sled)), tolerance=0.0)
     first = result.measure("with_priority", _contact(_sled(floor, sled, priority=1)), tolerance=0.0)
+    # What actually brakes the sled, not only the number that the contact stores.
     measured = sliding_friction(_sled(floor, sled), "x", "z", speed=4.0)
     result.statement = (
         f"A sled of 0.3 on a floor of 0.9 is braked with a coefficient of {measured:.4f}."
     )
+    # The two ranges don't overlap, so that the larger coefficient is always known.
     low = [float(x) for x in result.rng.uniform(0.1, 0.6, 8)]
     high = [float(x) for x in result.rng.uniform(0.65, 1.2, 8)]
 
@@ -472,6 +484,7 @@ def friction_of_each_geom(result):
     )
     result.statement_holds(abs(mean - middle) < 0.03)
     result.correction_holds(
+        # Maximum of two uniform draws: mean at two thirds, and a quarter of it below the middle.
         abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02,
         abs(below - 0.25) < 0.04,
         abs(retained - middle) < 0.04,
@@ -505,6 +518,8 @@ def friction_in_all_directions(result):
         start = data.qvel.copy()
         mujoco.mj_step(model, data, nstep=100)
         change = data.qvel - start
+        # Change of momentum in the plane over the normal impulse of the same 0.1 s: an effective
+        # coefficient that doesn't depend on how the normal force varies.
         return np.hypot(*change[:2]) / (9.81 * 0.1 + change[2]) / 0.5
 
     result.measure("pyramid_along", braked("pyramidal", 0.0), tolerance=1e-9)
@@ -541,6 +556,7 @@ def factors_compound(result):
     low, high = result.input("low", 0.7), result.input("high", 1.3)
     episodes = result.input("episodes", 1000)
     factors = np.random.default_rng(2).uniform(low, high, (2000, episodes))
+    # Mean of the logarithm of a uniform factor, in closed form.
     theory = (high * np.log(high) - low * np.log(low)) / (high - low) - 1.0
     drift = result.measure("drift_per_episode", theory, tolerance=1e-4)
     median = result.measure(
@@ -556,6 +572,8 @@ def factors_compound(result):
     result.statement_holds(median > 0.5)
     result.correction_holds(
         abs(np.log(factors).mean() / drift - 1) < 0.01,
+        # The median of a product is the exponential of the summed mean logarithms (log-normal
+        # limit).
         abs(np.log(median) / (episodes * drift) - 1.0) < 0.1,
         low <= (masses / default).min() < (masses / default).max() <= high,
         abs(retained - 1.0) < 0.05,
@@ -578,6 +596,7 @@ def queue_of_k(result):
 
     def late(received):
         """Return the delay in steps, from the cross-correlation."""
+        # White noise has a single sharp peak in the cross-correlation, at the delay.
         return np.argmax(np.correlate(np.ravel(received), sent, "full")) - (sent.size - 1)
 
     def lag(places):
@@ -605,5 +624,6 @@ def queue_of_k(result):
     result.statement_holds(lag(4) == 4)
     result.correction_holds(
         all(lag(k) == k - 1 for k in range(1, 12)),
+        # MuJoCo's own actuator delay is the independent reference.
         all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)),
     )

@@ -184,6 +184,7 @@ def measured_restitution(
     result = []
     # The contact begins anywhere within a step: the drop is repeated over the phases of the grid.
     for phase in range(phases):
+        # Three steps of approach plus a fraction of one.
         gap = speed * dt * (3.0 + phase / phases)
         runner.q0[1] = half + gap
         path = runner.samples(int(20 + 4 * contact_steps))
@@ -329,6 +330,7 @@ def spatial_box(
     # Anticlockwise seen along y is a negative turn about y.
     turn = quaternion.exp(np.array([0.0, -angle, 0.0]))
     q = quaternion.product(turn, quaternion.exp(np.array([tilt, 0.0, 0.0])))
+    # MuJoCo's angular velocity of a free joint is in the body's axes.
     spin = quaternion.rotate(quaternion.conjugate(q), np.array([0.0, -omega, 0.0]))
     q0 = np.concatenate([[x, 0.0, z], q])
     return Runner(xml, q0, np.concatenate([[vx, 0.0, vz], spin]), integrator)

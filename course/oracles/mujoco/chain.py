@@ -43,10 +43,12 @@ def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
         pose, inertia = chain.placement[:, i], chain.inertia[:, :, i]
         body = before.add_body(name=f"link {i}", pos=pose[:3], quat=pose[3:])
         body.explicitinertial, body.mass, body.ipos = True, chain.mass[i], chain.centre[:, i]
+        # MuJoCo's order: the diagonal, then xy, xz, yz.
         body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
         kind = mujoco.mjtJoint.mjJNT_SLIDE if chain.slides[i] else mujoco.mjtJoint.mjJNT_HINGE
         joint = body.add_joint(name=f"joint {i}", type=kind, axis=(0.0, 0.0, 1.0))
         joint.armature = chain.armature[i]
+        # Damping may be a polynomial in MuJoCo; the first coefficient is the linear one.
         joint.damping = [chain.damping[i], *np.zeros(len(np.atleast_1d(joint.damping)) - 1)]
         joint.limited = int(np.isfinite(chain.lower[i]) and np.isfinite(chain.upper[i]))
         if joint.limited:
@@ -98,6 +100,7 @@ def _check(model: Any) -> None:
             raise invalid(f"range of {name}", model.jnt_range[i], "limits that do not cross")
         if model.body_jntnum[model.jnt_bodyid[i]] > 1:
             raise invalid("model", f"{name} beside another of its body", "one joint a body")
+        # A spring or dry friction would be a force that the chain's dynamics does not have.
         if model.jnt_stiffness[i] or model.dof_frictionloss[dof] or model.qpos0[dof]:
             raise invalid("model", f"{name} with a spring, dry friction or ref", "none of these")
         if np.any(model.dof_dampingpoly[dof]):
@@ -145,6 +148,7 @@ def chain(model: Any, tip: str | None = None) -> Chain:
             turn = np.concatenate([model.jnt_pos[i], turn_to(model.jnt_axis[i])])
             parent.append(joint)
             placement[:, i] = compose(here, turn)
+            # From here on poses are relative to the joint's own frame.
             here, joint, last = invert(turn), i, b
         carrier.append(joint)
         within.append(here)
@@ -153,6 +157,8 @@ def chain(model: Any, tip: str | None = None) -> Chain:
             centre = compose(here, inner)
             R, m, c = to_matrix(centre[3:]), model.body_mass[b], centre[:3]
             mass[joint] += m
+            # First and second moments add up over welded bodies; centres and central inertias do
+            # not.
             first[:, joint] += m * c
             # Parallel-axis theorem, with respect to the frame of the joint.
             moments = R @ np.diag(model.body_inertia[b]) @ R.T
@@ -198,6 +204,7 @@ def read(text: str, tip: str | None = None) -> Chain:
     """
     mujoco, message = library(), list[str]()
     usual = mujoco.get_mju_user_warning()
+    # Warnings are collected: a model that MuJoCo repairs with a warning is refused.
     mujoco.set_mju_user_warning(message.append)
     try:
         spec = mujoco.MjSpec.from_string(text)
@@ -247,12 +254,14 @@ def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[],
     mujoco, mj = library(), model(chain)
     one_of("what", what, ("inverse", "forward", "jacobian"))
     data, at = mujoco.MjData(mj), np.argsort(addresses(mj, chain))
+    # One contiguous row per state: the layout is prepared outside the timed function.
     rows = [list(np.ascontiguousarray(state[at].T)) for state in (q, v, x)]
     J = np.zeros((6, chain.n))
 
     def jacobians() -> Array:
         for here in rows[0]:
             data.qpos[:] = here
+            # Only the stages that the Jacobian needs, not a whole forward pass.
             mujoco.mj_kinematics(mj, data)
             mujoco.mj_comPos(mj, data)
             mujoco.mj_jacSite(mj, data, J[:3], J[3:], 0)
@@ -300,6 +309,7 @@ def follow(
     mujoco, mj, half = library(), model(chain, gravity), 0.5 * dt
     mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
     law, data = mujoco.MjData(mj), mujoco.MjData(mj)
+    # The start goes half a sample back from the first reference.
     q0 = motion[0, :, 0] - half * motion[1, :, 0] + 0.5 * half**2 * motion[2, :, 0]
     start = q0, motion[1, :, 0] - half * motion[2, :, 0]
 
@@ -309,9 +319,11 @@ def follow(
         for k in range(motion.shape[2]):
             places[k] = data.qpos
             q, v, a = motion[:, :, k]
+            # Half-sample preview: state and reference at the middle of the hold.
             ahead = data.qpos + half * data.qvel + 0.5 * half**2 * a
             rate = data.qvel + half * a
             law.qpos[:], law.qvel[:] = ahead, rate
+            # Computed torque with the gains inside of M.
             law.qacc[:] = a + kp * (q - ahead) + kd * (v - rate)
             mujoco.mj_inverse(mj, law)
             data.qfrc_applied[:] = law.qfrc_inverse
@@ -338,6 +350,7 @@ def thread_pool_rollouts(
     begin = np.zeros(mujoco.mj_stateSize(mj, kind))
     mujoco.mj_getState(mj, data, begin, kind)
     first = np.tile(begin, (len(plans), 1))
+    # Preallocated, so that the timed call allocates no trajectories.
     states = np.empty((*plans.shape[:2], begin.size))
     torques, pool = np.ascontiguousarray(plans), rollout.Rollout(nthread=0)
 
@@ -376,6 +389,7 @@ def rollouts(
     mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
     count = batch.Batch(mj, len(plans), 1)
     q, v, torque = (count.bind(name) for name in ("qpos", "qvel", "qfrc_applied"))
+    # One contiguous block of torques per step.
     rows = np.ascontiguousarray(plans.transpose(1, 0, 2))
 
     def run() -> Array:

@@ -105,8 +105,8 @@ def _runner(body: str, options: Options, q0: Array, v0: Array, gravity: Sequence
 
 
 def _down(angle: float = 0.0) -> tuple[float, float, float]:
-    # The plane stays horizontal, and gravity is tilted instead.
     """Return gravity in the frame of a plane that goes down along x."""
+    # The plane stays horizontal, and gravity is tilted instead.
     return (GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle))
 
 
@@ -296,8 +296,8 @@ def contact_state(runner: Runner) -> ContactState | None:
     )
     bodies = np.array([model.geom_bodyid[c.geom] for c in contacts])
     return ContactState(
-        # MuJoCo's approximate diagonal of the contacts' matrix, which R follows unless diagexact.
         problem,
+        # MuJoCo's approximate diagonal of the contacts' matrix, which R follows unless diagexact.
         model.body_invweight0[bodies].sum(axis=1),
         data.efc_force[: data.nefc].copy(),
         data.efc_aref[: data.nefc].copy(),
@@ -313,5 +313,6 @@ def iterations(runner: Runner, steps: int) -> int:
     taken = 0
     for _ in range(steps):
         mujoco.mj_step(runner.model, runner.data)
+        # Iterations of the main island; islands are off in these models.
         taken += int(runner.data.solver_niter[0])
     return taken

@@ -93,6 +93,7 @@ class Runner:
         """Back to the start state (and without the solver's memory of the last run)."""
         data = self.data
         data.time, data.qpos[:], data.qvel[:] = 0.0, self.q0, self.v0
+        # A warm start of the last run would change the solver's rounding, and with it the bits.
         data.qacc_warmstart[:] = 0.0
 
     def run(self, steps: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -109,6 +110,7 @@ class Runner:
         count("steps", steps)
         self.reset()
         if steps:
+            # One call for all steps: Python's overhead is paid once.
             self._step(self.model, self.data, steps)
         return self.data.qpos.copy(), self.data.qvel.copy()
 
@@ -206,6 +208,7 @@ def scene_xml(
     positive("dt", dt, unit="s")
     finite("gravity", gravity, unit="m/s^2")
     flags = [*ALWAYS_OFF, *gap]
+    # Flags only remove work, never a force that the scene has.
     if not touching:
         flags += CONTACT_OFF
     if not springs:

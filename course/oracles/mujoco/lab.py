@@ -131,6 +131,7 @@ def path(lab: Lab, t: float) -> tuple[float, float, float]:
     """
     down, t = t < lab.grasped - CLOSE, t if t < lab.grasped - CLOSE else t - lab.grasped
     path, a = (-ABOVE, -lab.acceleration) if down else (lab.height, lab.acceleration)
+    # Bang-bang profile: half of the way at +a, half at -a.
     start, half = ABOVE if down else 0.0, math.sqrt(path / a)
     if t <= 0.0:
         return start, 0.0, 0.0
@@ -161,7 +162,9 @@ def lift(lab: Lab, believed: float | None = None) -> Lifted:
         deviation, up = z - data.qpos[0], t >= lab.grasped
         total += deviation * lab.dt
         servo = lab.kp * deviation + lab.kv * (v - data.qvel[0]) + lab.ki * total
+        # Until the jaw closes the fingers are pushed open.
         grip = lab.force if t >= lab.grasped - CLOSE else -1.0
+        # Feedforward of inertia, and of the box's weight once it is lifted.
         carried = (PALM + 2.0 * FINGER) * a + up * box * (GRAVITY + a)
         data.ctrl[:] = grip, grip, servo + carried
         mujoco.mj_step(model, data)
@@ -172,6 +175,7 @@ def lift(lab: Lab, believed: float | None = None) -> Lifted:
             pressed = max(pressed, depth)
             peak = max(peak, float(data.qacc[0]))
         else:
+            # Last height of the box in the jaw before the lift; the slip is measured from it.
             below = float(data.qpos[5] - data.qpos[0])
         fastest = max(fastest, float(np.linalg.norm(data.qvel[3:6])))
     slid = below - float(data.qpos[5] - data.qpos[0])
@@ -184,6 +188,7 @@ def lift(lab: Lab, believed: float | None = None) -> Lifted:
 
 def tuned(lab: Lab, margin: float = 1.2) -> Lab:
     """Return the lab with the least force that holds in it, by halving, times a margin."""
+    # Bisection between a fifth and five times the force of Coulomb's law.
     low, high = 0.2 * lab.needed, 5.0 * lab.needed
     for _ in range(9):
         middle = 0.5 * (low + high)

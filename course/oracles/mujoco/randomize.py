@@ -250,6 +250,7 @@ def swing_period(model: Any, joint: str, angle: float, swings: int = 3) -> float
         if before[0] * data.qpos[q] < 0.0:
             fraction = before[0] / (before[0] - data.qpos[q])
             passes.append(before[1] + fraction * (data.time - before[1]))
+    # An odd number of passes: whole periods from the first to the last.
     return (passes[-1] - passes[0]) / swings
 
 
@@ -276,5 +277,6 @@ def actuator_delay(actions: ArrayLike, steps: int) -> NDArray[np.float64]:
     for action in np.asarray(actions, dtype=float):
         data.ctrl[0] = action
         mujoco.mj_step(model, data)
+        # The actuator's force of this step, before the joint has moved by it.
         forces.append(float(data.actuator_force[0]))
     return np.array(forces)

@@ -126,6 +126,8 @@ def _xml(hidden: Hidden, step: float, integrator: str) -> str:
             lag = f'inductance="0 {h.lag}"' if h.lag else ""
             motors += (
                 f'<dcmotor joint="motor{k}" {late} motorconst="1 1" '
+                # Back-EMF as a resistance: with unit motor constants the braking torque is emf
+                # times speed.
                 f'resistance="{1.0 / (share * h.emf):.17g}" {lag} {lugre}/>'
             )
         else:
@@ -195,6 +197,8 @@ class Twin:
                 n = round(h.sensing / self.model.opt.timestep) + 1
                 for sensor in range(self.model.nsensor):
                     value = np.full((n, 1), data.qpos[sensor])
+                    # The delayed sensors start with the present angle, or they would read zeros at
+                    # first.
                     mujoco.mj_initSensorHistory(self.model, data, sensor, None, value, 0.0)
             mujoco.mj_getState(self.model, data, arms.state[i], mujoco.mjtState.mjSTATE_INTEGRATION)
         q, text, ctrl = arms.bind("qpos"), arms.bind("sensordata"), arms.bind("ctrl")
@@ -202,6 +206,7 @@ class Twin:
         angles, measured = np.empty((2, 2, N, samples + 1))
         sent = np.empty((2, N, samples))
         for k in range(samples + 1):
+            # The link's angle is the motor's plus the play in between.
             angles[:, :, k] = (q[:, ::2] + q[:, 1::2] if both else q).T
             # `stage` below makes the sensors those of this instant, not of the step before.
             observed = (text if h.sensing and k else q).T
@@ -251,6 +256,7 @@ def judged(angles: ArrayLike, tasks: Tasks) -> Outcome:
     far = np.hypot(*(tip(q) - tasks.goal[:, :, None]))
     near, last = far <= RADIUS, round(HOLD / DT) + 1
     held, wild = near[:, -last:].all(axis=1), ~np.isfinite(far).all(axis=1)
+    # In this order: diverged, held, arrived late, passed through; else never there.
     reason = np.select([wild, held, near[:, -1], near.any(axis=1)], [4, 0, 1, 2], 3)
     error = np.where(wild, np.inf, far[:, -1])
     return Outcome(held & ~wild, DT * near.sum(axis=1), error, reason)
