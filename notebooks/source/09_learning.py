@@ -794,8 +794,8 @@ more_claims("code_of_zero")
 # is. For actions with many components, and an unknown number of modes, choose a flow or a diffusion policy. In both
 # cases predict a chunk of actions at once, so that the policy finishes on the side on which it started.
 #
-# Always run the nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more dimensions.
-# Then judge by runs: count successes and the share of each way.
+# Always run the nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more
+# dimensions. Then judge by runs: count successes and the share of each way.
 #
 # ### Denoising and flows, step by step
 #
