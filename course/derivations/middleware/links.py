@@ -91,8 +91,8 @@ def forgets(packets, loss, messages=1000):
     for k in range(messages):
         bus.after(k / 30, writer.publish, k, packets * link.fragment)
     bus.run(messages)
-    # All but the last few, which nothing replaced.
     # Requests come a link delay too late: a writer of depth 1 has already replaced the sample.
+    # All but the last few, which nothing replaced.
     return reader.lost > 100 and reader.rounds - reader.lost <= 3
 
 
