@@ -23,6 +23,7 @@ def lattice(count: int, dimensions: int) -> Array:
     They are multiples of roots, modulo 1.
     """
     root = 1.0
+    # Fixed-point iteration for the generalised golden ratio: a low-discrepancy sequence.
     for _ in range(40):  # root^(dimensions + 1) = root + 1 (Roberts, 2018)
         root = (1.0 + root) ** (1.0 / (dimensions + 1))
     return (0.5 + np.outer(np.arange(1, count + 1), root ** -np.arange(1.0, dimensions + 1))) % 1.0
@@ -48,6 +49,7 @@ def age_precision(
     runs: Sequence[int] = (3, 10, 30, 100, 300, 1000), repeats: int = 9, reference: int = 8192
 ) -> Iterator[Panel]:
     """Chart the mean age of the chapter's chain: error against processor time."""
+    # The truth by even phases: event simulation, independent of the closed form.
     truth, rng = sampled(lattice(reference, 4)), np.random.default_rng(0)
     predicted = age(CHAIN)
     panel = Panel(
@@ -60,7 +62,9 @@ def age_precision(
     requested: list[Callable[[], object]] = [functools.partial(age, CHAIN)]
     draws = {n: [rng.random((n, 4)) for _ in range(repeats)] for n in runs}
     requested += [functools.partial(sampled, draws[n][0]) for n in runs]
+    # Processor time, closed form and all numbers of runs in turn.
     timed = interleaved([calls(f, clock=time.process_time) for f in requested], repeats=3)
+    # Many repeats of each size, since a single error may be small by luck.
     errors = np.array([[abs(sampled(d) - truth) for d in draws[n]] for n in runs])
     panel.series.append(
         Series(
@@ -96,6 +100,7 @@ def age_precision(
 
 def at_read(reader: float, phase: float, seconds: float, depth: int = 1) -> tuple[Array, Array]:
     """Return when a reader reads a quick camera, and how old what it gets is [s]."""
+    # Executions of a microsecond: what is left is the waiting.
     run = simulate(
         [Stage("camera", 1e-6, CAMERA), Stage("reader", 1e-6, reader, depth)],
         [0.0, phase],
@@ -115,6 +120,7 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
     )
     starts = np.linspace(0.01, 0.99, phases)
     for label, rate, key in (("10 Hz, one clock", 10.0, "locked"), ("9.73 Hz", 9.73, "events")):
+        # Without the first readings, which start before the camera.
         ages = [at_read(1 / rate, p, seconds)[1][3:].mean() for p in starts]
         panel.series.append(
             Series(
@@ -172,6 +178,7 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
     for load in loads:
         late = Stage("slow", load * CAMERA, None, 100_000, "queue")
         run = simulate([Stage("camera", 1e-6, CAMERA), late], [0.0, 0.0], seconds=seconds)
+        # Slope after the first samples, when the queue has begun to grow.
         slopes.append(np.polyfit(run.published[9:], (run.published - run.captured)[9:], 1)[0])
     panel = Panel(
         "Overload: in an endless queue the age grows",

@@ -23,6 +23,7 @@ def _ages(stages, rng, runs=200, per_run=5):
     from course.role import simulate
 
     start = 3 * sum((s.period or 0) + s.execution for s in stages)
+    # Losses lengthen the transient.
     start /= (1 - max(s.lost for s in stages)) ** 3
     return np.array(
         [
@@ -97,6 +98,7 @@ def chain_age(result):
     result.measure("bound_ms", 1000 * report.greatest)
     result.measure("simulated_ms", 1000 * observed.mean(), 0.02)
     result.statement = "The closed form, and event simulation at random phases and moments."
+    # Standard error of the simulated mean; five of them are allowed.
     error = report.std / np.sqrt(len(observed))
     result.statement_holds(abs(observed.mean() - report.least) < 5 * error)
     result.correction_holds(
@@ -160,6 +162,7 @@ def reaction_is_age(result):
     run = simulate(chain, result.rng.random(3), 1, 400.0)
     events = result.rng.uniform(5, 390, result.input("events", 20_000))
     x = result.rng.uniform(0, 0.6, events.size)
+    # The equivalence, event by event, not only in distribution.
     failed = np.sum((run.reaction(events) > x) != (run.age(events + x) > x))
     old, late = run.age(events), run.reaction(events)
     result.measure("age_ms", 1000 * old.mean(), 0.02)
@@ -192,6 +195,7 @@ def long_run_mean(result):
     # If n periods of the reader are whole ones of the producer there are n ages at reading, evenly
     # spaced, and their mean is off by up to T / (2 n).
     apart = [right(*x) for x in zip(draws, phases, strict=True)] + [right(1.7 * camera, 0.3)]
+    # Rational ratios with small denominators keep their phase for ever.
     locked = [right(n * camera, x) for n in (1, 1.5, 2, 50) for x in phases]
     result.statement_holds(
         right(slow, 0.02),
@@ -227,6 +231,7 @@ def same_rate_in_step(result):
     result.formula = T * sympy.solve(sympy.Eq(n * T * r, T), n)[0]
     period, drift = 1 / result.input("rate_hz", 30), 1e-6 * result.input("ppm", 100)
     old = _at_read(period * (1 + drift), 0.3, 800.0)
+    # Time between two jumps of the sawtooth.
     teeth = period * (1 + drift) * np.diff(np.flatnonzero(np.abs(np.diff(old)) > 0.5 * period))
     result.measure("beat_s", teeth.mean(), 1e-3)
     result.measure("high_ms", 1000 * np.ptp(old), 0.01)
@@ -264,6 +269,7 @@ def deep_queue(result):
     camera, period = 1 / result.input("fast_hz", 30), 1.003 / result.input("slow_hz", 10)
     deep = result.input("deep", 10)
     full, newest = (_at_read(period, 0.1, 60.0, n)[40:].mean() for n in (deep, 1))
+    # Which sample each reading gets: those never read are lost.
     index = read(np.arange(3000) * camera, np.arange(900) * period, deep)
     result.measure("deep_ms", 1000 * full, 0.02)
     result.measure("newest_ms", 1000 * newest, 0.05)
@@ -301,6 +307,7 @@ def queue_carries_overload(result):
     def slope(execution):
         stages = [Stage("s", 1e-6, 0.1), Stage("slow", execution, None, 10_000, "queue")]
         run = simulate(stages, [0.0, 0.0], 0, 100.0)
+        # Slope of the age over time, after the first samples.
         return np.polyfit(run.published[9:], (run.published - run.captured)[9:], 1)[0]
 
     busy = 0.1 * result.input("load", 1.25)
@@ -411,12 +418,14 @@ def rate_is_bandwidth(result):
     step = 1 / result.input("rate_hz", 1000)
     report = float(result.formula.subs(A, age(CHAIN).mean))
     run = simulate(CHAIN, result.rng.random(3), 0, 12.0)
+    # The loop sees the state as old as the event simulation says, sample by sample.
     behind = np.rint(run.age(np.arange(400, 11_000) * step) / step).astype(int)
 
     def grows(gain):
         x = np.ones(400 + behind.size)
         for n, late in enumerate(behind, 399):
             x[n + 1] = x[n] - gain * step * x[n - late]
+        # Growing if the end swings more than the beginning.
         return np.abs(x[-2000:]).max() > np.abs(x[2000:4000]).max()
 
     result.measure("age_ms", 1000 * age(CHAIN).mean)

@@ -120,6 +120,7 @@ def read_back() -> dict[str, str]:
             text=True,
             timeout=60,
         )
+        # Cyclone's own trace of the settings in force.
         lines = trace.read_text().splitlines()
 
     def text(word: str) -> str:
@@ -204,6 +205,7 @@ class Topic:
     def write(self, writer: Any, *numbers: int, stamp: float | None = None) -> None:
         """Write numbers, with a source time of their own [s] or now."""
         for number in numbers:
+            # DDS time stamps are in nanoseconds.
             writer.write(self.kind(number=number), None if stamp is None else round(1e9 * stamp))
 
 

@@ -303,4 +303,5 @@ class DrakeRun(Run):
         """Continue from what `save` returned; the integrator starts again."""
         context, self._steps = saved
         self.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
+        # The integrator's step history does not belong to the context.
         self.simulator.Initialize()

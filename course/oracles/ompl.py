@@ -280,6 +280,7 @@ def solve(
 
     nodes = [row(tree.getVertex(i).getState()) for i in range(tree.numVertices())]
     path = None
+    # Approximate solutions also count as solved in OMPL.
     if problem.hasExactSolution():
         solution = problem.getSolutionPath()
         path = [row(solution.getState(i)) for i in range(solution.getStateCount())]
@@ -323,6 +324,7 @@ def roadmap(
     planner = geometric.PRM(information)
     planner.setProblemDefinition(base.ProblemDefinition(information))
     planner.setup()
+    # Ended by the number of states, not by time.
     grown = base.PlannerTerminationCondition(lambda: planner.milestoneCount() >= milestones)
     planner.growRoadmapPtc(grown)
     graph = base.PlannerData(information)

@@ -157,6 +157,7 @@ class Arm:
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         """Return torques of a motion, the damping of the joints added, shape (n,)."""
         order = self.order
+        # Recursive Newton-Euler.
         tau = self._library.rnea(self.model, self.data, q[order], v[order], a[order])
         return np.asarray(tau[self._back] + self._damping * v)
 
@@ -165,11 +166,13 @@ class Arm:
         upper = np.triu(self._library.crba(self.model, self.data, q[self.order]))
         # CRBA fills the upper triangle only.
         whole = upper + np.triu(upper, 1).T
+        # Rows and columns back into the chain's order.
         return np.asarray(whole[np.ix_(self._back, self._back)])
 
     def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
         """Return accelerations, the damping of the joints taken off the torques, shape (n,)."""
         order, remaining = self.order, tau - self._damping * v
+        # Articulated body algorithm.
         a = self._library.aba(self.model, self.data, q[order], v[order], remaining[order])
         return np.asarray(a[self._back])
 

@@ -310,6 +310,7 @@ class PyBulletRun(Run):
     def restore(self, saved: Any) -> None:
         """Continue from what `save` returned."""
         number, self._steps = saved
+        # PyBullet restores the world, not our count of steps.
         self._ask("restoreState", stateId=number)
 
     def close(self) -> None:

@@ -244,6 +244,7 @@ def repeatability(
     fresh = second.state()
     first.reset()
     first.run(2 * half)
+    # The world is reset after it has been used: leftovers of the first run would show.
     reset = first.state()
     first.close()
     second.close()
@@ -251,6 +252,7 @@ def repeatability(
 
 
 def _difference(a: State, b: State) -> float:
+    # Equality of all bits first; a NaN equal to itself has no distance.
     if a.same(b):
         return 0.0
     return float(max(np.max(np.abs(a.q - b.q)), np.max(np.abs(a.v - b.v))))

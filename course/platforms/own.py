@@ -57,6 +57,7 @@ class Own(Engine):
             if len(scene.bodies) > 1:
                 raise invalid("scene", scene.name, "one body, where none touches anything")
             return Smooth(scene, dt, scheme)
+        # With contacts only the scheme of chapter 2's time stepping exists.
         one_of("settings.scheme", scheme, self.schemes[:1])
         return Touching(scene, dt, **settings.options)
 

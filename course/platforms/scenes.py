@@ -284,6 +284,7 @@ def tumble(duration: float = 5.0, tolerance: float = 1e-2) -> Scene:
     The truth is chapter 1's closed form.
     """
     problem = problems.tumble(duration=duration)
+    # Jacobi's closed form at time 0 is the start.
     q0, v0 = problem.truth(0.0)
     i1, i2, i3 = problem.system.params.tolist()
     nil = (0.0, 0.0, 0.0)
@@ -313,6 +314,7 @@ def drop(height: float = 0.1, duration: float = 1.0, tolerance: float = 1e-3) ->
     cube = box("cube", (HALF,) * 3, 1.0, (0.0, 0.0, HALF + height))
 
     def fallen(time: float) -> Array:
+        # Free fall until the ground; rigid and without bounce from then on.
         return np.array([0.0, 0.0, -min(height, 0.5 * GRAVITY * time**2)])
 
     return Scene(
@@ -446,6 +448,7 @@ def grasp(
 def field(n: int = 64, duration: float = 0.5, tolerance: float = 1e-3) -> Scene:
     """Return n cubes of 1 kg on the ground in a square grid, 0.3 m apart: they stay."""
     count("n", n, 1)
+    # A square grid, filled row by row.
     side = math.ceil(math.sqrt(n))
     cubes = [
         box(f"cube{i}", (HALF,) * 3, 1.0, (0.3 * (i % side), 0.3 * (i // side), HALF))

@@ -39,6 +39,7 @@ def cost(x: Array, samples: int = 0, limit: float = WEAK, at_most: int = 1500) -
     for _ in range(at_most):
         if plan is None:
             u = -K @ x
+            # Limits met on both sides: then clipping is no longer optimal, and a plan pays.
             sides |= {float(np.sign(u[0]))} if abs(u[0]) > limit else set()
             u = np.clip(u, -limit, limit)
         else:
@@ -46,6 +47,7 @@ def cost(x: Array, samples: int = 0, limit: float = WEAK, at_most: int = 1500) -
             u = last[0]
         total += float(x @ Q @ x + u @ R @ u)
         x = A @ x + B @ u
+        # Until nothing is left that could cost anything.
         if np.abs(x).max() < 1e-9:
             break
     return total, len(sides)
@@ -78,6 +80,7 @@ def mpc_where(
     panel.lines = [("x", float(first), "both limits met")]
     for n in samples:
         ratio = [c / cost(np.array([x, 0.0]), n)[0] for x, (c, _) in zip(far, clipped, strict=True)]
+        # Where at most one limit binds, both laws must cost the same: the control.
         near = max(abs(r - 1) for r, (_, sides) in zip(ratio, clipped, strict=True) if sides < 2)
         panel.series.append(
             Series(
@@ -94,9 +97,11 @@ def mpc_where(
     runs: dict[str, Callable[[], Array]] = {"saturated LQR": lambda: np.clip(-K @ x, -WEAK, WEAK)}
     for n in samples:
         plan = horizon(A, B, Q, R, n)
+        # The warm start is computed before the clock starts.
         last = mpc(plan, x, WEAK)
         runs[f"cold {n}"] = functools.partial(mpc, plan, x, WEAK)
         runs[f"warm {n}"] = functools.partial(mpc, plan, x, WEAK, last)
+    # All horizons, cold and warm, and the regulator in turn.
     timed = interleaved([calls(run, clock=clock) for run in runs.values()], repeats=repeats)
     spent = {name: 1e6 * result.median for name, result in zip(runs, timed, strict=True)}
     panel = Panel(
@@ -146,6 +151,7 @@ def swings_up(samples: int, ahead: int, seed: int, plans: int = 70, dt: float = 
     for _ in range(plans):
 
         def judged(tries: Array, q: Array = q, v: Array = v) -> Array:
+            # All tries side by side, by the same two half steps as the plant.
             total = np.zeros(len(tries))
             for u in tries[:, :, 0].T:
                 q, v = move(q, v, u)
@@ -156,6 +162,7 @@ def swings_up(samples: int, ahead: int, seed: int, plans: int = 70, dt: float = 
             judged, plan, rng, samples=samples, spread=limit, temperature=0.5, limit=limit
         ).plan
         q, v = move(q, v, plan[0])
+        # Warm start: the plan moved on by a sample.
         plan = shifted(plan)
     return bool(abs(np.sin(q[0])) < 0.3 and np.cos(q[0]) > 0.0 and abs(v[0]) < 1.0)
 
@@ -232,12 +239,14 @@ def control_speed(
     deviation, notes = 0.0, []
     for n in plans:
         torques = np.random.default_rng(n).normal(size=(n, samples, 2))
+        # Models and plans of the rivals are prepared outside the timed functions.
         theirs = [rival(ARM.chain(), torques, dt, start, DOWN) for rival in rivals.values()]
 
         def ours(torques: Array = torques) -> Array:
             return rollouts(ARM, torques, dt, start)[0][-1].T
 
         here = ours()
+        # Equal answers first: the same integrator, step and torques.
         deviation = max(deviation, *(float(np.abs(here - run()).max()) for run in theirs))
         samplers = [calls(run, clock=clock) for run in (ours, *theirs)]
         timed = interleaved(samplers, repeats=repeats)
@@ -260,6 +269,7 @@ def control_speed(
 def residual(system: Sequence[Array], P: Array) -> float:
     """Return what is left of the Riccati equation, over the largest entry of P."""
     A, B, Q, R = system
+    # Discrete algebraic Riccati equation, put back into itself.
     gain = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
     return float(np.abs(Q + A.T @ P @ (A - B @ gain) - P).max() / np.abs(P).max())
 
@@ -267,6 +277,7 @@ def residual(system: Sequence[Array], P: Array) -> float:
 def drawn(rng: np.random.Generator, n: int) -> tuple[Array, ...]:
     """Return a system of n states and n // 2 inputs, stable or not, and its weights."""
     m, A, W = n // 2, rng.normal(size=(n, n)), rng.normal(size=(n, n))
+    # Spectral radius between 0.5 and 1.5: stable and unstable plants.
     A *= rng.uniform(0.5, 1.5) / np.abs(np.linalg.eigvals(A)).max()
     return A, rng.normal(size=(n, m)), W @ W.T, np.eye(m)
 
@@ -290,6 +301,7 @@ def _beside_scipy(
             system = drawn(rng, n)
             both = lqr(*system).P, solve_discrete_are(*system)
             worst = np.maximum(worst, [residual(system, P) for P in both])
+        # A least-squares problem, so that BVLS and the box QP have the same minimum.
         M, b = rng.normal(size=(n + 5, n)), 3.0 * rng.normal(size=n + 5)
         H, g = M.T @ M, -M.T @ b
         runs = (
@@ -303,6 +315,7 @@ def _beside_scipy(
         for name, result in zip(names, interleaved(samplers, repeats=repeats), strict=True):
             spent[name].append(1e6 * result.median)
         for k in (0, 2):
+            # Ratios of neighbouring samples, not of two medians.
             (ratio,) = pairwise_ratios(samplers[k : k + 2], pairs=repeats)
             ratios[names[k + 1]].append(f"size {n}: {ratio}")
     panel.series = [Series(name, sizes, y) for name, y in spent.items()]

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 def driven(executor: Any, n: int, noise: float = 0.0) -> NDArray[np.int64]:
     """Return sides of n runs of two ways: +1 left, -1 right, 0 hit or not arrived."""
+    # The same starts and disturbances for every executor.
     task, rng = learning.TwoWays(noise), np.random.default_rng(41)
     return task.sides(learning.roll(task, executor, task.starts(n, rng), task.steps, rng).states)
 
@@ -49,6 +50,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         repeats: of a timing.
     """
     shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED)
+    # Held-out demonstrations from another seed.
     apart = learning.TwoWays().demonstrate(held, SEED + 77)
     policies: dict[str, list[Any]] = {name: [learning.recorded(name)] for name in HEADS}
     policies["z = 0"] = [replace(policies["autoencoder"][0], zero=True)]
@@ -56,6 +58,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     for name in ("flow", "diffusion"):
         policies[name] = [replace(policies[name][0], steps=k) for k in (1, 2, 5, 10)]
     rng = np.random.default_rng(0)
+    # Policies are loaded before the clock starts; one state at a time, as on a robot.
     timed = [
         calls(policy, apart.states[:1, 0], rng, clock=time.process_time)
         for kinds in policies.values()
@@ -81,9 +84,11 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         deviation, good, micro = [], [], []
         for policy in kinds:
             guess = policy(apart.states[:, 0], np.random.default_rng(1))
+            # The first chunk, where the two ways separate: here the mean has the least error.
             deviation.append(1e3 * float(np.sqrt(np.mean((guess - apart.actions[:, :CHUNK]) ** 2))))
             sides = driven(learning.Commit(policy, CHUNK), n)
             good.append(float(np.mean(sides != 0)))
+            # The best round, over the actions of a chunk.
             micro.append(1e6 * next(spent).best / CHUNK)
         low, high = wilson(n * np.array(good), n)
         message = "; ".join(
@@ -94,6 +99,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         view: dict[str, Any] = {"low": low, "high": high, "extra": name == "z = 0"}
         error.series.append(Series(name, deviation, good, note=f"{name}{steps}: {message}", **view))
         priced.series.append(Series(name, micro, good, **view))
+        # Shares of the sides only for policies that get through.
         if good[-1] > 0.5:
             remaining[name] = float(np.mean(sides[sides != 0] > 0))
     low, high = wilson(100.0 * remaining["shown"], DEMONSTRATIONS)
@@ -125,6 +131,7 @@ def gap(samples: Array, exact: Array) -> float:
 def quantiles(mixture: learning.Mixture, share: Array) -> Array:
     """Return quantiles of a one-dimensional mixture between -6 and 6, to about 1e-7."""
     x = np.linspace(-6.0, 6.0, 100_001)
+    # Distribution function on a grid, inverted by interpolation.
     deviation = (x[:, None] - mixture.means[:, 0]) / mixture.deviations
     return np.interp(share, ndtr(deviation) @ mixture.weights, x)
 
@@ -146,6 +153,7 @@ def samplers(
     """
     modes = learning.Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.full(2, 0.3))
     share = (np.arange(n) + 0.5) / n
+    # Stratified noise: its quantiles are exact, so that no sampling error hides the sampler's.
     exact, noise, rng = quantiles(modes, share), ndtri(share)[:, None], np.random.default_rng(3)
     report, blank = modes.draw(4000, rng), rng.standard_normal((4000, 1))
     how: dict[str, Any] = {"width": 64, "rate": 2e-3, "steps": fit}
@@ -177,8 +185,10 @@ def samplers(
         "diffusion net, DDIM": lambda k: drawn(diffusion, "ddim", k),
     }
     for label, method in methods.items():
+        # Heun takes two evaluations per step: equal evaluations, half the steps.
         x = [k for k in counts if k % 2 == 0 or "Heun" not in label]
         y = [gap(method(k), exact) for k in x]
+        # Observed order from the two finest counts.
         order = np.log(y[-2] / y[-1]) / np.log(x[-1] / x[-2])
         note = f"{label}: " + ", ".join(f"{k} {e:.3g}" for k, e in zip(x, y, strict=True))
         panel.series.append(
@@ -218,8 +228,10 @@ def switches_and_mismatch(policy: Any, executed: int, n: int, noise: float) -> t
     state, sides, deviation = task.starts(n, rng), [], []
     while step < task.steps // 2:
         plan = policy(state, rng)
+        # The side that the rest of the plan leads to, half way.
         halfway = state + plan[:, : task.steps // 2 - step].sum(axis=1)
         sides.append(np.sign(halfway[:, 1]))
+        # Where the executed part would end without disturbance.
         intended = state + plan[:, :executed].sum(axis=1)
         for k in range(executed):
             state = task.step(state, plan[:, k], rng)
@@ -258,6 +270,7 @@ def commit_or_react(
         panel.series.append(shares(f"disturbed by {1e3 * noise:g} mm", executed, rates, n))
     yield panel
     shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED, injected=0.05)
+    # The same head, trained on demonstrations that were disturbed (DART).
     taught = HEADS["mixture"](*learning.windows(shown, CHUNK), SEED, steps=fit)
     panel = Panel(
         "Remedies, over the disturbance",

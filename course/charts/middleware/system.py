@@ -33,6 +33,7 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
         footer=machine(0.0, libraries=()),
     )
     for tried in loop.among_busy(busy=busy, periods=periods):
+        # Empirical distribution of the lateness.
         late = np.sort(1e3 * tried.record.lateness)
         share = (np.arange(late.size) + 0.5) / late.size
         rejected = "; ".join(f"{k}: {v}" for k, v in tried.granted.denied.items())
@@ -53,6 +54,7 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
     for relative in (True, False):
         result = loop.run(lambda k: loop.compute(1e-4), 1e-3, quiet, relative=relative)
         late = 1e3 * result.lateness
+        # Drift of the lateness with time: what a relative sleep adds in each period.
         slope = float(np.polyfit(result.release, late, 1)[0]) * 1e3
         name = "sleep for a period" if relative else "sleep until the release"
         drift.series.append(
@@ -99,10 +101,12 @@ def round_trips(
             if size <= 921_600:  # each byte is an object of Python
                 trips.append(stack.enter_context(cyclonedds.echo(size, kind="sequence")))
                 known.append("Cyclone DDS, sequence")
+            # All carriers of one size are open at the same time and sampled in turn.
             samplers = [calls(trip, payload) for trip in trips]
             result = interleaved(samplers, repeats=repeats, sample=3e-3, at_most=200)
         for name, timing in zip(known, result, strict=True):
             times[name][:, k] = timing.median, timing.low, timing.high
+    # The fastest round trip as the unit, so that machines can be compared.
     floor = times[names[0]][0, 0]
     panel = Panel(
         "There and back between two processes",
@@ -148,6 +152,7 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
         for k in range(60 * rate):
             bus.run(float(k))
             writer.publish(k)
+            # Half a period later the sample is certainly there: the ages are whole periods.
             bus.run(k + 0.5)  # until it is there
             taken = reader.take() if k % rate == rate - 1 else None
         assert taken is not None
@@ -264,12 +269,15 @@ def added(
         bus.run(seconds)
         times = np.arange(0.0, seconds, 1e-3)
         when, what = np.array(got).T
+        # Zero-order hold of the newest command that has arrived.
         held = what[np.searchsorted(when, times, side="right") - 1]
         q = v = 0.0
         path = np.empty(times.size)
         for k, aim in enumerate(held.tolist()):
+            # Critically damped servo, by semi-implicit Euler at 1 ms.
             v += 1e-3 * (3600.0 * (aim - q) - 120.0 * v)
             q += 1e-3 * v
             path[k] = q
+        # With and without losses, on the same link: the delay itself cancels in the difference.
         paths.append(path)
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))

@@ -24,6 +24,7 @@ def on_the_bus(messages: int, packets: int, loss: float, reliability: str, seed:
     reader = bus.node("perception").reader("image", None, qos, link)
     for _ in range(messages):
         writer.publish(None, packets * PACKET)
+    # Long enough for all rounds; the link itself takes no time.
     bus.run(1.0)
     if reliability == "reliable":
         return 1.0 + reader.rounds / messages
@@ -51,6 +52,7 @@ def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
     )
     for p in (1e-4, 1e-3):
         rate = np.array([on_the_bus(messages, n, p, "best_effort", 5) for n in sizes.tolist()])
+        # Wilson's interval, which also holds for shares near 0.
         low, high = wilson(messages * rate, messages)
         report = partial(expected_loss, loss=p)
         theory = np.array([report(n) for n in sizes.tolist()])
@@ -87,6 +89,7 @@ def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
             )
         )
     count = sizes[2:4].tolist()
+    # The same over a real socket, where packets are dropped at random before sending.
     real = [lossy(sent, n, 1e-3, 7) for n in count]
     share = np.array([each.lost for each in real])
     low, high = wilson(sent * share, sent)
@@ -132,6 +135,7 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
     shares: dict[str, list[float]] = {name: [] for name in tests}
     worst = 0.0
     for load in loads.tolist():
+        # Random sets at a given utilisation, so that every load has as many.
         C, T = schedule.random_sets(n, load, sets, rng, ratio=10.0)
         report = schedule.response_times(C, T)
         ran = schedule.run(C, T, seconds)
@@ -143,6 +147,8 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
         shares["hyperbolic"].append(float(np.mean(schedule.hyperbolic(C, T))))
         shares["exact"].append(float(np.mean(fits)))
         shares["run"].append(float(np.mean(in_time)))
+        # The analysis is exact: a run from the critical instant must show the same longest
+        # response.
         worst = max(
             worst, float(np.max(np.abs(ran.longest[:, fits] - report[:, fits]), initial=0.0))
         )
@@ -217,6 +223,7 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
     for protocol in schedule.PROTOCOLS:
         waits = []
         for middle in middles:
+            # High, middle and low priority; the low task holds the lock first.
             C, T = np.array([1e-3, max(middle, 1e-6), 0.03]), np.array([1.0, 1.0, 1.0])
             ran = schedule.run(
                 C,
@@ -236,6 +243,7 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
     for inherit in (False, True):
         observed = [inversion.measure(inherit, holds, middle) for middle in middles]
         name = "this system, inheritance" if inherit else "this system, none"
+        # Real-time priorities may not be granted; then only the simulated curves are drawn.
         if observed[0].denied:
             panel.notes.append(f"{name}: {observed[0].denied}")
             continue
@@ -274,6 +282,7 @@ def executor_waits(
 
     def works(camera: float, own: bool) -> list[Work]:
         return [
+            # A period that is no divisor of the camera's: the phases drift through all cases.
             Work("control", 1e-3, 0.0313),
             Work("camera", camera, 1 / 30, "subscription", "camera" if own else "default"),
         ]
@@ -284,6 +293,7 @@ def executor_waits(
         longest, largest = [], []
         for camera in cameras:
             both = works(camera, own)
+            # The worst of several phases, since one phase may never meet the blocking.
             runs = [
                 respond(both, order, threads, (0.0, float(p)), 3.0)["control"].max()
                 for p in rng.random(phases)

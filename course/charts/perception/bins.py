@@ -53,12 +53,15 @@ def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, f
     given = TUTORIAL | settings
     exact, ids = render(table_with(size, size, given["z"]), WIDE)
     shots = [sense(exact, WIDE, ABOVE, rng) for _ in range(given["shots"])]
+    # Rendering and sensing are outside the clock.
     begin, eps, v = time.process_time(), 0.02, given["voxel"]
+    # Averaged in inverse depth, in which a stereo sensor's noise is even.
     observed = shots[0] if len(shots) == 1 else 1.0 / np.mean(1.0 / np.array(shots), axis=0)
     points, pixels = perception.back_project(observed, WIDE)
     means, _ = perception.voxel_mean(points, v)
     tolerance = given["tolerance"]
     if "sigmas" in given:
+        # The mean of n images has a standard deviation smaller by the root of n.
         sigma = float(ABOVE.sigma(given["z"], WIDE)) / math.sqrt(given["shots"])
         tolerance = given["sigmas"] * sigma
     plane, _, _ = perception.ransac_plane(means, tolerance, rng)
@@ -78,6 +81,7 @@ def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, f
         labels = np.where((labels >= 0) & (count[labels] >= least), labels, -1)
     else:
         labels, _ = perception.dbscan(above, eps, max(1, round(least)))
+    # What follows only counts points for the chart.
     spent = time.process_time() - begin
     part = np.ascontiguousarray(points[:, ids.ravel()[pixels] == 1])
 
@@ -127,6 +131,7 @@ def small_parts(
     least = []
     for name, rows in runs.items():
         result = [np.mean([run["clustered"] > 0 for run in row]) > 0.5 for row in rows]
+        # The smallest size from which on all larger ones are found.
         lost = np.flatnonzero(~np.array(result))
         first = lost[-1] + 1 if lost.size else 0
         least.append(1e3 * sizes[first] if first < len(sizes) else math.inf)
@@ -196,6 +201,7 @@ def estimates(depth: Array, cluster: Array, table: Array, model: Cloud) -> dict[
         return compose(table[:, None], at[:, None])[:, 0]
 
     ends = 0.5 * (flat.min(axis=1) + flat.max(axis=1))
+    # Principal axis of the points in the table's plane.
     along = np.linalg.eigh(np.cov(flat[:2]))[1][:, 1]
     yaw = math.atan2(along[1], along[0])
     turn = np.array([[along[0], along[1]], [-along[1], along[0]]])
@@ -235,6 +241,7 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
             # The camera is not where it was said to be: the estimate is right in its own frame.
             table = tilted if cause == "camera 1 deg off" else TABLE
             for name, result in estimates(depth, cluster, TABLE, cloud).items():
+                # Error in the robot's frame: a wrong camera pose shows only there.
                 base = compose(_back(table)[:, None], result[:, None])[:, 0]
                 true = compose(_back(TABLE)[:, None], pose[:, None])[:, 0]
                 far, angle = float(np.linalg.norm(base[:3] - true[:3])), math.nan

@@ -33,6 +33,7 @@ def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Arra
     angle = 2.0 * math.pi * side / sides
     along = rng.uniform(-1.0, 1.0, count) * inner * math.tan(math.pi / sides)
     top = rng.random(count) < 0.3
+    # The root makes the points on the top uniform over its area.
     out = np.where(top, inner * np.sqrt(rng.random(count)), inner)
     along = np.where(top, along * out / inner, along)
     x, y = np.cos(angle), np.sin(angle)
@@ -67,6 +68,7 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
         for angle in np.radians(degrees):
             fit = icp(observed, target, turned_by(STILL, 0, 0, 0, 0, 0, angle), iterations=200)
             end.append(math.degrees(math.atan2(fit.R[1, 0], fit.R[0, 0])))
+        # The first turn from which ICP ends in another of the equal poses.
         edge = float(degrees[np.argmax(np.abs(end) > 90.0 / n)])
         message = f"{n} sides: the first turn lost is {edge:.0f} degrees"
         home.series.append(Series(f"{n} sides", degrees, end, style="", note=message))
@@ -117,8 +119,11 @@ def laid_again(
         )
         back = conjugate(pose[3:])
         e = np.append(rotate(back, fit.p - pose[:3]), log(product(back, fit.pose[3:])))
+        # Directions that the view leaves open have no finite variance.
         report = np.isfinite(np.diag(fit.covariance))
         C = fit.covariance[np.ix_(report, report)]
+        # Normalised estimation error squared (NEES), by known direction: 1 if the covariance is
+        # honest.
         squares.append(e[report] @ np.linalg.solve(C, e[report]) / report.sum())
         errors.append(np.where(report, e, np.nan) ** 2)
         spread.append(np.where(report, np.diag(fit.covariance), np.nan))
@@ -158,6 +163,7 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
         "window w [pixels]",
         "spread over that of white noise",
     )
+    # Noise that is shared within a window: its effective number of pixels is smaller.
     ratios = np.array([laid_again(BOX, 0.5, 0.7, w, True, runs)[1] for w in windows])
     message = f"w = 7: {ratios[-1].min():.1f} to {ratios[-1].max():.1f}"
     shared.series.append(
@@ -193,6 +199,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
                 deviation = perception.apart(BOX, pose, one.pose)[0]
                 result.setdefault(name, []).append((deviation, one.residual, one.see_through))
             if name == "right":
+                # A quarter turn: a wrong pose that fits the visible faces.
                 wrong = turned_by(pose, 0, 0, 0, 0, 0, 0.5 * math.pi)
                 points, _ = perception.back_project(render(BOX.moved(pose), EYE)[0], EYE)
                 fit = icp(points, BOX, wrong, gate=0.03, free=("x", "y"))
@@ -230,6 +237,7 @@ def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Ite
     )
     for speed in speeds:
         z = speed * period * np.arange(k[-1]) + sigma * rng.standard_normal((runs, k[-1]))
+        # The truth at the last image, which an average lags behind.
         end = speed * period * (k[-1] - 1)
         error = [float(np.sqrt(np.mean((z[:, -n:].mean(axis=1) - end) ** 2))) for n in k]
         best = int(k[np.argmin(perception.averaged_error(k, sigma, period, speed))])
@@ -264,6 +272,7 @@ def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Ite
             true = v * (29 * period + age)
             held[j].append(float(np.sum((observed[:2] - true) ** 2)))
             ahead[j].append(float(np.sum((x[:2] - true) ** 2)))
+            # The filter's own variance, beside its true error.
             report[j].append(float(P[0, 0] + P[1, 1]))
     for name, rows in (("last picture", held), ("predicted", ahead), ("its own word", report)):
         y = np.sqrt(np.mean(rows, axis=1))

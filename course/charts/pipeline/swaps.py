@@ -49,8 +49,10 @@ def settings_for(name: str) -> Settings:
 def timed(settings: Settings, stages: Stages, seeds: Sequence[int]) -> tuple[list[Record], float]:
     """Return records, and processor time of a run, the median over the seeds [s]."""
     records, each = [], []
+    # A short first run compiles and fills caches; it is not timed.
     run_many(Scenario(seconds=0.3), settings, seeds[:1], stages)
     for seed in seeds:
+        # Processor time, one run at a time; the median over the seeds.
         start = time.process_time()
         records += run_many(Scenario(), settings, [seed], stages)
         each.append(time.process_time() - start)
@@ -88,8 +90,10 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
         sees = pair[1].perceive is not Stages().perceive
         some = range(seeing if sees else seeds)
         (theirs, slow), (ours, fast) = (timed(settings_for(name), one, some) for one in pair)
+        # The same seeds on both sides: differences of pairs, not of means.
         work = paired(successes(ours), successes(theirs))
         apart = 1e3 * (np.array([a.distance for a in theirs]) - [b.distance for b in ours])
+        # 95 % half-width of a mean difference by Student's t.
         half = student.ppf(0.975, apart.size - 1) * apart.std(ddof=1) / math.sqrt(apart.size)
         error = (apart.mean(), apart.mean() - half, apart.mean() + half)
         note = (
@@ -123,6 +127,7 @@ def seen_shift(first: Array, second: Array, rng: np.random.Generator, tries: int
     It is in standard deviations of the second sample, for equally many runs of both.
     """
     for shift in np.arange(0.1, 3.0, 0.05):
+        # Bootstrap samples of one distribution, shifted on purpose: the power of the test.
         drawn = (rng.choice(second, n) for n in tries * [first.size])
         observed = [ks_2samp(some + shift * second.std(), second).pvalue < 0.05 for some in drawn]
         if np.mean(observed) >= 0.8:
@@ -142,6 +147,7 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     full = run_many(scenario, settings, range(seeds), Stages(perceive=SMALL))
     observed = [p for record in full for p in record.pictures]
     deviation = np.array([p.value - scenario.at(1e-6 * p.captured) for p in observed])
+    # What the estimator itself says of its noise, beside what is measured.
     stated = math.sqrt(np.mean([np.trace(np.asarray(p.covariance)) / 2.0 for p in observed]))
     bias, noise = deviation.mean(axis=0), math.sqrt(np.mean(deviation.var(axis=0)))
     x, y = 1e3 * bias
@@ -152,6 +158,7 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     report = replace(settings, noise=noise, bias=(float(bias[0]), float(bias[1])))
     u = np.array(scenario.velocity) / math.hypot(*scenario.velocity)
     paths, rng = {"along": u, "across": np.array([-u[1], u[0]])}, np.random.default_rng(0)
+    # The same scene with images; seeds of the short runs are others.
     pictured = 1e3 * errors(full)
     for name, sigma in (("two numbers", noise), ("the noise that is stated", stated)):
         short = 1e3 * errors(
@@ -168,6 +175,7 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
         for method, unit in paths.items():
             a, b = unit @ pictured, unit @ short
             at = (np.arange(19) + 1.0) / 20.0
+            # A test that finds nothing means little without the shift that it would have found.
             p, shift = ks_2samp(a, b).pvalue, seen_shift(a, b, rng) * b.std()
             note = (
                 f"{name}, {method} the motion: {b.mean():+.2f} +- {b.std():.2f} mm, pictures "
@@ -224,16 +232,19 @@ def pipeline_speed(
         def motion(h: float, stages: Stages = stages) -> tuple[Array, float]:
             settings = replace(calm, physics=h, control=h)
             records, cost = timed(settings, stages, range(3) if stages is ours else range(1))
+            # Compared at common times, every 8 ms.
             every = round(8e-3 / h)
             tip = tip_of(records[0].scenario.arm, records[0].log[::every, Q:V].T)
             return tip, cost
 
+        # Each engine against its own limit, at half of its smallest step.
         fine, cost = motion(min(steps) / 2.0)
         x, y = [], []
         for h in steps:
             tip, cost = motion(h)
             x.append(1e3 * cost)
             y.append(1e3 * float(np.abs(tip - fine).max()))
+        # Four simulated seconds over the processor time.
         quick[label] = 4.0 / (1e-3 * x[list(steps).index(2e-3)])
         message = ", ".join(f"{1e3 * h:g} ms {e:.2g} mm" for h, e in zip(steps, y, strict=True))
         panel.series.append(Series(label, x, y, key, style, note=f"{label}: {message}"))

@@ -53,6 +53,7 @@ def searched(scene: Scene, count: int, rng: np.random.Generator) -> Array:
     for i, j, apart in ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2))):
         a = number[: CELLS - i, max(0, -j) : CELLS - max(0, j)]
         b = number[i:, max(0, j) : CELLS + min(0, j)]
+        # Eight-connected grid of free cells.
         both = free.ravel()[a] & free.ravel()[b]
         rows.append(np.array([a[both], b[both], np.full(both.sum(), apart)]))
     a, b, apart = np.hstack(rows)
@@ -79,6 +80,7 @@ def checks(scene: Scene, seed: int, **options: Any) -> float:
     )
     if result.path is None:
         return math.inf
+    # The judge's verdict, not the planner's.
     assert check_path(scene.world, result.path, scene.start, scene.goal)
     return float(result.state_checks + result.edge_checks)
 
@@ -87,6 +89,7 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
     """Return the checks that each sampler needs in held-out scenes, a seed for each network."""
 
     def listed(scene: Scene, seed: int, propose: Callable[..., Array], *first: Any) -> float:
+        # States are proposed outside of the count; "picture counted" adds the pixels.
         states = propose(*first, scene, STATES, np.random.default_rng(seed))
         return checks(scene, seed, sampler=states, mix=0.8)
 
@@ -146,6 +149,7 @@ def first_free(scene: Scene, propose: Callable[[], Any], push: bool) -> tuple[fl
         free.append(inside and all(edge_free(world, *e) for e in itertools.pairwise(path.T)))
         if free[-1]:
             break
+    # Thread time, proposals and checks included.
     spent = time.thread_time() - begun if free[-1] else math.inf
     assert not free[-1] or check_path(world, path, scene.start, scene.goal)
     return spent, not check_path(world, proposals[0]), not free[0]
@@ -194,6 +198,7 @@ def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Succ
 
 def timed(train: Callable[..., Any], seeds: int, *sizes: Any) -> tuple[list[Any], float]:
     """Return a network of each seed, and the processor time of one [s]."""
+    # Training time is stated beside the results, as the other planners need none.
     begun = time.process_time()
     nets = [train(*sizes, seed=seed) for seed in range(seeds)]
     return nets, (time.process_time() - begun) / seeds
@@ -219,6 +224,7 @@ def learned_planners(
     warm()
     nets, cost = timed(train_sampler, seeds, *sampler)
     rng = np.random.default_rng(9)
+    # Held-out worlds, drawn with another generator than the training's.
     some = [slits(rng) for _ in range(worlds)]
     turned = [slits(rng, turned=True) for _ in range(worlds)]
 

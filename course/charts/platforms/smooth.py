@@ -36,6 +36,7 @@ def _errors(engine: Engine, scene: Scene, steps: Sequence[float], how: Settings)
 
 def first_order(steps: Sequence[float], errors: Sequence[float]) -> Callable[[float], float]:
     """Return the line of order 1 through the finest error."""
+    # Through the finest error, where higher orders matter least.
     return lambda dt: errors[-1] * dt / steps[-1]
 
 
@@ -66,6 +67,7 @@ def platform_accuracy(
         for label, engine in here().items():
             fair = _errors(engine, scene, steps, FAIR)
             own = own or fair
+            # With the same scheme the errors themselves must agree, not only their order.
             deviation.setdefault(label, []).append(np.abs(np.divide(fair, own) - 1.0).tolist())
             shipped = _errors(engine, scene, steps, AS_SHIPPED)
             panel.series += [
@@ -126,6 +128,7 @@ def again(run: Run, steps: int) -> Sampler:
     def sampler(n: int) -> float:
         spent = 0.0
         for _ in range(n):
+            # Restoring is outside the clock.
             run.restore(start)
             begin = time.process_time()
             run.run(steps)
@@ -175,8 +178,10 @@ def platform_precision(
                     run = prepared(engine, scene, dt, FAIR.using(scheme))
                     n = round(scene.duration / dt)
                     samplers.append(again(run, n))
+                    # A first run that is not timed; its end state gives the error.
                     samplers[-1](1)
                     rows.append((label, scheme, dt, scene.error(run.state(), n * dt)))
+        # All engines, schemes and steps of a scene in turn.
         times = interleaved(samplers, repeats=repeats, sample=4e-3, warm=True)
         unit = times[[row[:2] for row in rows].index(("MuJoCo", "Euler"))].best
         panel = Panel(

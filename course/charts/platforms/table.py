@@ -260,6 +260,7 @@ def in_the_air(rows: Rows, scene: str, settings: str = "fair") -> dict[str, floa
 def path_row(engine: Engine, name: str, settings: Any, dt: float) -> list[Any]:
     """Return one row of `platform_paths`."""
     scene = TABLE[name]()
+    # Only the time until Coulomb's law stops the block counts for the share in the air.
     one = path_error(engine, scene, dt, settings, moving=MOVING.get(name, math.inf))
     return [
         name,
@@ -306,6 +307,7 @@ def platform_paths(scenes: Sequence[str] = ON_THE_WAY, dt: float = 1e-3) -> Iter
             some = [row for row in rows if row[1:3] == [engine_name, how]]
             if some:
                 x = [list(scenes).index(row[0]) for row in some]
+                # An exact zero has no place on a logarithm.
                 y = [max(row[5] / row[7], 1e-8) for row in some]
                 panel.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))
                 panel_y = [row[8] for row in some]
@@ -371,6 +373,7 @@ def platform_effects(
                     f"{name:<8} {label:<17} {one.key:<12} shipped {one.shipped:9.3e}, with it "
                     f"alone {one.alone:9.3e}, without it {one.without:9.3e}, fair {one.fair:9.3e}"
                 )
+                # What the fair settings lose if this one change is taken back.
                 factor = one.without / one.fair
                 if abs(factor - 1.0) > 0.02:
                     # A bar to the left has no room for its number at its end.
@@ -392,6 +395,7 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
     for reader in readers:
         try:
             result = readings(reader)
+        # A reader that isn't installed has no row.
         except ImportError:
             continue
         rows += [[reader, m.name, m.kind, verdict(m, result[m.name])] for m in MODELS]
@@ -415,6 +419,7 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
             footer=machine(0.0, libraries=(*LIBRARIES, "pin")),
         )
         for label in parts:
+            # Words of the legend to the verdicts that they count.
             verdicts = label.replace(lost, "swallowed or crashed").split(" or ")
             number = [count(reader, kinds, verdicts) for reader in requested]
             panel.series.append(Series(label, number, requested, style="bar"))
@@ -433,6 +438,7 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
 @chart(columns=2)
 def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
     """Chart an engine's cost before its first step, and whether its runs repeat bit by bit."""
+    # Each engine in new processes: an import is only paid once per process.
     result = {name: install(name, processes) for name in here()}
     panels = []
     for title, unit, field_ in (
@@ -453,6 +459,7 @@ def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
         panels.append(panel)
     rows: list[list[Any]] = []
     for name, one in result.items():
+        # Fewer steps of our own code, which pays for Python in every step.
         again_ = repeatability(here()[name], brake(), 1e-3, 40 if name == "own code" else steps)
         rows.append(
             [

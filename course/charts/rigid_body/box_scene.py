@@ -37,6 +37,7 @@ def apex(height: np.ndarray) -> float:
     if top.size == 0:
         raise invalid("height", height, "samples with a bounce and an apex after it")
     a, b, c = height[top[0] - 1 : top[0] + 2]
+    # Vertex of the parabola through three samples.
     return float(b - 0.125 * (c - a) ** 2 / (a + c - 2.0 * b))
 
 
@@ -83,6 +84,7 @@ def third_dimension(depth: float = SIZE[1], tilt: float = TILT) -> float:
         depth: of the box, across the plane [m].
         tilt: out of the plane [rad].
     """
+    # Two runs of one model, so that its own errors cancel.
     return abs(_mujocos_space(tilt, depth) - _mujocos_space(0.0, depth))
 
 
@@ -128,6 +130,7 @@ def _costs() -> tuple[float, float, float]:
         friction=FRICTION,
         gravity=STANDARD_GRAVITY,
     )
+    # One call for all steps on each side, in turn: Python is paid once per run.
     timed = interleaved(
         [
             calls(

@@ -35,6 +35,7 @@ def estimators(log: Log) -> dict[str, Callable[[], Array]]:
 
 def worst(answers: Sequence[Array]) -> float:
     """Return root mean square over logs of the error of the worst of five numbers [%]."""
+    # Root mean square over the logs for each number, then the worst of them.
     return float(100.0 * np.sqrt(np.mean((np.array(answers) / TRUE - 1.0) ** 2, axis=0)).max())
 
 
@@ -76,6 +77,7 @@ def what_finds_the_numbers(
             Series(name, 1e3 * np.array(noises), y, name, note=f"{name}: {message} %")
         )
         errors = [worst([method[name]() for method in row[:some]]) for row in at_length]
+        # The slow one gets fewer rounds.
         turns = 3 if name == "mujoco.sysid" else 15
         times = [
             1e3 * interleaved([calls(row[0][name])], repeats=turns)[0].median for row in at_length
@@ -128,6 +130,7 @@ def believed_error_bars(
         ]
         wrong = [worst([f.value for f in row]) for row in fits]
         claim = [max(float((100.0 * f.half_width() / TRUE).max()) for f in row) for row in fits]
+        # Share of the logs in which the whiteness test of the residual raises the alarm.
         received = [float(np.mean([f.white < ALARM for f in row])) for row in fits]
         first = next((i for i, share in enumerate(received) if share > 0.5), len(x) - 1)
         at = scale * np.array(x)
@@ -176,6 +179,7 @@ def learned(log: Log) -> Array:
     X = np.array([features(q, u, k) for k in range(LAGS, u.shape[1])])
     size = X.std(axis=0) + 1e-9
     A, Y = X / size, np.diff(q[:, LAGS:]).T
+    # Ridge regression on scaled features.
     weights = np.linalg.solve(A.T @ A + 1e-4 * len(A) * np.eye(A.shape[1]), A.T @ Y)
     return np.asarray(weights / size[:, None])
 

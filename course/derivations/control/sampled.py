@@ -59,6 +59,7 @@ def p_at_any_gain(result):
     inertia, damping = result.input("inertia", 0.5), result.input("damping", 0.5)
     dt, late = 1 / result.input("rate_hz", 1000), result.input("delay_ms", 10) / 1000
     system = sampled.joint_system(inertia, damping)
+    # Delays of whole and of fractional samples, short and long.
     gains = {D: sampled.ultimate_gain(*system, dt, D) for D in (0.0, dt, 3.7 * dt, late, 100 * dt)}
     result.measure("held_n_m_per_rad", gains[0.0][0])
     result.measure("late_n_m_per_rad", gains[late][0])
@@ -71,6 +72,7 @@ def p_at_any_gain(result):
     ]
     result.statement = "Ultimate gain of the exact sampled joint at five delays."
     result.statement_holds(_growth(1e5, 0.0, dt=dt, inertia=inertia, damping=damping) <= 1)
+    # Three routes: the matrix on both sides, the transcendental equation, and the closed form.
     result.correction_holds(
         all(edges),
         max(abs(gains[D][0] / theory[D][0] - 1) for D in gains) < 1e-4,
@@ -92,6 +94,7 @@ def _coefficients(open_loop):
 
     z = sympy.Symbol("z")
     top, _ = sympy.fraction(sympy.cancel(sympy.together(1 + open_loop)))
+    # Characteristic polynomial of the closed loop, made monic for Jury's conditions.
     poly = sympy.Poly(top, z)
     return [sympy.expand(c / poly.LC()) for c in reversed(poly.all_coeffs())]
 
@@ -126,6 +129,7 @@ def pd_exact_rate(result):
 
     kp, V, J, kd, h = sympy.symbols("kp V J kd h", positive=True)
     _, angle, speed = _held_inertia()
+    # Jury for second order: the product of the roots below 1, and no root at -1.
     product, middle, _ = _coefficients(kp * angle + V * speed)
     limit = sympy.solve(sympy.Eq(product, 1), kp)[0]  # in units of J / dt^2
     result.formula = limit.subs(V, kd * h / J) * J / h**2
@@ -138,6 +142,7 @@ def pd_exact_rate(result):
         all(_edge(sampled.pd_limit(V, 1, 1), V) for V in draws),
         all(abs(sampled.pd_limit(v, 1, 1) - float(limit.subs(V, v))) < 1e-12 for v in draws),
         _growth(1e-3, float(highest) + 1e-3) > 1,
+        # Even a tiny P grows without D: a hold is a delay.
         _growth(1e-6, 0.0) > 1,
     )
 
@@ -165,6 +170,7 @@ def pd_difference(result):
     p, c = sympy.symbols("p c", positive=True)
     z, angle, _ = _held_inertia()
     a0, a1, a2, _ = _coefficients(2 * (p + c * (z - 1) / z) * angle)
+    # Jury's condition for third order: 1 - a0^2 = a1 - a0 a2 on the edge.
     limit = sympy.solve(sympy.Eq(1 - a0**2, a1 - a0 * a2), p)[0]
     result.formula = sympy.factor(limit)
     best = sympy.solve(sympy.diff(limit, c), c)
@@ -214,6 +220,7 @@ def pd_sample_late(result):
     draws = result.rng.uniform(0.02, 0.98, 20)
     result.measure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
     result.measure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
+    # The best rate gain is searched: the tip of the stable region.
     grid = np.linspace(0.3, 0.6, 61)
     both = max(
         _largest_gain(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid
@@ -235,6 +242,7 @@ def pd_sample_late(result):
 
 def _largest_gain(growth, high, low=0.0):
     """Return the largest gain below `high` at which a growth stays within 1."""
+    # Bisection to rounding.
     for _ in range(40):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if growth(middle) <= 1 + 1e-10 else (low, middle)
@@ -262,6 +270,7 @@ def pade_is_enough(result):
 
     dt = delay / 60
     loop = {"dt": dt, "delay": delay - dt / 2}  # a hold is the other half sample
+    # 60 samples a delay, so that the hold is negligible beside it.
     exact = _largest_gain(lambda k: _growth(k, k * ratio, **loop), 5.0)
     first, second = (
         _largest_gain(lambda k, n=n: pade(n, k, k * ratio), 5.0) / exact - 1 for n in (1, 2)

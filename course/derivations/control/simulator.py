@@ -34,6 +34,7 @@ def simulator_hold(result):
     result.measure("one", read[1], 1e-4)
     result.measure("ten", read[10], 1e-4)
     result.measure("same", error + 1e-6, 0.5)
+    # Semi-implicit steps lead by half of their own step: (1 - 1/n) dt / 2 is left of the hold.
     theory = [sampled.delay_limit(inertia, damping, (dt - dt / n) / 2)[0] for n in (10, 50)]
     result.statement = "Limits by bisection of the loop's growth, MuJoCo's joint and the matrix."
     result.statement_holds(abs(read[1] / robot - 1) < 0.1)
@@ -59,6 +60,7 @@ def servo_is_a_sampled_loop(result):
     def limit(integrator, kv):
         return limits.largest(lambda kp: limits.servo_growth(integrator, kp, kv), 1e-6, 1e5)
 
+    # Random velocity gains in units of J / dt: the law must hold along the edge.
     kvs = result.rng.uniform(0, 1.8, 6)
     euler, fast, discrete = (
         np.array([limit(name, kv) for kv in kvs]) for name in ("Euler", "implicitfast", "discrete")
@@ -94,6 +96,7 @@ def delay_delays_the_loop(result):
     def joint(drive):
         return MotorJoint(0.05, 0.1, dt, substeps=5, actuator=drive)
 
+    # The same delay attribute on a servo and on a motor with the loop outside.
     servo = joint(f'<position kp="{kp}" kv="{kd}" {late} {{}}/>')
     angles = [servo.step(1.0) for _ in range(round(seconds / dt))]
     motor, swings = joint(f"<motor {late} {{}}/>"), []
@@ -124,6 +127,7 @@ def pid_actuator_guards(result):
     from course.oracles.mujoco.joint import MotorJoint
 
     dt, jam = 0.002, result.input("jam_s", 3)
+    # Blocked in the first seconds: the integral winds up meanwhile.
     held = np.arange(5000) < round(jam / dt)
 
     def mujoco(extra=""):
@@ -164,6 +168,7 @@ def friction_loss_holds(result):
     def creep(inertia, defaults):
         """Return the speed over the second half of two seconds [rad/s]."""
         joint = MotorJoint(inertia, 0.1, dt, substeps=5, friction=0.2, defaults=defaults)
+        # Second half of the run, after the onset.
         q = [joint.step(share * 0.2) for _ in range(400)]
         return q[-1] - q[200]
 

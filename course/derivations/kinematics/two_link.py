@@ -51,6 +51,7 @@ def fk_is_a_product(result):
         factors = []
         for pose in [*poses, arm.tool]:
             rows = np.column_stack([quaternion.to_matrix(pose[3:]), pose[:3]])
+            # Homogeneous matrices: an implementation that shares nothing with the quaternions.
             factors.append(np.vstack([rows, [0, 0, 0, 1]]))
         return np.linalg.multi_dot(factors[::-1] if backwards else factors)[:3, 3]
 
@@ -80,6 +81,7 @@ def two_link_position(result):
         """Return distance between the quoted formula and the course's arm [m]."""
         (l1, l2), (a, b) = lengths, q
         quoted = [l1 * f(a) + l2 * f(a + b) for f in (np.cos, np.sin)]
+        # An absolute second angle is the sum of both joint angles.
         joints = np.array([a, b - a]) if absolute else q
         return float(np.linalg.norm(planar_tip(lengths, joints) - quoted))
 
@@ -129,6 +131,7 @@ def two_link_jacobian(result):
     )
     result.formula = sympy.simplify(derived.det())
     arms, draws = _lengths(result.rng, 50), result.rng.uniform(-np.pi, np.pi, (50, 2))
+    # The quoted matrix against the geometric Jacobian, and against the derivative by algebra.
     numeric = sympy.lambdify((l1, l2, q1, q2), quoted)
     deviation = [
         np.abs(numeric(*a, *q) - planar_jacobian(a, q)).max()
@@ -169,10 +172,12 @@ def singular_stretched_or_folded(result):
 
     def rank(J: np.ndarray) -> int:
         s = singular_values(J)
+        # Rank relative to the largest singular value, well above rounding.
         return int(np.sum(s > 1e-9 * s[0]))
 
     def shoulder() -> np.ndarray:
         q = result.rng.uniform(arm.lower, arm.upper)
+        # The family of the claim; the other joints are random.
         q[1], q[2], q[4] = 0.0, half * result.rng.choice([-1, 1]), 0.0
         return q
 
@@ -233,6 +238,7 @@ def reachable_annulus(result):
         error = np.linalg.norm(
             [planar_tip(lengths, answer.q[:, k]) - points for k in (0, 1)], axis=1
         )  # branch, point
+        # Both branches of the closed form, checked by forward kinematics and by the elbow's limit.
         gets = ((error < 1e-6) & (np.abs(answer.q[1]) <= beta)).any(axis=0)
         r = np.hypot(*points)
         inside = (r >= abs(lengths[0] - lengths[1])) & (r <= sum(lengths))
@@ -240,6 +246,7 @@ def reachable_annulus(result):
 
     def hole(lengths: Any, beta: float) -> float:
         """Return the least distance of the tip from the base, from a sweep of the elbow [m]."""
+        # A sweep of the elbow, independent of the formula.
         bend = np.linspace(-beta, beta, 2001)
         return float(np.hypot(*planar_tip(lengths, np.array([0 * bend, bend]))).min())
 
@@ -284,12 +291,14 @@ def number_of_solutions(result):
         """Return different postures of the closed form whose tip is at the target."""
         q = two_link_ik(lengths, target).q
         other = [bool(np.linalg.norm(planar_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
+        # Two branches that coincide count once.
         apart = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
         return other.count(True) if apart else int(other[0])
 
     def free(links: int) -> float:
         """Return the dimension of the answers around a random posture that places the tip."""
         arm, q = planar(result.rng.uniform(0.3, 1, links)), result.rng.uniform(-3, 3, links)
+        # The trace of a projector is the dimension of its space.
         return float(np.trace(null_space(jacobian(arm, q)[:2])))
 
     def heading_ways(lengths: np.ndarray, q: np.ndarray) -> int:
@@ -341,8 +350,10 @@ def tip_plans_need_joints(result):
     lines = a * (1 - t) + b * t
     answer = two_link_ik(lengths, lines.reshape(2, -1))
     reached = answer.reached.reshape(lines.shape[1:]).all(axis=1)
+    # A line leaves the annulus only through the hole.
     stays = np.hypot(*lines).min(axis=1) > lengths[0] - lengths[1]
     with np.errstate(divide="ignore"):
+        # Joint speed for a unit speed of the tip in the worst direction.
         rates = 1 / singular_values(planar_jacobian(lengths, answer.q[:, 0]))[-1]
     worst = rates.reshape(lines.shape[1:]).max(axis=1)[stays]
     result.measure("hole_percent", 100 * (1 - stays.mean()), 1e-3)

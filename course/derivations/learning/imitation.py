@@ -22,6 +22,7 @@ def law_of(seed, task, steps=40, **how):
     """Return spectral radius of the loop under the linear law after the last round of DAgger."""
     from course.learning import dagger, linear
 
+    # Initial states and noise of one seed for all variants.
     rng = np.random.default_rng(seed)
     *_, last = dagger(task, task.expert, linear, task.starts, steps, rng, number=10, **how)
     law: Any = last.policy
@@ -71,6 +72,7 @@ def errors_compound(result):
 
     def exponent(share, recovers):
         """Return the growth exponent of regret over 20,000 played episodes with 1000 contexts."""
+        # A share of the contexts is always answered wrongly.
         wrong = np.arange(1000) < 1000 * share
         played = [context_costs(wrong, T, 20_000, result.rng, recovers=recovers) for T in steps]
         return np.polyfit(np.log(steps), np.log([c.mean() for c in played]), 1)[0]
@@ -87,6 +89,7 @@ def errors_compound(result):
         "formula."
     )
     drawn = list(result.rng.integers(20, 200, 10))
+    # Error rate times length below a third, and above two thirds, where saturation begins.
     inside, outside = (
         [square(x / T, T) for x, T in zip(result.rng.uniform(*some, 10), drawn, strict=True)]
         for some in ((0.01, 0.3), (0.7, 3.0))
@@ -135,6 +138,7 @@ def clone_error_grows(result):
     def exponent(factor, steps=2000):
         """Return the growth exponent over the second half of the steps."""
         T = np.arange(steps // 2, steps)
+        # Second half only, after the transient of the geometric sum.
         return np.polyfit(np.log(T), np.log(accumulated(factor, 0.01, steps)[T]), 1)[0]
 
     def explodes(factor):
@@ -242,6 +246,7 @@ def dagger_fixes_drift(result):
     two, one = ([law_of(k, task, rounds=r, label_noise=least) for k in range(n)] for r in (2, 1))
     mended, worst = result.measure("mended", max(two), 1e-2), result.measure("worst", max(one), 0.1)
     pushed = result.measure("pushed", law_of(0, task, rounds=0, injected=size))
+    # Label noise over four and a half decades; outside, exactly none.
     sizes = 10.0 ** result.rng.uniform(-6.0, -1.5, 10)
     result.statement = "Ten runs of 40 steps in each round, a linear learner."
     inside, outside = (
@@ -286,6 +291,7 @@ def dagger_needs_room(result):
         rng = np.random.default_rng(seed)
         learn = partial(clone, seed=seed, width=32, steps=steps, rate=3e-3)
         each = list(dagger(task, task.expert, learn, task.starts, 40, rng, rounds=2))
+        # Judged on four times the length of the demonstrations.
         ran = [roll(task, r.policy, task.starts(100, rng), 160, rng).states for r in each[::2]]
         return [np.cumsum(task.cost(states[:, 1:]).mean(axis=0)) for states in ran]
 
@@ -336,6 +342,7 @@ def diffusion_mends_drift(result):
         policy = diffusion_policy(
             rows, ran.actions.reshape(-1, 1), 0, width=32, steps=400, rate=3e-3
         )
+        # The larger of angle and rate.
         far = np.abs(roll(task, policy, task.starts(100, rng), 100, rng).states).max(axis=2)
         return np.mean(far[:, -1] > 10.0 * far[:, 0])
 

@@ -65,6 +65,7 @@ def picture_lost_like_packet(result):
     drawn = result.rng.uniform(0.01, 0.3, 6)
     # As many losses, in rows of ten.
     rows = result.rng.random((4000, n)) < loss / 10
+    # Every lost start takes ten packets with it: the same loss rate, but in bursts.
     rows = np.logical_or.reduce([np.roll(rows, k) for k in range(10)])
     result.statement = (
         "Messages on the bus, each packet drawn; losses in rows of ten by themselves."
@@ -90,6 +91,7 @@ def forgets(packets, loss, messages=1000):
     for k in range(messages):
         bus.after(k / 30, writer.publish, k, packets * link.fragment)
     bus.run(messages)
+    # Requests come a link delay too late: a writer of depth 1 has already replaced the sample.
     # All but the last few, which nothing replaced.
     return reader.lost > 100 and reader.rounds - reader.lost <= 3
 
@@ -127,6 +129,7 @@ def reliable_resends_all(result):
         The wire never rests before everything is delivered.
         """
         reader, link, bus = lossy("reliable", size, loss, messages, rate)
+        # Bytes that have occupied the wire, so every repetition is counted.
         sent = 1e-9 * bus.wires[link] * rate / link.fragment
         return sent / messages, 1.0 + reader.rounds / messages
 
@@ -189,6 +192,7 @@ def gigabit_is_enough(result):
         bus.node("shutter").timer(1.0 / hz, lambda: (out.publish(0, size), None)[1])
         bus.run(seconds)
         stamp, old = np.transpose(observed)
+        # Growth of the age of images over their time stamps.
         return float(np.polyfit(stamp, old, 1)[0])
 
     wire = 1e6 * result.input("cable", 125)
@@ -200,6 +204,7 @@ def gigabit_is_enough(result):
     result.statement_holds(grows < 1.0)
     result.correction_holds(
         camera > 125.0,
+        # In overload the queue grows by the ratio of rates less 1.
         abs(grows / (1e3 * (camera / 125.0 - 1.0)) - 1.0) < 0.01,
         abs(slope(int(rate(640, 480, 3, 1)), wire)) < 1e-6,
         vga < 28.0,
@@ -245,6 +250,7 @@ def command_waits_for_picture(result):
         return 1e3 * max(late)
 
     kinds = ("reliable", "best_effort")
+    # Transmission time of the whole image: the bound of the wait.
     keeps = result.measure(
         "keeps_ms", 1e3 * Link(rate=speed).fragments(int(size)) * 1472 / speed, 0.01
     )
@@ -277,6 +283,7 @@ def newest(reliability, loss, repair, seconds=5.0):
         "joint_states", lambda s: state.__setitem__(0, s.stamp), QoS(reliability), link
     )
     bus.node("a").timer(1e-3, lambda: (out.publish(0), None)[1])
+    # Observed with another period, so that all phases occur.
     bus.node("b").timer(1.0037e-3, lambda: ages.append(1e3 * (bus.now - state[0])))
     bus.run(seconds)
     return np.array(ages[10:])
@@ -305,6 +312,7 @@ def joint_states_reliable(result):
         one, other = (newest(kind, float(loss), float(repair)).mean() for kind in kinds)
         return bool(other < one)
 
+    # Repair times below one period and above it, on both sides of the condition.
     within, after = (
         result.rng.uniform((0.1, 2e-4), (0.3, 7e-4), (8, 2)),
         result.rng.uniform((0.1, 1.3e-3), (0.3, 4e-3), (8, 2)),
@@ -358,6 +366,7 @@ def topics_many_to_many(result):
             third.write((weak, strong)[k % 2], k % 2)
         alone = take(drive)
     result.measure("all", sum(map(len, got)))
+    # Commands of both writers alternate at the reader.
     changes = result.measure("changes", int(np.count_nonzero(np.diff(obeyed))))
     result.statement = "Writers and readers on Cyclone DDS."
     result.statement_holds(got == [list(range(count))] * others)
@@ -412,6 +421,7 @@ def service_takes_five(result):
 
     work = 1e-3 * result.input("work_ms", 2)
     busy = 1e-3 * result.input("busy_ms", 40)
+    # Requests before, during and after the other callback.
     phases = np.linspace(-0.05, 0.05, 41)
     observed = [1e3 * answered(work, busy, float(x))[0][0] for x in phases]
     least = result.measure("least_ms", min(observed), 0.01)

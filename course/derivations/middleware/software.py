@@ -31,6 +31,7 @@ def node_is_a_process(result):
     bus, at = Bus(), dict[str, int]()
     for name in ("camera", "perception", "planner", "control", "monitor"):
         node = bus.node(name)
+        # Every callback notes the process that it runs in.
         node.timer(0.1, lambda name=name: at.__setitem__(name, os.getpid()))
     bus.run(0.5)
     nodes = result.measure("nodes", len(at))
@@ -96,6 +97,7 @@ def processes_isolate(result):
 
     other = python("input(); print('alive')")
     crashed = python(CRASH)
+    # The crash is over before the other process is asked.
     text = crashed.communicate()[0]  # over, before the other one is asked
     answer = other.communicate("are you?\n")[0]
     silent, done = told_of_a_crash(float("inf"))
@@ -144,6 +146,7 @@ def callback_sets_the_rate(result):
     hz = result.input("hz", 200)
     sent = result.measure("sent", commands(hz).size)
     times = commands(hz, busy=1e-3 * result.input("busy_ms", 200))
+    # Most commands at one instant: what the queue held while the callback was blocked.
     burst = result.measure("burst", int(np.unique(times, return_counts=True)[1].max()))
     late = commands(hz, stops=0.5)
     result.statement = "Joint states at some rates on the bus, one second each."
@@ -173,6 +176,7 @@ def any_joint_message(result):
     from course.middleware import controller
 
     targets, six = [[0.5] * 6], [6, *[0.1] * 6, 6, *[0.2] * 6]
+    # Too many joints, and no velocities.
     wrong = [[7, *[0.1] * 7, 7, *[0.2] * 7], [6, *[0.1] * 6, 0]]
     settings = result.rng.uniform(0.1, 5.0, (4, 6))
     rows = result.rng.normal(0.0, 2.0, (int(result.input("updates", 100)), 12))
@@ -185,6 +189,7 @@ def any_joint_message(result):
     stopped = result.measure("stopped", sum(bool(one.report) for one in failed))
     made = result.measure("made", min(fine.allocations), 0.5)
     empty = result.measure("none", sum(ours.allocations))
+    # The same law in Python as the reference for the numbers.
     report = [controller.torques(row[:6], row[6:], *settings) for row in rows]
     result.statement = "Both in C++ under the address sanitizer, and the same law in Python."
     result.statement_holds(all(one.code == 0 for one in failed))
@@ -218,6 +223,7 @@ def launch_comments(result):
     )
     (control,) = (x for x in launch.nodes(launch.USUAL) if "rate" in x.parameters)
     node = launch.Parameters(control.parameters)
+    # Declared under the name that the node reads, not the one that the file sets.
     remaining = result.measure(
         "left", node.declare("update_rate", int(result.input("default", 100)))
     )

@@ -32,6 +32,7 @@ def small_parts_have_few_pixels(result):
     few = result.measure("pixels", counted(side, far))
     result.measure("near", counted(side, far / 2))
     tilts = [(counted(0.05, 1.0, x), np.cos(x)) for x in result.rng.uniform(0.2, 1.2, 8)]
+    # Near and far, small and large; one row and column may be cut at the edge.
     draws = result.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
     result.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
     result.statement_holds(few < 1e-3 * eye.width * eye.height)
@@ -62,6 +63,7 @@ def voxels_remove_small_parts(result):
         """Return the largest mean height of a cube on a table, seen from above, over its height."""
         x, y = result.rng.uniform(-0.04, 0.04, (2, 6000))
         top = np.where(np.maximum(np.abs(x), np.abs(y)) < side / 2, 1.0, 0.0)
+        # A random offset of the grid against the part.
         origin = -1 - result.rng.uniform(0, 0.01, 3)
         return voxel_mean([x, y, side * top], 0.01, origin)[0][2].max() / side
 
@@ -113,6 +115,7 @@ def fifty_neighbours(result):
 
     side, part = result.input("large_mm", 200) / 1000, result.input("small_mm", 30) / 1000
     large, tilted = face(side), face(side, 0.6)
+    # The median ignores the voxels at the edge of the face.
     counts = [np.median(np.diff(radius_search(x, x, 0.02)[0])) for x in (large, tilted)]
     flat = result.measure("flat", counts[0])
     result.measure("tilted", counts[1], 0.05)
@@ -161,6 +164,7 @@ def dbscan_separates(result):
         joined == 2,
         only_if="the gaps are wider than eps, eps is three voxels or more, and the parts are wide: "
         "along a thin rod too few neighbours are left",
+        # Gaps from just above eps, at random turns and voxel sizes.
         inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
         outside=[
             *(clusters(eps * 0.75 * x, t) == 2 for x, t in draws),
@@ -197,6 +201,7 @@ def draws_find_the_plane(result):
     P, w, n = sympy.symbols("P w n", positive=True)
     result.formula = sympy.solve(sympy.log(1 - P) - n * sympy.log(1 - w**3), n)[0]
     largest = round(draws_needed(0.5, result.input("asked", 0.9)))
+    # Without noise three inliers suffice: the law itself is tested.
     drawn = result.measure("drawn", share_found(None, 0, 2000, 200, largest), 0.03)
     tolerance = result.input("sigmas", 2.5)
     plain, again = (share_found(tolerance, k, 600, 200, largest) for k in (0, 1))
@@ -249,6 +254,7 @@ def inverse_depth_is_better(result):
     other = result.measure("other", times(sensor, result.rng.uniform(0.4, 0.9, 40), 1e-3)[0], 0.2)
     offset = result.measure("offset_mm", 1000 * abs(mean[1]), 0.3)
     draws = result.rng.uniform((0.4, 0.1), (0.9, 0.3), (8, 2))
+    # The control: for a table that faces the camera both fits are equally good.
     facing = times(sensor, [0.0] * 30)[0]
     result.statement = (
         "Tables with tilts of 0.4 to 0.9 rad, 0.8 m away, ten pictures or more of each."

@@ -108,6 +108,7 @@ def ransac_takes_the_table(result):
         tilt, share = np.arccos(min(1.0, plane[:3] @ up)), np.sum(ids == 1) / np.sum(ids == 0)
         return tilt, share, tilt < 0.005
 
+    # Boards clearly smaller and slightly larger than the visible table.
     small = [table_found(x) for x in result.rng.uniform(0.03, 0.15, 8)]
     large = [table_found(x) for x in result.rng.uniform(0.27, 0.3, 8)]
     result.measure("more", min(share for _, share in large), 0.1)
@@ -163,6 +164,7 @@ def extent_is_size(result):
 
     def extent(yaw):
         points, _ = back_project(render(BOX.moved(on_table(BOX, 0.0, 0.0, yaw)), EYE)[0], EYE)
+        # Points in the table's frame, where the box is turned by the yaw only.
         back = invert(TABLE[:, None])[:, 0]
         return 1000 * np.ptp(rotate(back[3:], points)[0])
 
@@ -188,6 +190,7 @@ def pipeline_keeps_up(result):
 
     camera, work = result.input("camera", 30), result.input("work_ms", 100) / 1000
     alone = Stage("pipeline", work, overload="skip")
+    # Pipelined workers raise the rate; the latency of each result stays.
     turns = Stage("pipeline", work, overload="pipelined")
     rate = result.measure("rate", 1 / alone.interval(1 / camera))
     speed = result.input("speed", 200) / 1000
@@ -231,6 +234,7 @@ def two_millimetres_will_do(result):
     from course.contact import box, distance
 
     W, b, e, t, y = sympy.symbols("W b e t y", positive=True)
+    # The turned part's face meets the corner of the finger.
     side = sympy.solve(-sympy.sin(t) * b / 2 + sympy.cos(t) * (y - e) - W / 2, y)[0]
     result.formula = sympy.simplify(side - W / 2)
     width, error = 0.05, result.input("error_mm", 2) / 1000

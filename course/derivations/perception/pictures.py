@@ -67,6 +67,7 @@ def averaging_removes_all(result):
         silent < 0.01,
         only_if="the noise is Gaussian and above {least} of a step; a hundredth of a step is left "
         "then",
+        # Gaussian dither above the bound at random places between two steps.
         inside=[remaining(least + x, y) < 0.01 for x, y in draws.T],
         outside=[remaining(0.7 * least * x, y) < 0.01 for x, y in draws.T],
     )
@@ -92,6 +93,7 @@ def averaging_removes_all(result):
 def pixels_are_independent(result):
     def ratio(n, window, count=150, step=0.0):
         seen = walls(1.0, result.rng, count, n, window=window, step=step)
+        # Averaged as disparity, in which the noise is added.
         means = (30.0 / seen).mean(axis=(1, 2))
         return np.std(means) / 0.1 * n
 

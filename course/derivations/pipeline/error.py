@@ -60,6 +60,7 @@ def lag_of_the_arm(result):
 
     kp, kd, c, v, e = sympy.symbols("kp kd c v e", positive=True)
     result.formula = sympy.solve(sympy.Eq(kp * e - kd * v - c * v, 0), e)[0]
+    # All stages but the control are repaired: the error left is the arm's.
     scene, only = Scenario(seconds=7.0), ("perceive", "age", "plan")
     velocity = np.array(scene.velocity)
     speed = result.input("speed", 1e3 * float(np.hypot(*velocity)))
@@ -113,6 +114,7 @@ def latency_is_not_age(result):
         u = np.array(scene.velocity)
         return np.array(
             [
+                # Error along the motion over the speed is the age of what is aimed at.
                 -ends(
                     ("plan", "control"), (0,), scene, latency=late, phase=float(phase), **changed
                 )[:, 0]
@@ -164,6 +166,7 @@ def filter_calms(result):
     from course.pipeline import theory
 
     a, b, xx, xy, yy = sympy.symbols("a b xx xy yy")
+    # Stationary covariance of the filter's error: a discrete Lyapunov equation.
     A = sympy.Matrix([[1 - a, 1 - a], [-b, 1 - b]])
     B, P = sympy.Matrix([a, b]), sympy.Matrix([[xx, xy], [xy, yy]])
     result.formula = sympy.factor(sympy.solve(P - A * P * A.T - B * B.T, [xx, xy, yy])[xx])
@@ -178,6 +181,7 @@ def filter_calms(result):
             beta: gain of the rate.
             memory: correlation of the noise in a picture with that in the one before.
         """
+        # The noise's own memory as a third state (coloured noise).
         matrix = np.array(
             [
                 [1.0 - alpha, 1.0 - alpha, alpha * memory],

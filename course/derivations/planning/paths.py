@@ -20,6 +20,7 @@ def _past_disc(radius, method, budget, seed):
     # Two tangents and the arc between them.
     best = 2 * np.sqrt(16 - radius**2) + radius * (np.pi - 2 * np.arccos(radius / 4))
     world, ends = plane(scenes.SQUARE, [[5.0, 5.0, radius]]), ([1.0, 5.0], [9.0, 5.0])
+    # Start and goal are 4 m from the centre of the disc, on both sides.
     return plan(world, *ends, method=method, budget=budget, rng=seed, step=1.0), best
 
 
@@ -42,6 +43,8 @@ def rrt_star_converges(result):
     errors = []
     for answer, _ in late:
         edges = np.linalg.norm(answer.nodes[:, 1:] - answer.nodes[:, answer.parents[1:]], axis=0)
+        # Each node's cost must be its parent's plus the edge: rewiring has to update all
+        # descendants.
         errors.append(np.abs(answer.costs[1:] - answer.costs[answer.parents[1:]] - edges).max())
     result.measure("error", max(errors), 0.5)
     result.statement = "Ten seeds past a disc of 2 m, its shortest path in closed form."
@@ -87,6 +90,7 @@ def informed_rrt_star(result):
     result.statement = "Ten seeds past a disc of 2 m, ten discs of other sizes, eight bug traps."
     outside = [shorter("bug_trap", seed) for seed in range(8)]
     before = [runs("gap", x, 50, 0.02, 0.5, budget=200) for x in ("rrt_star", "informed_rrt_star")]
+    # Until a path is known, both must have drawn the same tree.
     unsolved = [pair for pair in zip(*before, strict=True) if not pair[0].solved]
     result.statement_holds(
         all(outside),
@@ -147,6 +151,7 @@ def informed_area(result):
     for length in result.rng.uniform(1.0, 4.0, 20):
         p = share(np.array([-0.5, 0.0]), np.array([0.5, 0.0]), length, -length, length)
         truth = area(length, 1.0) / (2 * length) ** 2
+        # In binomial standard errors; 4 of them are exceeded once in thousands of draws.
         errors.append((p - truth) / np.sqrt(truth * (1 - truth) / 200_000))
     result.statement = "200,000 uniform states a length; twenty lengths from 1 to 4 times d."
     result.statement_holds(loose < 0.3)
@@ -182,12 +187,14 @@ def shortcut_never_lengthens(result):
     for scene in SCENES:
         for kind in ("vertex", "partial"):
             paths, cuts, world = _cut(scene, "rrt", kind)
+            # Length and freedom by functions that shortcutting does not use.
             retained += [
                 length(b) < length(a) * (1 + 1e-12) and check_path(world, b, *a.T[[0, -1]]).free
                 for a, b in zip(paths, cuts, strict=True)
             ]
     result.measure("paths", len(retained))
     walks = result.rng.uniform(0.0, 1.0, (2000, 4, 3)).cumsum(axis=2)  # one joint is straightened
+    # Random corners: differences of monotone paths, in two joints.
     walks = walks[:, :2] - walks[:, 2:]
 
     def longer(walk, place):
@@ -277,6 +284,7 @@ def optimisers_get_stuck(result):
                 *(np.column_stack((requested.start, x, requested.goal)) for x in vias),
             )
         ]
+        # Judged afterwards: an optimiser's own cost does not say whether the path is free.
         passed = np.array([bool(check_path(requested.world, end.path)) for end in ends])
         free[name], costs = passed[1:], np.array([end.costs[-1] for end in ends])
         known.append(passed[0])
@@ -305,6 +313,7 @@ def trajopt_minimises_jerk(result):
 
     world, margin = plane(scenes.SQUARE, [[5.0, 5.0, 2.0]]), 0.1
     t = np.linspace(-1.0, 1.0, 32)
+    # A parabola has a third difference of zero: nothing can have less jerk.
     arch = np.stack((5 + 4 * t, 5 + 3.6 * (1 - t**2)))
     shaped = sequential_convex(arch, world, margin=margin, points=30).path
     third = [np.linalg.norm(np.diff(path, 3), axis=0).max() for path in (arch, shaped)]
@@ -342,6 +351,7 @@ def shortcut_leaves_corners(result):
 
     paths, cuts, world = _cut("discs", "rrt")
     rounded = [smooth(path, world) for path in cuts]
+    # The same paths without obstacles: what smoothing could do.
     nothing = [smooth(path, plane(scenes.SQUARE)) for path in cuts]
     sharpest = [
         np.median([_turns(x).max() for x in some]) for some in (paths, cuts, rounded, nothing)
@@ -400,6 +410,7 @@ def limits_between_grid_points(result):
         for i in range(len(h)):
             u = pushes(i, x[i], x[i + 1])[1]
             x[i + 1] = x[i] + 2 * h[i] * u
+            # Acceleration at the end of the interval, which the usual constraint leaves free.
             worst = max(worst, np.abs((f[i] + h[i] * c[i]) * u + c[i] * x[i + 1]).max())
         return np.abs(motion(times * motion.duration)[2]).max(), worst
 

@@ -27,6 +27,7 @@ def lazy_tests_the_final_path(result):
     result.measure("eager", np.median(eager), 0.15)
     result.measure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
     result.statement = "40 seeds, ten neighbours a state as in OMPL's PRM; its lazy one has five."
+    # Without obstacles the first proposal is free: the condition holds.
     open_ones = runs("empty", "lazy_prm", 40, budget=20_000)
     result.statement_holds(
         all(lazy == final),
@@ -65,6 +66,7 @@ def both_ends_first(result):
     steps, solved, middle = (result.input("short", 1.0), result.input("long", 5.0)), {}, {}
     for method in ("rrt", "rrt_connect"):
         for step in steps:
+            # Counted in samples and solved queries, so that no machine's speed enters.
             x = [plan(world, *q, method=method, rng=1, budget=budget, step=step) for q in some]
             solved[method, step] = sum(answer.solved for answer in x)
             middle[method, step] = np.median([answer.samples for answer in x])
@@ -107,6 +109,7 @@ def cached_roadmap(result):
         scene = scenes.gap(slit)
         graph = build_roadmap(scene.world, samples, seed)
         in_left_half = graph.nodes[:, 0] < 5.0
+        # An edge whose ends lie on both sides of the wall goes through the slit.
         crossing = in_left_half[graph.pairs[:, 0]] != in_left_half[graph.pairs[:, 1]]
         return bool((graph.status[crossing] == 1).any())
 
@@ -160,6 +163,7 @@ def bridge_test(result):
         result.measure(name, inside[name], 0.3)
     short = np.mean(np.abs(drawn(scene.world, "bridge", little)[0][:, 0] - 5.0) < 2.0)
     result.measure("short", short, 0.3)
+    # A single disc has no second pier: the case in which the test cannot succeed.
     by_disc = {name: drawn(disc, name) for name in ("gaussian", "bridge", "uniform")}
     away = [np.median([clearance(disc, q) for q in states]) for states, _ in by_disc.values()]
     result.measure("near_m", away[0], 0.1)
@@ -265,6 +269,7 @@ def tip_path_then_ik(result):
         near = np.linalg.norm(line, axis=0).min()  # around the base is out of reach
         if near < 0.25 or not edge_free(point, a, b) or not plan(arm, *ends, budget=3000).solved:
             continue
+        # Both elbow branches, followed without jumps of a full turn.
         paths = np.unwrap(np.moveaxis(two_link_ik(lengths, line).q, 2, 0), axis=0)
         blocked.append(
             [

@@ -55,6 +55,7 @@ def braking_short(result):
     import sympy
 
     mu, g, dt, v, n = sympy.symbols("mu g dt v n", positive=True)
+    # Sum of the positions of semi-implicit Euler until the speed is used up.
     places = sympy.summation(dt * (v - n * mu * g * dt), (n, 1, v / (mu * g * dt)))
     result.formula = sympy.simplify(1 - places / (v**2 / (2 * mu * g)))
     ms = result.input("ms", 2.0)
@@ -70,6 +71,7 @@ def braking_short(result):
     others = [missing(x) - law * x / ms for x in (3.0,)]
     result.statement = "A block of 1 kg sent off at 2 m/s along an axis, friction 0.5."
     result.statement_holds(bool(np.ptp(short) < 3e-4))
+    # The last, incomplete step adds less than mu g dt^2 / 8, hence the tolerances.
     result.correction_holds(
         bool(np.all(np.abs(short / law - 1.0) < 0.03)), bool(np.all(np.abs(others) < 3e-4))
     )
@@ -109,11 +111,13 @@ def pyramid_inscribed(result):
     _, fair = stops(MUJOCO, np.radians(between), 1e-3)
     result.measure("measured", far[0] - 1.0, 0.02)
     result.measure("turn", np.degrees(turn[0]), 0.02)
+    # Eighth of a turn: the other headings follow by symmetry.
     headings = result.rng.uniform(0.0, 0.25 * np.pi, 8)
     length, steered = stops(MUJOCO, headings, 1e-3, FAIR.using(cone="pyramidal"))
     law = np.array([float(result.formula.subs({D: 1, phi: a})) for a in headings])
     result.statement = "MuJoCo's block at eight random headings up to 45 degrees beside the law."
     result.statement_holds(far[0] < 1.05)
+    # Distances and turns against the closed form, and the round cone as the control.
     result.correction_holds(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
         bool(np.all(np.abs(steered - theory.stop(headings, "inscribed")[1]) < 0.02)),
@@ -147,6 +151,7 @@ def pyramid_box(result):
 
     D, phi, t = sympy.symbols("D phi t", positive=True)
     # Each axis loses speed at the rate mu g until it has none: the square of its share, over 2.
+    # Each axis brakes by itself from its own component of the speed.
     paths = [sympy.integrate(u - t, (t, 0, u)) for u in (sympy.cos(phi), sympy.sin(phi))]
     result.formula = D * sympy.sqrt(sum((2 * method) ** 2 for method in paths))
     degrees, between = result.input("degrees", 45.0), result.input("between", 22.5)
@@ -213,6 +218,7 @@ def creep_not_friction(result):
         run.run(200)
         report = run.contacts()
         load = np.linalg.norm(report.tangential_force, axis=0)
+        # The law is fed with the loads and gaps that MuJoCo reports, so only the formula is tested.
         law = [
             theory.creep_speed(
                 t,
@@ -233,6 +239,7 @@ def creep_not_friction(result):
     plain, rough, hard = creeps(friction=low), creeps(friction=high), creeps(impratio=ratio)
     result.measure("speed", 1e6 * plain[0], 0.01)
     result.measure("stiff", plain[0] / hard[0], 0.01)
+    # Random slopes, friction coefficients and impratios.
     tried = [
         creeps(*map(float, x))
         for x in result.rng.uniform((0.03, 0.5, 1.0), (0.15, 2.0, 30.0), (4, 3))
@@ -281,6 +288,7 @@ def grasp_threshold(result):
         run.run(200)
         report = run.contacts()
         run.close()
+        # Normal forces of one finger's contacts: even, or all on a corner?
         load = report.only((report.bodies == 1).any(axis=0)).normal_force
         return float(load.max() / load.sum())
 
@@ -300,6 +308,7 @@ def grasp_threshold(result):
         outside=[*(sinks(bullet, *map(float, x)) < 1.0 for x in draws), *soft],
     )
     result.correction_holds(
+        # Below half of the threshold it must fall: the other side of the condition.
         all(sinks(mujoco, float(x), float(y)) > 1.0 for x, y in draws * [0.48, 1.0]),
         share > 0.6,
         not any(soft),
@@ -324,6 +333,7 @@ def friction_rules(result):
 
     def slowed(run):
         """Return the coefficient by which a block loses speed."""
+        # From the motion, since PyBullet does not report the combined coefficient.
         before = run.state()
         run.run(200)
         lost = before.v[0, 0] - run.state().v[0, 0]
@@ -356,6 +366,7 @@ def friction_rules(result):
         result.measure(name, value, 0.02)
     twice = result.measure("twice", in_pybullet(same, same), 0.02)
     draws = result.rng.uniform(0.1, 0.9, (4, 2)).tolist()
+    # Random pairs, so that a rule is not confirmed by a single coincidence.
     deviation = [rule(*pair) / report(*pair) - 1.0 for pair in draws for rule, report in rules]
     result.statement = (
         "MuJoCo's contact, Drake's own function, a block that slows down in PyBullet."
@@ -399,6 +410,7 @@ def drake_hydroelastic(result):
     )
     from pydrake.multibody.plant import MultibodyPlantConfig
 
+    # Drake's own default, read from an empty configuration.
     first = MultibodyPlantConfig().contact_model
     result.correction_holds(first == "hydroelastic_with_fallback", points == 2, low > 30.0 * patch)
 
@@ -429,6 +441,7 @@ def tower_by_engine(result):
     mujoco = result.measure("mujoco", grown(MUJOCO, n), 0.02)
     drake = result.measure("drake", grown(DRAKE, n), 0.02)
     bullet = result.measure("pybullet", grown(PYBULLET, n), 0.2)
+    # Other heights than the one in the text.
     more = [grown(MUJOCO, k) / theory.sag_growth(k, "inverse mass") for k in (2, 4, 5)]
     result.statement = "How deep the top is at rest, over that of one cube, fair settings, 2 ms."
     result.statement_holds(
@@ -461,6 +474,7 @@ def bullet_less_accurate(result):
         mujoco, bullet = (measures.position_error(e, scene, dt, options) for e in both)
         return bullet / mujoco
 
+    # Scenes in which both are level, so that the claim needs a scene.
     level = [over(scenes.slope(0.5, 0.2)), over(scenes.brake())]
     landing = result.measure("landing", over(scenes.drop()), 0.2)
     grasp = result.measure("grasp", over(scenes.grasp(result.input("gentle_n", 3.0))), 0.5)

@@ -25,6 +25,7 @@ def seconds(call, repeats):
         for _ in range(repeats):
             call()
         result.append((time.process_time() - start) / repeats)
+    # The least of five: what other work does to a time is only added.
     return min(result)
 
 
@@ -47,6 +48,7 @@ def built_on(result):
     shipped = result.measure("shipped", length(PYBULLET, options=AS_SHIPPED) / fair[2] - 1.0, 0.02)
     spread = result.measure("spread", max(fair) / min(fair) - 1.0, 0.5)
     headings = result.rng.uniform(0.0, 1.5, 3)
+    # Random headings as well: a single one could be an exception.
     others = [length(PYBULLET, x, AS_SHIPPED) / length(PYBULLET, x) for x in headings]
     result.statement = "A block sent off at 2 m/s with friction 0.5; step 2 ms."
     result.statement_holds(abs(shipped) < 0.02)
@@ -65,6 +67,7 @@ def default_of_learning(result):
 
     specs = gymnasium.registry.values()
     modules = [str(spec.entry_point).split(":")[0].split(".") for spec in specs]
+    # Counted in the registry of the installed version.
     families = [m[2] for m in modules if m[:2] == ["gymnasium", "envs"]]
     mujoco = result.measure("mujoco", families.count("mujoco"), 0.3)
     everything = result.measure("all", len(families), 0.3)
@@ -101,6 +104,7 @@ def drake_guarantees(outcome):
             program.AddCost((x**2 - bend) ** 2 + tilt * x)
             result = SnoptSolver().Solve(program, np.array([start]))
             assert result.is_success()
+            # The same problem from evenly spread starts: success means a local minimum.
             ends.append(result.get_optimal_cost())
         return np.array(ends)
 
@@ -142,6 +146,7 @@ def drake_planners(result):
 
     A, B = np.array([[0.0, 1.0], [2.0, -0.1]]), np.array([[0.0], [1.0]])
     gain, _ = controllers.LinearQuadraticRegulator(A, B, np.eye(2), np.eye(1))
+    # Drake's gain against SciPy's Riccati solution.
     error = np.abs(gain / (B.T @ solve_continuous_are(A, B, np.eye(2), np.eye(1))) - 1.0).max()
     names = [name for name in dir(controllers) if name[0].isupper() and "_" not in name]
     mpc = result.measure("mpc", sum("Predictive" in name or "Mpc" in name for name in names), 0.0)

@@ -15,6 +15,7 @@ def _order(problem, integrator, steps):
         problem.error(simulate(problem.system, integrator, problem.duration / n, n).q[-1])
         for n in (steps, 2 * steps)
     ]
+    # Observed order: the binary logarithm of the error ratio for half the step.
     return float(np.log2(errors[0] / errors[1]))
 
 
@@ -44,6 +45,7 @@ def orders_of_accuracy(result):
         if name != "rk4_renormalised":
             steps = 20_000 if item.order == 1 else 1500
             result.measure(name, _order(problems.pendulum(), name, steps), tolerance=0.02)
+            # A second amplitude and step, so that the order is no coincidence of one run.
             other = _order(problems.pendulum(1.5), name, steps // 5)
             right[name] = max(abs(result.figures[name] - item.order), abs(other - item.order)) < 0.1
     result.statement = (
@@ -147,6 +149,7 @@ def semi_implicit_stability_per_cost(result):
 
     def beaten(evaluations):
         """Return whether a random explicit splitting is stable up to omega h = 2 per force."""
+        # Random compositions of kicks and drifts: all explicit splittings of this kind.
         kicks, drifts = result.rng.dirichlet(np.full(evaluations, 4.0), size=2)
         radii = []
         for x in np.linspace(0.05, 2.02, 400) * evaluations:
@@ -196,6 +199,7 @@ def semi_implicit_is_verlet(result):
         """Return the error at the end and the largest distance from Verlet's positions."""
         problem = problems.pendulum(amplitude)
         system, dt = problem.system, problem.duration / n
+        # Half a kick back: the velocities of the leapfrog lie between the positions.
         before = 0.5 * dt * system.acceleration(system.q0, system.v0, system.params)
         start = replace(system, v0=system.v0 - before) if staggered else system
         path = simulate(start, "semi_implicit_euler", dt, n, every=1).q
@@ -245,6 +249,7 @@ def rotation_stages_add(result):
         a3 = acceleration(q, v3, params)
         v4 = v + dt * a3
         a4 = acceleration(q, v4, params)
+        # Body rates of four different frames, averaged as if they were of one.
         mean = (v + 2 * (v2 + v3) + v4) / 6
         return integrators.retract(q, dt * mean), v + dt / 6 * (a1 + 2 * (a2 + a3) + a4)
 
@@ -276,6 +281,7 @@ def renormalised_rk4_order(result):
         quaternion.identity(),
         np.array([0.0, 0.0, 10.0]),
     )
+    # A steady spin: the exponential map is exact, whatever the step.
     truth = quaternion.exp(np.array([0.0, 0.0, 100.0]))
     exact, scaled = (
         quaternion.angle_between(truth, integrators.simulate(spin, name, 0.02, 500).q[-1])

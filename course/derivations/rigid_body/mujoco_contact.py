@@ -24,6 +24,7 @@ def _thrown(speed, phase=0.5, dt=0.002, contact="", flags=""):
         'gravity="0 0 0"',
         flags,
     )
+    # The phase shifts the moment of contact within a step.
     data.qpos[0] = -_WALL - _BALL - speed * dt * (1 + phase)
     data.qvel[0] = speed
     touched, deepest = 0, -np.inf
@@ -83,6 +84,7 @@ def mujoco_rk4_contact_order(result):
     reference = heights("RK4", 3200)
 
     def errors(integrator):
+        # Mean over 30 heights: a single one may hit a step's end by luck.
         return [np.abs(heights(integrator, n) - reference).mean() for n in (100, 400)]
 
     (coarse, fine), (slow, fast) = errors("RK4"), errors("Euler")
@@ -162,6 +164,7 @@ def mujoco_contact_stiffness_limit(result):
         start = highest = float(data.energy.sum())
         for _ in range(round(4000 / ms)):
             mujoco.mj_step(model, data)
+            # Energy may only fall under a passive contact; a rise shows the instability.
             highest = max(highest, float(data.energy.sum()))
         return start, highest
 
@@ -206,6 +209,7 @@ def contact_seen_is_contact_stopped(result):
         return any(through), min(touched)
 
     low, high = 0.5, 10.0
+    # Bisection of the speed, over 16 phases each.
     while high / low > 1.01:
         middle = np.sqrt(low * high)
         low, high = (low, middle) if passes(middle)[0] else (middle, high)

@@ -23,6 +23,7 @@ def _partitioned(positions: np.ndarray, velocities: np.ndarray, weights: np.ndar
         x: the step.
     """
     one = np.ones((len(weights), 1)) * np.eye(2)[:, None, :]  # q and v at the start, by column
+    # Stage equations, with the velocity stages eliminated.
     lhs = np.eye(len(weights)) + x * x * positions @ velocities
     q = np.linalg.solve(lhs, one[0] + x * positions @ one[1])
     v = one[1] - x * velocities @ q
@@ -52,6 +53,7 @@ def symplectic_removes_stiffness(result):
     def symplectic_rule(stages: int) -> tuple[np.ndarray, np.ndarray]:
         """Return a random one: b_i a_ij + b_j a_ji = b_i b_j."""
         b = result.rng.uniform(0.2, 1, stages)
+        # Cooper's condition with a random antisymmetric part.
         skew = result.rng.normal(size=(stages, stages))
         b /= b.sum()
         return b / 2 + (skew - skew.T) / b[:, None], b
@@ -82,6 +84,7 @@ def symplectic_removes_stiffness(result):
         start = gravity * q
         for _ in range(steps):
             free = q + x / 2 * v - x * x / 4 * gravity
+            # Implicit midpoint, solved case by case: in contact or free at the middle of the step.
             middle = np.where(free < 0, free / (1 + x * x / 4), free)
             v = v + x * (-np.minimum(middle, 0) - gravity)
             q = 2 * middle - q
@@ -160,6 +163,7 @@ def volume_kept_bounds_energy(result):
 
     def defect(step: np.ndarray) -> float:
         turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+        # Symplectic: M^T J M = J for the sum over both pairs.
         return float(np.abs(step.T @ pair(turn, turn) @ step - pair(turn, turn)).max())
 
     explicit = numeric_matrix("explicit_euler", u)

@@ -126,6 +126,7 @@ def batch_boxes(
     `threads` counts the caller's own; 0 takes one a core.
     """
     q, v = np.asarray(q0, dtype=float), np.asarray(v0, dtype=float)
+    # One compiled model serves all boxes; only their states differ.
     one = box_drop(half_size, mass, q[:, 0], v[:, 0], dt, integrator, **box)
     return BatchRunner(one, q, v, threads)
 

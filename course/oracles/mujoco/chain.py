@@ -60,6 +60,7 @@ def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
 
 def addresses(model: Any, chain: Chain) -> NDArray[np.int64]:
     """Return where the chain's joints are in `qpos` and `qvel` of `model(chain)`, shape (n,)."""
+    # By name, because MuJoCo orders bodies depth first.
     return np.array([model.joint(f"joint {i}").dofadr[0] for i in range(chain.n)])
 
 
@@ -81,6 +82,7 @@ def _check(model: Any) -> None:
         )
     if model.nflex:
         raise invalid("model", _named(model, "flex", 0), "an arm of rigid bodies")
+    # Actuators would add torques that the chain does not know.
     if model.nu:
         rule = "an arm without actuators: pass their torques to forward_dynamics"
         raise invalid("model", _named(model, "actuator", 0), rule)
@@ -285,6 +287,7 @@ def moved(
     mujoco, mj = library(), model(chain, gravity)
     mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
     data, at = mujoco.MjData(mj), addresses(mj, chain)
+    # In the chain's order, whatever MuJoCo's is.
     data.qpos[at], data.qvel[at], data.qfrc_applied[at] = q, v, tau
     mujoco.mj_step(mj, data, steps)
     return np.array(data.qpos[at])

@@ -234,6 +234,7 @@ def principal_moments(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return three moments of inertia that some body has, else ValueError."""
     moments = vector(name, value, (3,), low=POSITIVE, unit="kg m^2")
     largest = float(np.max(moments))
+    # Triangle inequality of the moments, with room for rounding.
     if 2.0 * largest > float(np.sum(moments)) * (1.0 + 1e-9):
         raise invalid(name, moments, "three moments of which none is above the sum of the others")
     return moments

@@ -226,6 +226,7 @@ class Twin:
         """Return what `course.sim_to_real.rollouts` returns, for one set of gains (6,)."""
         numbers = vector("gains", gains, (6,), low=0.0).reshape(2, 3).tolist()
         N, T = tasks.size, round(SECONDS / DT)
+        # One controller object per joint and arm, since each has an integral of its own.
         laws = [
             [Controller(Gains(kp, ki, kd, FILTER, -u, u), DT) for _ in range(N)]
             for (kp, ki, kd), u in zip(numbers, ARM.torques, strict=True)
@@ -246,6 +247,7 @@ class Twin:
         plan = vector("torques", torques, (None, 2), unit="N m")
         first = vector("start", start, (2,), unit="rad")[:, None]
         _, observed, sent = self.run(lambda k, _: plan[k][:, None], first, len(plan), seed)
+        # One reading more than commands.
         times = np.linspace(0.0, DT * len(plan), len(plan) + 1)
         return Log(times, observed[:, 0], sent[:, 0])
 
