@@ -394,8 +394,9 @@ def determinant_one_is_stable(result):
     result.measure("outer_at_2_1", outer)
     result.measure("inner_at_2_1", inner)
     result.statement = "Semi-implicit Euler at omega dt = 2.1: both real, product 1."
-    # Close to the traces 2 and -2, where the eigenvalues are only just real. The last samples are
-    # chosen to break a condition on the trace alone: in four dimensions it does not bound the moduli.
+    # Close to the traces 2 and -2, where the eigenvalues are only just real. The last samples
+    # are chosen to break a condition on the trace alone: in four dimensions it does not bound the
+    # moduli.
     outside = result.rng.uniform(2.001, 2.2, 20) * result.rng.choice([-1, 1], 20)
     result.statement_holds(
         on_circle(numeric_matrix("semi_implicit_euler", 2.1)),
