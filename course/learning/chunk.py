@@ -176,7 +176,7 @@ class Ensemble(Executor):
         old = len(self.made)
         # Weights of temporal ensembling: exp(-decay i), the oldest chunk first, as in ACT.
         weights = np.exp(-self.decay * np.arange(old))
-        # Chunk i was planned `old - 1 - i` steps ago, so that is its action for now.
+        # Chunk i was planned `old - 1 - i` steps ago, so that is its action for this step.
         report = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
         return np.tensordot(weights / weights.sum(), np.array(report), axes=1)
 

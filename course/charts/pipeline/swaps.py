@@ -170,7 +170,7 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
             "with pictures [mm]",
             theory="equal",
             footer=machine(0.0),
-            notes=[words][: len(words)],
+            notes=[words] if words else [],
         )
         for method, unit in paths.items():
             a, b = unit @ pictured, unit @ short

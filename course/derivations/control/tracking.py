@@ -438,10 +438,11 @@ def impedance_holds_a_force(result):
 
     deviation = result.input("off_mm", 2.0) / 1000
     soft, stiff = (touch.REGIMES[name] for name in ("soft impedance", "stiff position"))
-    result.measure("K", soft.stiffness + 0 * deviation)
-    result.measure("K_stiff", stiff.stiffness + 0 * deviation)
-    result.measure("soft", touch.surface_error(soft, deviation), 1e-3)
-    result.measure("stiff", touch.surface_error(stiff, deviation), 1e-3)
+    given = result.measure("soft", touch.surface_error(soft, deviation), 1e-3)
+    pushed = result.measure("stiff", touch.surface_error(stiff, deviation), 1e-3)
+    # The stiffness that the force tells: the law's spring and the wall's yield one after the other.
+    result.measure("K", 1.0 / (deviation / given - 1.0 / touch.WALL))
+    result.measure("K_stiff", 1.0 / (deviation / pushed - 1.0 / touch.WALL))
     loops = [abs(touch.surface_error(touch.REGIMES[n], deviation)) for n in ("force", "admittance")]
     result.measure("loop", np.max(loops) // 1e-3 * 1e-3 + 1e-3)
     # Stiffnesses over two decades against two springs in series.

@@ -510,8 +510,10 @@ def quoted_gains_overshoot(result):
 
     # Poles of the continuous loop, independent of the sampled one.
     roots = np.roots([J, B + kd, kp, ki])
-    result.measure("left", (B + kd) * kp * float(np.sign(per_second())))
-    result.measure("right", J * ki * float(np.sign(per_second())))
+    # Routh's two products from the polynomial that has these poles.
+    third, second, first, zeroth = J * np.real(np.poly(roots))
+    result.measure("left", second * first)
+    result.measure("right", third * zeroth)
     result.measure("factor", per_second(dt=1e-5), 1e-3)
     result.measure("delayed", per_second(late), 1e-3)
     gain = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3, late)[0]

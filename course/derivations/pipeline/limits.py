@@ -281,7 +281,7 @@ def swings_die(result):
     soft, stiff = result.input("soft", 25.0), result.input("stiff", 250.0)
 
     def rate(kp):
-        """Return the rate of decay from the largest swings of first and last third [1/s]."""
+        """Return the rate of decay, fitted to the logarithms of all peaks [1/s]."""
         dt = 0.02 / np.sqrt(kp * value[0])
         away = 1e-5 * shapes[:, :1]
         observed = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent
@@ -404,7 +404,7 @@ def look_and_move_noise(result):
     gain, late = result.input("gain", 0.3), int(result.input("late", 2))
 
     def measured(gain, late):
-        """Return the variance over that of a picture, of 400 places after 400 frames each."""
+        """Return the variance of 2,000 loops, as a share of that of a single picture."""
         past = list(np.zeros((late + 1, 2000)))
         for _ in range(200):
             past.append(past[-1] - gain * (past[-1 - late] + result.rng.standard_normal(2000)))

@@ -544,7 +544,7 @@ def symplectic_with_varying_step(result):
         return -q / (q[0] * q[0] + q[1] * q[1]) ** 1.5
 
     def drifts(eccentricity: np.ndarray, reversible: bool) -> np.ndarray:
-        """Return the drift of the median energy between the first and the last two orbits."""
+        """Return the drift of the median energy between the first two orbits and the last four."""
         e, pace = eccentricity, 0.1
         # Start at the pericentre of a Kepler orbit with semi-major axis 1, hence the energy -1/2.
         q, v = np.array([1 - e, 0 * e]), np.array([0 * e, np.sqrt((1 + e) / (1 - e))])
