@@ -139,9 +139,11 @@ plt.show()
 # acceleration of 1 m/s², step 1 moves it by $\Delta t^2$, step 2 by $2\Delta t^2$, step 3 by $3\Delta t^2$ and so on,
 # because each step raises the velocity before it moves the point. The half-width of the square is the sum of these
 # moves, $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. The smallest $k$ for which the square touches the disc is the
-# least number of steps. Success pays a prize of 1, which loses 1 % of its worth for every step after the first: it is
-# multiplied by the **discount** $\gamma = 0.99$ each time. So arriving in step $k$ is worth $0.99^{\,k-1}$, and with
-# the least $k$ this is the optimal return.
+# least number of steps.
+#
+# Success pays a prize of 1, which loses 1 % of its worth for every step after the first: it is multiplied by the
+# **discount** $\gamma = 0.99$ each time. So arriving in step $k$ is worth $0.99^{\,k-1}$, and with the least $k$ this
+# is the optimal return.
 #
 # **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches $0.0025 \cdot 27 \cdot
 # 28/2 = 0.945$ m, 5.5 cm short of the goal and so 0.5 cm outside the disc. In 28 steps it reaches 1.015 m. So 28 steps
@@ -214,9 +216,9 @@ plt.show()
 # output.
 #
 # Training takes a **batch** of data, computes the gradient of an objective with respect to all weights, and moves the
-# weights a little along it. One such move is a **gradient step**, and the **step size** sets its length. The rule for
-# it is called Adam; it scales the move of each weight by the recent size of its gradient. A large batch is split into
-# **minibatches**, with one gradient step each. All random numbers follow from a **seed**.
+# weights a little along it. One such move is a **gradient step**, and the **step size** sets its length. (We use the
+# rule named Adam.) A large batch is split into **minibatches**, with one gradient step each. All random numbers follow
+# from a **seed**.
 #
 # In the simulation the actions have two components, and the reward is a formula with one peak, so the true gradient can
 # be computed. Play to let the mean follow the average vote. Then switch off the **baseline**, a number that is
@@ -375,11 +377,10 @@ plt.show()
 simulation("clipped_objective")
 
 # %% [markdown]
-# It is tempting to conclude that the ratio now stays within the range. Before you answer, remember that all actions
-# share the same network weights. Two terms for the answer: an **epoch** is one pass over the batch, and one
-# **iteration** collects a batch and trains on it for several epochs. The **Kullback-Leibler (KL) divergence**
-# measures how much two distributions differ, here the old and the new distribution of actions. It is zero if they are
-# equal, and its unit, for natural logarithms, is the nat.
+# Does the ratio now stay within the range? Remember that all actions share the same network weights. Two terms for the
+# answer: an **epoch** is one pass over the batch, and one **iteration** collects a batch and trains on it for several
+# epochs. The **Kullback-Leibler (KL) divergence** measures how much two distributions differ, here the old and the new
+# distribution of actions. It is zero if they are equal, and its unit, for natural logarithms, is the nat.
 
 # %%
 show("clip_keeps")
@@ -464,11 +465,12 @@ show("sparse_chance")
 #
 # Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays 3 on
 # every other path from the same start to the goal, because the intermediate potentials cancel. (With $\gamma < 1$ the
-# discounted sum is the same for all these paths too.) Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and
-# another sum on another path. Of two paths with equally many steps it prefers the one that is near the goal earlier,
-# and nobody asked for that. One condition belongs to the potential: $\Phi$ has to count as 0 in every state that
-# terminates the episode. Otherwise the last payment differs from end to end, and the best policy can change, as chapter
-# 8 showed.
+# discounted sum is the same for all these paths too.)
+#
+# Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and another sum on another path. Of two paths with equally
+# many steps it prefers the one that is near the goal earlier, and nobody asked for that. One condition belongs to the
+# potential: $\Phi$ has to count as 0 in every state that terminates the episode. Otherwise the last payment differs
+# from end to end, and the best policy can change, as chapter 8 showed.
 #
 # ![Share of the optimum over training for each reward, and by size of the disc](../docs/charts/rewards.png)
 
@@ -497,8 +499,8 @@ table(("reward", "share of the optimum after training", "interval"),
 # train.
 #
 # The classic case is a bonus for being near the goal. Suppose each step near it pays $b$, and entering the disc pays a
-# prize $P$ and ends the episode. Is it better to go in, or to wait another step? Entering now pays $b + P$, since the
-# last step is near the goal too. Waiting pays $b$ now and $\gamma (b + P)$ one step later. The difference is $\gamma b
+# prize $P$ and ends the episode. Go in, or wait another step? Entering now pays $b + P$, since the last step is near
+# the goal too. Waiting pays $b$ now and $\gamma (b + P)$ one step later. The difference is $\gamma b
 # - (1 - \gamma) P$, so waiting pays if $\gamma b > (1 - \gamma) P$. With $P = 1$ and $\gamma = 0.99$ that is a bonus
 # above 0.0101, one hundredth of the prize.
 
@@ -527,11 +529,15 @@ table(*rows)
 # the bonus per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects
 # the bonus a hundred times. Select *Hovering* in the simulation at the top to watch a learner discover this.
 #
+# <details><summary>The usual listing, and what is wrong with it</summary>
+#
 # **The usual listing.** Tutorials show a reward for reaching that looks like this: minus the distance, plus a bonus of
 # 1 within 5 cm "for getting close, not for staying", minus penalties for speed near the goal and for angles near their
 # limits. It runs, but the bonus does not do what its comment says: it has no memory, so it *is* paid for staying. And
 # minus the distance favours certain paths. The exercise `reach_reward` in section 9 is that listing done right: the
 # episode ends, the prize is paid once, and the shaping is a difference.
+#
+# </details>
 
 # %%
 more_claims("minus_distance", "no_time_penalty", "two_gains")
@@ -650,11 +656,12 @@ table(*rows)
 # %% [markdown]
 # In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only
 # about 0.001. The labels are exact, so this is enough to determine the gain across the line. In the right plot (of a
-# linear model, which goes on growing where a real pendulum would lie on the floor), clone and noise-free DAgger
-# coincide. Two rows of the table need an explanation. DAgger without noise is as unstable as the clone, and noise of
-# only $10^{-6}$ on each label is enough to make DAgger work. Without noise the learner stays on the line and sees
-# nothing new. With a little noise it leaves the line, and its own unstable loop amplifies the deviation, so it visits
-# the states that were missing. How far does that go?
+# linear model, which grows without end), clone and noise-free DAgger coincide.
+#
+# Two rows of the table need an explanation. DAgger without noise is as unstable as the clone, and noise of only
+# $10^{-6}$ on each label is enough to make DAgger work. Without noise the learner stays on the line and sees nothing
+# new. With a little noise it leaves the line, and its own unstable loop amplifies the deviation, so it visits the
+# states that were missing. How far does that go?
 
 # %%
 show("dagger_fixes_drift")
@@ -792,11 +799,15 @@ table(*rows)
 more_claims("code_of_zero")
 
 # %% [markdown]
-# *An answer to the interview question.* Not the squared error: it would fold neither sleeve. For two clear modes a
+# <details><summary>An answer to the interview question</summary>
+#
+# Not the squared error: it would fold neither sleeve. For two clear modes a
 # mixture is enough; it is cheaper to run than a flow or diffusion policy, and you can read off how probable each mode
 # is. For actions with many components, and an unknown number of modes, choose a flow or a diffusion policy. In both
 # cases predict a chunk of actions at once; how many of them to execute before the next prediction is a question of its
 # own, which the subsection on chunks measures.
+#
+# </details>
 #
 # Always run the nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more
 # dimensions. Then judge by runs: count successes and the share of each way.
@@ -851,11 +862,15 @@ plt.show()
 answer("one_euler_step", "z + h*m")
 
 # %% [markdown]
+# <details><summary>A worked example in two steps</summary>
+#
 # **A worked example** in two steps. The data are $+1$ or $-1$, equally often, and the noise is 0.4. At $t = 0$ the
 # mean velocity is $0 - 0.4$, so the first step of $h = 0.5$ ends at 0.2. Now the sample is half data and half noise.
 # It could have come from $+1$ with noise $-0.6$, or from $-1$ with noise 1.4. The smaller noise is more likely: the
 # probabilities are 0.69 and 0.31. The mean velocity is $0.69 \cdot 1.6 - 0.31 \cdot 2.4 = 0.36$, and the second step
 # ends at 0.38. That is on the right side, but far from $+1$: two steps are too few.
+#
+# </details>
 #
 # The simulation lets you choose the solver and its number of steps, and measures how far the samples end from those of
 # the exact flow:
@@ -866,12 +881,13 @@ simulation("denoising")
 # %% [markdown]
 # *Diffusion* works in a similar way, with a different path and a different training target. The path mixes signal and
 # noise as $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$ and $\sigma_t = \cos(\pi t/2)$.
-# Since $\alpha_t^2 + \sigma_t^2 = 1$, data of variance 1 keep that variance all the way. The network receives $x_t$,
-# $t$ and the state $s$, and learns with the squared error to predict $\sigma_t\,x - \alpha_t\,\epsilon$. Its output is
-# called $\hat v$. This target is convenient: in $\alpha_t\,x_t + \sigma_t\,\hat v$ the noise cancels, and the guess
-# $\hat x$ of the clean action remains. The sampler DDIM (denoising diffusion implicit model) goes from $t$ to a later
-# $t'$ in two moves. It computes the noise that the guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$.
-# Then it mixes guess and noise again as the path does at $t'$, with less noise:
+# Since $\alpha_t^2 + \sigma_t^2 = 1$, data of variance 1 keep that variance all the way.
+#
+# The network receives $x_t$, $t$ and the state $s$, and learns with the squared error to predict $\sigma_t\,x -
+# \alpha_t\,\epsilon$. Its output is called $\hat v$. This target is convenient: in $\alpha_t\,x_t + \sigma_t\,\hat v$
+# the noise cancels, and the guess $\hat x$ of the clean action remains. The sampler DDIM (denoising diffusion implicit
+# model) goes from $t$ to a later $t'$ in two moves. It computes the noise that the guess implies, $\hat\epsilon = (x_t
+# - \alpha_t \hat x)/\sigma_t$. Then it mixes guess and noise again as the path does at $t'$, with less noise:
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
@@ -1082,10 +1098,10 @@ table(("gain", "seed", "mean return"),
 #
 # ### What the usual listing leaves out
 #
-# Some tutorials on PPO show three pieces: a network with a Gaussian head, an update with the clipped loss over a few
-# epochs, and a reward. The clipped loss in such listings is usually right. But as listed, the code stops in the second
-# epoch with "Trying to backward through the graph a second time": PyTorch still tries to differentiate through the old
-# log-probabilities, so they have to be detached first.
+# Some tutorials on PPO show a network with a Gaussian head, an update with the clipped loss over a few epochs, and a
+# reward. The clipped loss is usually right. But as listed, the code stops in the second epoch with "Trying to backward
+# through the graph a second time": PyTorch still tries to differentiate through the old log-probabilities, so they have
+# to be detached first.
 #
 # Even then it is an update and not a training loop. Nothing acts, nothing computes advantages, there is no critic, and
 # the bonus inside the disc is paid at every step there. The missing parts are the ones where errors hide. Our loop is a
@@ -1488,9 +1504,8 @@ answer("first_to_finish", "p")
 # method keeps its own assumptions</td></tr>
 # </table>
 #
-# (Octo and LeRobot from abstract and project page, RT-2 and pi-0 from abstract and summaries by others; we ran none
-# of them.) Octo and pi-0 put one of this chapter's heads behind a large encoder; RT-2 writes actions as text tokens
-# instead, and LeRobot is no model.
+# (From abstracts, project pages and summaries by others; we ran none of them.) Octo and pi-0 put one of this chapter's
+# heads behind a large encoder; RT-2 writes actions as text tokens instead, and LeRobot is no model.
 #
 # ### Why do chunks help? Three explanations on three tasks
 #
