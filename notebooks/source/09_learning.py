@@ -145,9 +145,13 @@ plt.show()
 # **discount** $\gamma = 0.99$ each time. So arriving in step $k$ is worth $0.99^{\,k-1}$, and with the least $k$ this
 # is the optimal return.
 #
-# **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches $0.0025 \cdot 27 \cdot
+# <details><summary>A worked example: a goal 1 m away</summary>
+#
+# A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches $0.0025 \cdot 27 \cdot
 # 28/2 = 0.945$ m, 5.5 cm short of the goal and so 0.5 cm outside the disc. In 28 steps it reaches 1.015 m. So 28 steps
 # are needed, and the optimum is $0.99^{27} = 0.76$.
+#
+# </details>
 #
 # The table compares both policies on 64 starts:
 
