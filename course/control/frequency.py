@@ -116,31 +116,31 @@ def loop_shape(plant: Held, law: Law) -> LoopShape:
     w = np.union1d(frequencies(plant.dt), np.linspace(1e-3, 1.0, 1000) * half)
     grid = response(plant, law, w)
 
-    def at(read: Callable[[Response], Array]) -> Callable[[float], float]:
-        return lambda x: float(read(response(plant, law, x))[0])
+    def closer(low: float, high: float) -> Response:
+        return response(plant, law, np.linspace(low, high, 40))
 
     def fall(read: Callable[[Response], Array], level: float, last: bool) -> float:
-        """Return where a curve falls through a level: between two grid points, then bisected."""
+        """Return where a curve falls through a level: bracketed on ever finer grids."""
         y = read(grid)
         falls = np.flatnonzero((y[:-1] >= level) & (y[1:] < level))
         if not falls.size:
             return math.inf if y[-1] >= level else 0.0
-        k, curve = falls[-1 if last else 0], at(read)
+        k = falls[-1 if last else 0]
         low, high = float(w[k]), float(w[k + 1])
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if curve(middle) >= level else (low, middle)
+        for _ in range(8):
+            fine = closer(low, high)
+            k = int(np.argmax(read(fine) < level))
+            low, high = float(fine.w[max(k - 1, 0)]), float(fine.w[k])
         return 0.5 * (low + high)
 
     def top(read: Callable[[Response], Array]) -> tuple[float, float]:
-        """Return the largest value of a curve and where it is, by golden sections about a point."""
-        k = int(np.argmax(read(grid)))
-        curve, ratio = at(read), 0.5 * (math.sqrt(5.0) - 1.0)
-        low, high = float(w[max(k - 1, 0)]), float(w[min(k + 1, w.size - 1)])
-        for _ in range(60):
-            left, right = high - ratio * (high - low), low + ratio * (high - low)
-            low, high = (low, right) if curve(left) >= curve(right) else (left, high)
-        return curve(0.5 * (low + high)), 0.5 * (low + high)
+        """Return the largest value of a curve and where it is, likewise."""
+        fine = grid
+        for _ in range(6):
+            k = int(np.argmax(read(fine)))
+            fine = closer(float(fine.w[max(k - 1, 0)]), float(fine.w[min(k + 1, fine.w.size - 1)]))
+        k = int(np.argmax(read(fine)))
+        return float(read(fine)[k]), float(fine.w[k])
 
     def sensitivity(x: Response) -> Array:
         return np.abs(x.sensitivity)

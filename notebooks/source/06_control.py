@@ -69,6 +69,7 @@ from course.control import (
     JointLaw,
     Probe,
     TouchLaw,
+    frequency,
     identify,
     run_joint,
     run_touch,
@@ -333,41 +334,121 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # If a sine comes back with the same size and a lag of 180 degrees, the feedback's own minus sign makes it feed itself.
 #
 # * The **gain margin** is the factor by which all gains can be multiplied before the loop becomes unstable.
-# * The **phase margin** is the additional phase lag that makes it unstable, at the frequency where the open-loop gain
-#   is 1.
-# * The **delay margin** is the additional delay that makes it unstable.
+# * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
+#   additional
+#   phase lag there that makes the loop unstable.
+# * The **delay margin** is the additional delay that makes the loop unstable.
+#
+# A **Bode plot** draws gain and phase over the frequency, with logarithmic axes for gain and frequency:
 
 # %% tags=["hide-code"]
-figure_, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.2), layout="constrained", sharex=True)
 w = np.geomspace(1.0, 1000.0, 4000)
-loop = (20.0 + 8.0j * w) * np.exp(-5e-3j * w) / (0.5j * w + 0.5 * (1j * w) ** 2)
-size, lag = abs(loop), np.degrees(np.unwrap(np.angle(loop)))
-lag -= 360.0 * round((lag[0] + 90.0) / 360.0)
-one, half = np.argmax(size < 1.0), np.argmax(lag < -180.0)
-_ = top.loglog(w, size)
+kp, kd, late = 20.0, 8.0, 5e-3
+plant, law = control.held(A, B, dt, late), control.pid_law(kp, 0.0, kd, dt=dt)
+loop, shape = frequency.response(plant, law, w), frequency.loop_shape(plant, law)
+margin = control.margins(A, B, law, dt, late)
+lag, half = np.degrees(loop.phase), np.argmax(loop.phase < -math.pi)
+figure_, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.2), layout="constrained", sharex=True)
+_ = top.loglog(w, loop.size)
 _ = top.axhline(1.0, color="0.4", lw=1)
-_ = top.plot([w[half]] * 2, [size[half], 1.0], color="C1", lw=3)
-_ = top.text(1.1 * w[half], 0.5, f"gain margin {1.0 / size[half]:.1f}", color="C1")
+_ = top.plot([w[half]] * 2, [loop.size[half], 1.0], color="C1", lw=3)
+_ = top.text(1.1 * w[half], 0.5, f"gain margin {margin.gain:.1f}", color="C1")
 _ = bottom.semilogx(w, lag)
 _ = bottom.axhline(-180.0, color="0.4", lw=1)
-_ = bottom.plot([w[one]] * 2, [lag[one], -180.0], color="C3", lw=3)
+_ = bottom.plot(
+    [shape.crossover] * 2, [math.degrees(margin.phase) - 180.0, -180.0], color="C3", lw=3
+)
 _ = bottom.text(
-    w[one] / 1.1,
+    shape.crossover / 1.1,
     -172.0,
-    f"phase margin {180.0 + lag[one]:.0f} degrees\n"
-    f"= delay margin {1e3 * np.radians(180.0 + lag[one]) / w[one]:.0f} ms at {w[one]:.0f} rad/s",
+    f"phase margin {math.degrees(margin.phase):.0f} degrees\n"
+    f"= delay margin {1e3 * margin.delay:.0f} ms, at {shape.crossover:.0f} rad/s",
     color="C3",
     ha="right",
     va="bottom",
 )
-_ = top.set(ylabel="open-loop gain", title="PD, $K_p$ = 20, $K_d$ = 8, delay 5 ms")
+_ = top.set(
+    ylabel="open-loop gain", title="PD, $K_p$ = 20, $K_d$ = 8, delay 5 ms, sampled at 1 kHz"
+)
 _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", ylim=(-270, -80))
 plt.show()
 
 # %% [markdown]
-# The course computes all three from the matrix; change a slider on the first screen and watch them. For a robot, quote
-# the delay margin. It is in milliseconds, like the latency that the bus, the motor drive and the filters will add.
+# The course computes all margins exactly for the sampled loop; change a slider on the first screen and watch them. For
+# a robot, quote the delay margin. It is in milliseconds, like the latency that the bus, the motor drive and the filters
+# will add.
 #
+# ### Nyquist plot, sensitivity and bandwidth
+#
+# Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency it draws the open
+# loop
+# $L$ as one point in the complex plane, with the open-loop gain as its distance from zero and the phase as its angle.
+# The critical point is $-1$: gain 1 and a lag of 180 degrees. The closer the curve comes to $-1$, the closer the loop
+# is
+# to instability.
+#
+# What does the closed loop do to a sine? The feedback subtracts $L$ times the error, so a disturbance $d$ leaves
+# the error $e = d - L\,e$. This gives two functions of the frequency:
+#
+# $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
+#
+# * The **sensitivity** $S$ is the share of a disturbance that is left. Where $\lvert S\rvert$ is 0.1, the loop
+#   removes 90 %.
+#   Where it is above 1, the loop amplifies the disturbance.
+# * The **complementary sensitivity** $T$ is the share of sensor noise that moves the joint. With the derivative of the
+#   error it is also the share of the set-point that arrives. The **bandwidth** is the frequency at which
+#   $\lvert T\rvert$ falls below $1/\sqrt2$.
+#
+# The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
+# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$.
+# **Worked example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. It crosses the negative axis between $-0.5$ and
+# 0, so the gain margin is at least 2.
+#
+# The picture shows the loop above (blue) and the same loop with 8 times the gains (orange):
+
+# %% tags=["hide-code"]
+figure_, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
+turn = np.linspace(0.0, 2.0 * math.pi, 200)
+rows = []
+for name, times, ink in (("gains as above", 1.0, "C0"), ("8 times the gains", 8.0, "C1")):
+    law = control.pid_law(times * kp, 0.0, times * kd, dt=dt)
+    loop, shape = frequency.response(plant, law, w), frequency.loop_shape(plant, law)
+    margin = control.margins(A, B, law, dt, late)
+    _ = left.plot(loop.loop.real, loop.loop.imag, color=ink, label=name)
+    _ = left.plot(np.cos(turn) / shape.peak - 1.0, np.sin(turn) / shape.peak, ":", color=ink)
+    _ = right.loglog(w, np.abs(loop.sensitivity), color=ink, label=f"|S|, {name}")
+    _ = right.loglog(w, np.abs(loop.complementary), "--", color=ink, label="|T|")
+    rows.append(
+        f"{name:<18} crossover {shape.crossover:4.0f} rad/s, bandwidth {shape.bandwidth:4.0f} rad/s, "
+        f"Ms {shape.peak:.2f}\n{'':<18} gain margin {margin.gain:5.2f}, phase margin "
+        f"{math.degrees(margin.phase):2.0f} degrees, delay margin {1e3 * margin.delay:4.1f} ms"
+    )
+_ = left.plot(np.cos(turn), np.sin(turn), color="0.8", lw=1, zorder=0)
+_ = left.plot(-1.0, 0.0, "kx", ms=8, mew=2)
+_ = left.set(xlim=(-2.4, 0.6), ylim=(-1.6, 1.2), aspect="equal", title="Nyquist plot; cross: -1")
+_ = left.set(xlabel="real part of L", ylabel="imaginary part")
+_ = left.legend(fontsize=8, loc="lower right")
+_ = right.axhline(1.0, color="0.4", lw=1)
+_ = right.set(xlabel="angular frequency [rad/s]", ylim=(3e-3, 5.0), title="sensitivities")
+_ = right.legend(fontsize=8, loc="lower right")
+plt.show()
+print("\n".join(rows))
+
+# %% [markdown]
+# The dotted circles around $-1$ have the radius $1/M_s$, and each curve touches its own. With higher gains the loop is
+# faster and removes more of a slow disturbance. Look at the right chart between 100 and 1000 rad/s before you answer:
+
+# %%
+show("more_gain_rejects_everywhere")
+
+# %% [markdown]
+# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. A delay
+# leaves less room where it can rise harmlessly. A common design rule is $M_s \le 2$.
+
+# %%
+more_claims("peak_sensitivity_bounds_margins")
+
+# %% [markdown]
 # ### Stable PD gains: damping and the delay of the rate
 #
 # Now leave out friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without

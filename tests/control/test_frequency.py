@@ -40,7 +40,8 @@ def loop(kp, ki, kd, delay, inertia, damping):
 @pytest.mark.parametrize("case", LOOPS)
 def test_the_open_and_the_closed_loop_are_those_of_scipy(case) -> None:
     # Three decades: further down the poles at z = 1 cancel digits of SciPy's polynomials.
-    found = frequency.response(*loop(*case), frequency.frequencies(DT, 300, 3.0)[:-1])
+    plant, law = loop(*case)
+    found = frequency.response(plant, law, frequency.frequencies(DT, 300, 3.0)[:-1])
     top, bottom = transfer(*case)
     _, L = signal.dfreqresp(signal.dlti(top, bottom, dt=DT), found.w * DT)
     assert found.loop == pytest.approx(L, rel=1e-6)
@@ -102,7 +103,8 @@ def test_a_sine_through_the_closed_loop_is_scaled_by_t() -> None:
     late = np.linalg.lstsq(
         np.column_stack([np.sin(w * t), np.cos(w * t)])[3000:], np.ravel(y)[3000:], rcond=None
     )[0]
-    T = frequency.response(*loop(*LOOPS[0]), w).complementary[0]
+    plant, law = loop(*LOOPS[0])
+    T = frequency.response(plant, law, w).complementary[0]
     assert complex(*late) == pytest.approx(T, rel=1e-6)
 
 
