@@ -17,12 +17,12 @@ from typing import Any
 from drills.cards import Card
 from drills.grade_report import Check, Cost, Report
 from drills.reasons import Reason
+from drills.terminal import painted
 
 SHOWN_CASES = 6
 SHOWN_LINES = 12
 
 _MARKS = {True: ("\N{CHECK MARK}", "ok"), False: ("\N{MULTIPLICATION X}", "x ")}
-_COLOURS = {"good": "32;1", "bad": "31;1", "dim": "2", "head": "1"}
 
 
 def clean(text: str) -> str:
@@ -90,10 +90,10 @@ class _Page:
         return out if self.unicode else out.encode("ascii", "backslashreplace").decode()
 
     def paint(self, text: str, style: str) -> str:
-        return f"\x1b[{_COLOURS[style]}m{text}\x1b[0m" if self.colour else text
+        return painted(text, style) if self.colour else text
 
     def mark(self, good: bool) -> str:
-        return self.paint(_MARKS[good][0 if self.unicode else 1], "good" if good else "bad")
+        return self.paint(_MARKS[good][0 if self.unicode else 1], "right" if good else "wrong")
 
     def heading(self, text: str) -> None:
         self.lines += ["", self.paint(text, "head")]
@@ -116,11 +116,11 @@ class _Page:
 
     def verdict(self, report: Report, card: Card) -> None:
         if report.passed:
-            word = self.paint("RIGHT", "good")
+            word = self.paint("RIGHT", "right")
         elif report.reason is Reason.NOT_ATTEMPTED:
             word = self.paint("NOT ATTEMPTED YET", "head")
         else:
-            word = self.paint("NOT RIGHT", "bad")
+            word = self.paint("NOT RIGHT", "wrong")
         self.lines.append(f"{word}  {self.cut(f'{card.name}: {card.title}', self.width - 20)}")
         if report.passed:
             self.wrapped(f"All {len(report.checks)} checks hold.")

@@ -19,7 +19,16 @@ from typing import Any, TextIO
 SCHEMA = "drills/1"
 LEFT: list[TextIO] = []  # what nobody reads any more
 
-_STYLES = {"good": "32", "bad": "31", "warn": "33", "dim": "2", "head": "1"}
+# Styles of rich; its modules are imported when something is painted first.
+STYLES = {
+    "good": "green",
+    "right": "bold green",
+    "bad": "red",
+    "wrong": "bold red",
+    "warn": "yellow",
+    "dim": "dim",
+    "head": "bold",
+}
 _WIDEST, _NARROWEST = 100, 40
 
 # What a text of the course may hold, in ASCII; other characters lose their accents or are escaped.
@@ -75,13 +84,21 @@ class Terminal:
 
     def paint(self, text: str, style: str) -> str:
         """Return the text in a colour, where there is colour."""
-        return f"\x1b[{_STYLES[style]}m{text}\x1b[0m" if self.colour else text
+        return painted(text, style) if self.colour else text
 
     def line_of_json(self, payload: dict[str, Any]) -> None:
         """Write the one line, in ASCII, if JSON is asked for."""
         if self.json:
             text = json.dumps(payload, ensure_ascii=True, allow_nan=False)
             _write(sys.stdout, text + "\n", True)
+
+
+def painted(text: str, style: str) -> str:
+    """Return the text with the codes of one of `STYLES`, in the 16 colours of any terminal."""
+    from rich.color import ColorSystem
+    from rich.style import Style
+
+    return Style.parse(STYLES[style]).render(text, color_system=ColorSystem.STANDARD)
 
 
 def wrapped(text: str, width: int, indent: str = "", first: str | None = None) -> list[str]:

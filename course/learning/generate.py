@@ -83,20 +83,20 @@ def denoise(
         rng: source of the noise that is drawn while denoising.
     """
     x = vector("noise", noise, (None, None))
-    share = finite("eta", eta, 0.0, 1.0)
-    a, s = mix(np.linspace(0.0, 1.0, count("steps", steps, 1) + 1))
+    eta = finite("eta", eta, 0.0, 1.0)
+    alpha, sigma = mix(np.linspace(0.0, 1.0, count("steps", steps, 1) + 1))
     # No noise is left at the end of the last step.
-    s[-1] = 0.0
+    sigma[-1] = 0.0
     for k in range(steps):
         # The network predicts the clean action; the noise that goes with it follows from x.
-        mean = clean(x, k / steps)
-        remaining = (x - a[k] * mean) / s[k]
+        guess = clean(x, k / steps)
+        implied = (x - alpha[k] * guess) / sigma[k]
         # DDPM's share of fresh noise (DDIM, eq. 16); with eta = 0 the step is deterministic.
-        drawn = share * s[k + 1] / s[k] * math.sqrt(1.0 - (a[k] / a[k + 1]) ** 2)
-        # DDIM's step: the predicted clean action, the noise that remains, and a share drawn afresh.
-        x = a[k + 1] * mean + math.sqrt(s[k + 1] ** 2 - drawn**2) * remaining
-        if drawn:
-            x = x + drawn * rng.standard_normal(x.shape)
+        fresh = eta * sigma[k + 1] / sigma[k] * math.sqrt(1.0 - (alpha[k] / alpha[k + 1]) ** 2)
+        # The guess and the noise, mixed again in the proportions of the next time.
+        x = alpha[k + 1] * guess + math.sqrt(sigma[k + 1] ** 2 - fresh**2) * implied
+        if fresh:
+            x = x + fresh * rng.standard_normal(x.shape)
     return x
 
 

@@ -135,27 +135,30 @@ def gae(
     Raises:
         ValueError: for shapes that differ, and for a number that is used and is not finite.
     """
-    gamma, decay = finite("discount", discount, 0.0, 1.0), finite("trace", trace, 0.0, 1.0)
-    r, v = vector("rewards", rewards, (None,), (None, None)), vector("values", values)
-    over, late = np.asarray(terminated, dtype=bool), np.asarray(truncated, dtype=bool)
-    after = np.asarray(following, dtype=float)
+    gamma, lam = finite("discount", discount, 0.0, 1.0), finite("trace", trace, 0.0, 1.0)
+    reward = vector("rewards", rewards, (None,), (None, None))
+    value = vector("values", values)
+    next_value = np.asarray(following, dtype=float)
+    final, cut_off = np.asarray(terminated, dtype=bool), np.asarray(truncated, dtype=bool)
     for name, each in (
-        ("values", v),
-        ("following", after),
-        ("terminated", over),
-        ("truncated", late),
+        ("values", value),
+        ("following", next_value),
+        ("terminated", final),
+        ("truncated", cut_off),
     ):
-        if each.shape != r.shape:
-            raise invalid(f"{name}.shape", each.shape, f"{r.shape}, as of the rewards")
+        if each.shape != reward.shape:
+            raise invalid(f"{name}.shape", each.shape, f"{reward.shape}, as of the rewards")
+    # Not used after a termination, where it may be anything.
+    next_value = vector("following", np.where(final, 0.0, next_value))
     # Temporal-difference errors: a termination has no future, a truncation has one.
-    errors = r + gamma * vector("following", np.where(over, 0.0, after)) - v
+    delta = reward + gamma * next_value - value
     # Either end of an episode stops the sum; they differ only in the value that follows.
-    retained = gamma * decay * ~(over | late)
-    advantages = np.zeros_like(errors)
-    ahead = np.zeros(r.shape[1:])
+    weight = gamma * lam * ~(final | cut_off)
+    advantages = np.zeros_like(delta)
+    ahead = np.zeros(reward.shape[1:])
     # Backwards: each advantage is its error plus the decayed advantage of the next step.
-    for t in range(len(r) - 1, -1, -1):
-        ahead = errors[t] + retained[t] * ahead
+    for t in range(len(reward) - 1, -1, -1):
+        ahead = delta[t] + weight[t] * ahead
         advantages[t] = ahead
     return advantages
 

@@ -59,18 +59,33 @@ from IPython.display import Markdown
 
 from course import control
 from course.cards import figures, interview
-from course.charts import read
-from course.charts.control import limits, touch
-from course.control import Actuator, Encoder, Gains, Joint, identify, run_joint, sampled
+from course.charts import read, stored
+from course.charts.control import limits, touch, tracking
+from course.control import (
+    Actuator,
+    Encoder,
+    Gains,
+    Joint,
+    JointLaw,
+    Probe,
+    TouchLaw,
+    frequency,
+    identify,
+    run_joint,
+    run_touch,
+    sampled,
+)
 from course.derivations import more_claims, show
 from course.kinematics import TwoLink
 from course.oracles.mujoco import chain as mujoco
 
 
-def source(*functions):
-    """Show functions as they stand in the module."""
-    text = "\n\n".join(inspect.getsource(f) for f in functions)
-    return Markdown(f"```python\n{text}```")
+def source(function, begin):
+    """Return the body of a function as it stands in its module, from the line that begins so."""
+    lines = inspect.getsource(function).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.lstrip().startswith(begin))
+    head = f"def {function.__name__}({', '.join(inspect.signature(function).parameters)}):"
+    return Markdown("\n".join(["```python", head, *lines[first:], "```"]))
 
 
 def print_figures(chart, *rows):
@@ -142,14 +157,11 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going past it. How general
-# is that? A mass on a spring does not oscillate if its damping is at least critical, which for P alone means
-# $b^2 \ge 4 J K_p$.
-
-# %%
-show("p_alone_overshoots")
-
-# %% [markdown]
+# P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going past it. P alone
+# need
+# not oscillate: like any mass on a spring, the joint does not if its damping is at least critical. For P alone this
+# means $b^2 \ge 4 J K_p$.
+#
 # The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
 # friction** (dry friction) is a torque of constant size against the motion, and it can hold a joint at rest away from
 # the set-point. The I term then grows until the joint breaks loose. If the joint jumps past the set-point and sticks
@@ -160,8 +172,8 @@ show("integral_removes_the_error")
 
 # %% [markdown]
 # The D term needs the rate of the error. There are two ways to compute it: differentiate the error $e$, or
-# differentiate
-# the measured angle and use $-\dot q$. While the set-point is constant, both are the same. Now let the set-point jump
+# differentiate the measured angle and use $-\dot q$. While the set-point is constant, both are the same. Now let the
+# set-point jump
 # from one sample to the next, and think about the error.
 
 # %%
@@ -173,7 +185,7 @@ show("error_derivative_kick")
 # measurement.
 
 # %%
-more_claims("critical_settles_fastest", "one_gain_one_symptom")
+more_claims("p_alone_overshoots", "critical_settles_fastest", "one_gain_one_symptom", "too_much_d")
 
 # %% [markdown]
 # ### Windup and anti-windup
@@ -194,12 +206,9 @@ predict("jammed")
 #   term, so that the I term shrinks while the command is at the limit.
 #
 # A third idea is often seen in tutorials: keep the I term itself within a fixed range, for example $\pm$ the torque
-# limit.
-
-# %%
-show("integral_clamp")
-
-# %% [markdown]
+# limit. This is a second limit, independent of the motor's. A wide range changes nothing, and one that is narrower than
+# the load leaves an error for ever.
+#
 # The chart shows a milder case than the card: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the
 # right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the
 # set-point. With conditional integration (blue) it leaves the limit at once. Solid lines are the exact solution of the
@@ -227,13 +236,13 @@ figures(
 # acceleration = (torque - 0.5 * velocity) / inertia
 # ```
 #
-# Check the first two lines against the two cards above. The claims below examine the rest, with kp = 20, ki = 5 and
+# Check the first two lines against the paragraphs above. The claims below examine the rest, with kp = 20, ki = 5 and
 # kd = 8.
 #
 # </details>
 
 # %%
-more_claims("listing_settles", "listing_friction")
+more_claims("integral_clamp", "listing_settles", "listing_friction")
 
 # %% [markdown]
 # ### The sampled loop as a matrix
@@ -325,41 +334,121 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # If a sine comes back with the same size and a lag of 180 degrees, the feedback's own minus sign makes it feed itself.
 #
 # * The **gain margin** is the factor by which all gains can be multiplied before the loop becomes unstable.
-# * The **phase margin** is the additional phase lag that makes it unstable, at the frequency where the open-loop gain
-#   is 1.
-# * The **delay margin** is the additional delay that makes it unstable.
+# * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
+#   additional
+#   phase lag there that makes the loop unstable.
+# * The **delay margin** is the additional delay that makes the loop unstable.
+#
+# A **Bode plot** draws gain and phase over the frequency, with logarithmic axes for gain and frequency:
 
 # %% tags=["hide-code"]
-figure_, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.2), layout="constrained", sharex=True)
 w = np.geomspace(1.0, 1000.0, 4000)
-loop = (20.0 + 8.0j * w) * np.exp(-5e-3j * w) / (0.5j * w + 0.5 * (1j * w) ** 2)
-size, lag = abs(loop), np.degrees(np.unwrap(np.angle(loop)))
-lag -= 360.0 * round((lag[0] + 90.0) / 360.0)
-one, half = np.argmax(size < 1.0), np.argmax(lag < -180.0)
-_ = top.loglog(w, size)
+kp, kd, late = 20.0, 8.0, 5e-3
+plant, law = control.held(A, B, dt, late), control.pid_law(kp, 0.0, kd, dt=dt)
+loop, shape = frequency.response(plant, law, w), frequency.loop_shape(plant, law)
+margin = control.margins(A, B, law, dt, late)
+lag, half = np.degrees(loop.phase), np.argmax(loop.phase < -math.pi)
+figure_, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4.2), layout="constrained", sharex=True)
+_ = top.loglog(w, loop.size)
 _ = top.axhline(1.0, color="0.4", lw=1)
-_ = top.plot([w[half]] * 2, [size[half], 1.0], color="C1", lw=3)
-_ = top.text(1.1 * w[half], 0.5, f"gain margin {1.0 / size[half]:.1f}", color="C1")
+_ = top.plot([w[half]] * 2, [loop.size[half], 1.0], color="C1", lw=3)
+_ = top.text(1.1 * w[half], 0.5, f"gain margin {margin.gain:.1f}", color="C1")
 _ = bottom.semilogx(w, lag)
 _ = bottom.axhline(-180.0, color="0.4", lw=1)
-_ = bottom.plot([w[one]] * 2, [lag[one], -180.0], color="C3", lw=3)
+_ = bottom.plot(
+    [shape.crossover] * 2, [math.degrees(margin.phase) - 180.0, -180.0], color="C3", lw=3
+)
 _ = bottom.text(
-    w[one] / 1.1,
+    shape.crossover / 1.1,
     -172.0,
-    f"phase margin {180.0 + lag[one]:.0f} degrees\n"
-    f"= delay margin {1e3 * np.radians(180.0 + lag[one]) / w[one]:.0f} ms at {w[one]:.0f} rad/s",
+    f"phase margin {math.degrees(margin.phase):.0f} degrees\n"
+    f"= delay margin {1e3 * margin.delay:.0f} ms, at {shape.crossover:.0f} rad/s",
     color="C3",
     ha="right",
     va="bottom",
 )
-_ = top.set(ylabel="open-loop gain", title="PD, $K_p$ = 20, $K_d$ = 8, delay 5 ms")
+_ = top.set(
+    ylabel="open-loop gain", title="PD, $K_p$ = 20, $K_d$ = 8, delay 5 ms, sampled at 1 kHz"
+)
 _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", ylim=(-270, -80))
 plt.show()
 
 # %% [markdown]
-# The course computes all three from the matrix; change a slider on the first screen and watch them. For a robot, quote
-# the delay margin. It is in milliseconds, like the latency that the bus, the motor drive and the filters will add.
+# The course computes all margins exactly for the sampled loop; change a slider on the first screen and watch them. For
+# a robot, quote the delay margin. It is in milliseconds, like the latency that the bus, the motor drive and the filters
+# will add.
 #
+# ### Nyquist plot, sensitivity and bandwidth
+#
+# Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency it draws the open
+# loop
+# $L$ as one point in the complex plane, with the open-loop gain as its distance from zero and the phase as its angle.
+# The critical point is $-1$: gain 1 and a lag of 180 degrees. The closer the curve comes to $-1$, the closer the loop
+# is
+# to instability.
+#
+# What does the closed loop do to a sine? The feedback subtracts $L$ times the error, so a disturbance $d$ leaves
+# the error $e = d - L\,e$. This gives two functions of the frequency:
+#
+# $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
+#
+# * The **sensitivity** $S$ is the share of a disturbance that is left. Where $\lvert S\rvert$ is 0.1, the loop
+#   removes 90 %.
+#   Where it is above 1, the loop amplifies the disturbance.
+# * The **complementary sensitivity** $T$ is the share of sensor noise that moves the joint. With the derivative of the
+#   error it is also the share of the set-point that arrives. The **bandwidth** is the frequency at which
+#   $\lvert T\rvert$ falls below $1/\sqrt2$.
+#
+# The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
+# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$.
+# **Worked example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. It crosses the negative axis between $-0.5$ and
+# 0, so the gain margin is at least 2.
+#
+# The picture shows the loop above (blue) and the same loop with 8 times the gains (orange):
+
+# %% tags=["hide-code"]
+figure_, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
+turn = np.linspace(0.0, 2.0 * math.pi, 200)
+rows = []
+for name, times, ink in (("gains as above", 1.0, "C0"), ("8 times the gains", 8.0, "C1")):
+    law = control.pid_law(times * kp, 0.0, times * kd, dt=dt)
+    loop, shape = frequency.response(plant, law, w), frequency.loop_shape(plant, law)
+    margin = control.margins(A, B, law, dt, late)
+    _ = left.plot(loop.loop.real, loop.loop.imag, color=ink, label=name)
+    _ = left.plot(np.cos(turn) / shape.peak - 1.0, np.sin(turn) / shape.peak, ":", color=ink)
+    _ = right.loglog(w, np.abs(loop.sensitivity), color=ink, label=f"|S|, {name}")
+    _ = right.loglog(w, np.abs(loop.complementary), "--", color=ink, label="|T|")
+    rows.append(
+        f"{name:<18} crossover {shape.crossover:4.0f} rad/s, bandwidth {shape.bandwidth:4.0f} rad/s, "
+        f"Ms {shape.peak:.2f}\n{'':<18} gain margin {margin.gain:5.2f}, phase margin "
+        f"{math.degrees(margin.phase):2.0f} degrees, delay margin {1e3 * margin.delay:4.1f} ms"
+    )
+_ = left.plot(np.cos(turn), np.sin(turn), color="0.8", lw=1, zorder=0)
+_ = left.plot(-1.0, 0.0, "kx", ms=8, mew=2)
+_ = left.set(xlim=(-2.4, 0.6), ylim=(-1.6, 1.2), aspect="equal", title="Nyquist plot; cross: -1")
+_ = left.set(xlabel="real part of L", ylabel="imaginary part")
+_ = left.legend(fontsize=8, loc="lower right")
+_ = right.axhline(1.0, color="0.4", lw=1)
+_ = right.set(xlabel="angular frequency [rad/s]", ylim=(3e-3, 5.0), title="sensitivities")
+_ = right.legend(fontsize=8, loc="lower right")
+plt.show()
+print("\n".join(rows))
+
+# %% [markdown]
+# The dotted circles around $-1$ have the radius $1/M_s$, and each curve touches its own. With higher gains the loop is
+# faster and removes more of a slow disturbance. Look at the right chart between 100 and 1000 rad/s before you answer:
+
+# %%
+show("more_gain_rejects_everywhere")
+
+# %% [markdown]
+# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. A delay
+# leaves less room where it can rise harmlessly. A common design rule is $M_s \le 2$.
+
+# %%
+more_claims("peak_sensitivity_bounds_margins")
+
+# %% [markdown]
 # ### Stable PD gains: damping and the delay of the rate
 #
 # Now leave out friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without
@@ -378,11 +467,7 @@ print_figures("pd_triangles", "PD on an inertia")
 # A joint rarely measures its rate. It takes the difference of two angles instead, divided by $dt$, which is the rate of
 # half a sample ago. Together with one sample of computing time, this leaves less than a twentieth of the highest
 # gain. You will derive three of the curves in section 8. The right chart belongs to section 7.
-
-# %%
-show("too_much_d")
-
-# %% [markdown]
+#
 # ### Encoder, friction and torque limit
 #
 # An encoder rounds the angle to the nearest count (some cards say *line*). This rounding is called **quantisation**.
@@ -395,14 +480,10 @@ predict("faster_loop")
 # %% [markdown]
 # Every estimator of the rate trades noise for lag. A plain difference has the least lag and the most noise. A low-pass
 # filter with time constant $\tau$ averages the difference over about that time. A **tracking observer** predicts angle
-# and rate one sample ahead, and corrects both with the error of the predicted angle. Both reduce noise; by how much
-# are they
-# late?
-
-# %%
-show("filtered_rate_is_late")
-
-# %% [markdown]
+# and rate one sample ahead, and corrects both with the error of the predicted angle. Under constant acceleration the
+# filtered rate is late by its time constant plus the half sample of the difference. The observer with the same time
+# constant is late by about twice as much.
+#
 # The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
 # noise than the filter (orange):
 #
@@ -414,16 +495,10 @@ print_figures("rate_estimates", "difference", "filtered", "tracking")
 
 # %% [markdown]
 # Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As
-# soon as it
-# is smaller than the friction $F$, the joint can stop.
-
-# %%
-show("friction_leaves_an_error")
-
-# %% [markdown]
+# soon as it is smaller than the friction $F$, the joint can stop. So dry friction leaves an error of up to $F/K_p$.
+#
 # An I term removes this error if friction at rest, **static friction**, is no larger than Coulomb friction. If it is
-# larger,
-# the torque that breaks the joint loose is more than what keeps it moving. The joint jumps, and hunts:
+# larger, the torque that breaks the joint loose is more than what keeps it moving. The joint jumps, and hunts:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -438,16 +513,14 @@ plt.show()
 
 # %% [markdown]
 # Choose the preset *Hunting* on the first screen and lower *Static / dry* to one: the hunting ends. The next chart
-# shows
-# both effects as functions of what you can change. Left: a slower rate filter reduces the ripple of the torque.
-# Right: the
-# amplitude of hunting grows with the ratio of static to Coulomb friction.
+# shows both effects as functions of what you can change. Left: a slower rate filter reduces the ripple of the torque.
+# Right: the amplitude of hunting grows with the ratio of static to Coulomb friction.
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
 # **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
-# over
-# by itself, such as an upright pendulum, gravity can then win: outside a certain region no gain brings the pendulum
+# over by itself, such as an upright pendulum, gravity can then win: outside a certain region no gain brings the
+# pendulum
 # back, because gravity pulls harder than the motor can. In the map, purple states are caught and orange states are
 # lost, with half of the torque that holds the pendulum horizontally:
 #
@@ -467,7 +540,7 @@ print_figures("saturation_region", "from rest")
 # </div>
 
 # %%
-more_claims("encoder_ripple")
+more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error")
 
 # %% [markdown]
 # ### Tuning with the Ziegler-Nichols rules
@@ -482,14 +555,10 @@ more_claims("encoder_ripple")
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
-# Step 2 assumes that an ultimate gain exists. Compare this with what you know about joints with and without friction,
-# delay and hold:
-
-# %%
-show("every_joint_has_ku")
-
-# %% [markdown]
-# So the delay must be stated. Suppose it is 20 ms. Before you look at the result: the rules were made for plants that
+# Step 2 assumes that an ultimate gain exists. A joint has one only because its loop has a delay, if only that of the
+# hold. And a constant amplitude does not prove that you have found it: with a torque limit, larger gains end in an
+# oscillation of constant amplitude, too. So the delay must be stated. Suppose it is 20 ms. Before you look at the
+# result: the rules were made for plants that
 # settle by themselves, such as a heated tank. A joint under constant torque does not settle at an angle; it keeps
 # turning. Its angle is already an integral.
 
@@ -504,8 +573,7 @@ show("ziegler_nichols_is_safe")
 #
 # Choose $K_p$ and $K_d$ so that three of the poles are equal and real. The slowest part of the motion then does not
 # oscillate. The second derivative of $(Js^2 + bs)\,e^{sD} + K_p + K_d s$ must be zero, which is a quadratic equation
-# for $s$;
-# the first derivative gives $K_d$, and the equation itself $K_p$:
+# for $s$; the first derivative gives $K_d$, and the equation itself $K_p$:
 
 # %% tags=["show-code"]
 late = 0.02
@@ -552,7 +620,7 @@ for name, (kp, ki, kd) in tried.items():
 show("half_the_ultimate_gain")
 
 # %%
-more_claims("quoted_gains_overshoot", "quoted_ku_tu", "safer_set")
+more_claims("every_joint_has_ku", "quoted_gains_overshoot", "quoted_ku_tu", "safer_set")
 
 # %% [markdown]
 # ## 2 · Concept: many joints
@@ -573,25 +641,46 @@ more_claims("quoted_gains_overshoot", "quoted_ku_tu", "safer_set")
 # $$\boxed{\;\tau = M(q)\,\big(\ddot q_d + K_d(\dot q_d - \dot q) + K_p(q_d - q)\big) + C(q,\dot q)\,\dot q + g(q)\;}$$
 #
 # In computed torque the PD terms are multiplied by $M(q)$. They are accelerations here, so $K_p$ has the unit 1/s² and
-# $K_d$ the unit 1/s. To see what the error does, put this torque into the equation of motion. (On the card, $a_{ref}$
-# is $\ddot q_d$.)
+# $K_d$ the unit 1/s. The picture shows all four on one motion of a two-link arm, with the correct model:
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(8, 2.9), layout="constrained")
+feedforward = JointLaw("feedforward", tracking.ARM, tracking.STIFF, tracking.DAMP)
+for label, law in (
+    ("PD", tracking.LAWS["PD"](tracking.ARM, dt)),
+    ("PD with gravity compensation", tracking.LAWS["PD + gravity"](tracking.ARM, dt)),
+    ("feedforward", feedforward),
+    ("computed torque", tracking.LAWS["computed torque"](tracking.ARM, dt)),
+):
+    run = control.track(tracking.ARM, law, tracking.motion, dt, 4.0)
+    error = 1e3 * np.abs(run.q[:, :-1] - run.setpoint).max(axis=0)
+    _ = axis.semilogy(dt * np.arange(error.size), error, lw=1.2, label=label)
+_ = axis.set(xlabel="time [s]", ylabel="error [mrad]", ylim=(1e-3, 1e3))
+_ = axis.legend(fontsize=9, ncols=2, loc="lower right")
+plt.show()
+
+# %% [markdown]
+# Both controllers with the full model are a hundred times more accurate. Feedforward assumes that the arm is on its
+# planned motion; after a disturbance, its PD part has to bring the arm back alone. Computed torque uses the state that
+# was measured. To see what this buys, put its torque into the equation of motion. The velocity terms and gravity
+# cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
 
 # %% [markdown]
-# Every joint's error then obeys its own linear equation, and the gains place its poles. This holds at each instant at
-# which
-# the torque is computed. Remember what the motor drive does between samples:
-
-# %%
-show("perfect_model_perfect_tracking")
-
-# %% [markdown]
+# Every joint's error obeys its own linear equation, and the gains place its poles, the same in every pose of the arm.
+# **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give $s^2 + 20 s + 100 = 0$, that is two
+# poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
+#
+# The cancellation is exact only at the instant at which the torque is computed. The motor drive holds the torque for
+# the rest of the sample while the arm moves on. The remedy is cheap: compute the torque for the state half a sample
+# ahead. This is called **half-sample preview**, and section 6 shows how much it saves.
+#
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
 # changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, $\tau =
-# Y\theta$,
-# with the regressor $Y$ of chapter 4. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the update is
+# Y\theta$, with the regressor $Y$ of chapter 4. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the
+# update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
@@ -602,249 +691,566 @@ show("perfect_model_perfect_tracking")
 show("adaptive_finds_parameters")
 
 # %% [markdown]
-# In continuous time one can prove that a sum of squares, of $s$ and of the parameter error, never increases. The proof
-# needs an update at every instant. (The card writes $h$ for the sample time and *rate* for the gain $\Gamma$.)
+# To find the true parameters as well, the motion must excite all of them. This condition is called **persistent
+# excitation**. A second warning: the proof that adaptation is stable needs an update at every instant. With a large
+# $\Gamma$, a low sample rate or sensor noise, the estimate can run away. In practice, limit it to plausible values.
 
 # %%
-show("adaptive_sum_can_only_fall")
+more_claims("perfect_model_perfect_tracking", "adaptive_sum_can_only_fall")
 
 # %% [markdown]
-# ### What a wrong inertia does
+# ### How a wrong inertia shows in the error
 
 # %%
 predict("wrong_inertia")
 
 # %% [markdown]
-# With $\hat J$ in the model for the true $J$ the error obeys
+# Here is the reason. Let the model use the inertia $\hat J$ while the true inertia is $J$. The error then obeys
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
-# <details><summary>Derive: who drives the error</summary>
+# The right side is the missing torque, divided by $\hat J$. Each kind of model error leaves its own signature there.
+# The picture shows one joint whose model misses a fifth of the inertia, the viscous friction, or the Coulomb friction:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
+t = 1e-3 * np.arange(14_000)
+aim = [(2.0, 0.5, 0.0), (0.8, 1.3, 1.0)]  # rad, rad/s, rad: a slow motion of two sines
+q_d = sum(a * np.sin(w * t + c) for a, w, c in aim)
+v_d = sum(a * w * np.cos(w * t + c) for a, w, c in aim)
+a_d = sum(-a * w * w * np.sin(w * t + c) for a, w, c in aim)
+for axis, (title, word, true_inertia, viscous, coulomb) in zip(
+    axes,
+    (
+        ("inertia missing", "acceleration [rad/s²]", 1.2, 0.0, 0.0),
+        ("viscous friction missing", "velocity [rad/s]", 1.0, 0.5, 0.0),
+        ("Coulomb friction missing", "velocity [rad/s]", 1.0, 0.0, 0.5),
+    ),
+    strict=True,
+):
+    q, v, rows = q_d[0], v_d[0], []
+    for k in range(t.size):
+        torque = a_d[k] + 40.0 * (v_d[k] - v) + 400.0 * (q_d[k] - q)  # the model's inertia is 1
+        a = (torque - viscous * v - coulomb * np.tanh(v / 0.01)) / true_inertia
+        rows.append((q_d[k] - q, v, a))
+        v += 1e-3 * a
+        q += 1e-3 * v
+    e, rate, acceleration = np.array(rows[1000:]).T
+    across = acceleration if "acceleration" in word else rate
+    _ = axis.plot(across, 1e3 * e, ".", ms=1)
+    _ = axis.set(title=title, xlabel=word)
+_ = axes[0].set_ylabel("error [mrad]")
+plt.show()
+
+# %% [markdown]
+# | the error follows | likely cause |
+# |---|---|
+# | the acceleration | inertia, or the motor's torque constant |
+# | the velocity | viscous friction, or a delay |
+# | the sign of the velocity | Coulomb friction |
+# | the angle | gravity |
+# | only the largest torques | a torque limit |
 #
-# The law asks for $\tau = \hat J(\ddot q_d + K_d\dot e + K_p e)$, the joint answers $J\ddot q = \tau$. Subtract
-# $\hat J\ddot q$ from both sides: $(J - \hat J)\ddot q = \hat J(\ddot q_d - \ddot q + K_d\dot e + K_p e)$, and
-# $\ddot q_d - \ddot q = \ddot e$. Divide by $\hat J$.
+# Two causes in one row need a second experiment. A wrong torque constant scales all torques alike, so gravity or
+# friction tells it from a wrong inertia.
 #
-# For slow motion only $K_p e$ counts on the left, and the slope of $e$ over $\ddot q$ is $(J/\hat J - 1)/K_p$. At a
-# frequency $\omega$ the error is $1/(K_p - \omega^2 + i\omega K_d)$ times the right side: late, and smaller. A plot of
-# one over the other then shows the real part of that.
+# <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
+#
+# Computed torque commands $\tau = \hat J(\ddot q_d + K_d\dot e + K_p e)$, and the joint answers $J\ddot q = \tau$.
+# Subtract $\hat J\ddot q$ from both sides: $(J - \hat J)\ddot q = \hat J(\ddot q_d - \ddot q + K_d\dot e + K_p e)$. Use
+# $\ddot q_d - \ddot q = \ddot e$ and divide by $\hat J$.
+#
+# For slow motion only $K_p e$ matters on the left, so the slope of $e$ over $\ddot q$ is $(J/\hat J - 1)/K_p$. At the
+# frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It is smaller and lags.
 #
 # </details>
 
 # %%
-show("error_follows_acceleration")
+more_claims("error_follows_acceleration", "acceleration_means_inertia")
 
 # %% [markdown]
-# So don't read the inertia from a slope, and don't differentiate a log twice: noise grows with $1/dt^2$. Multiply the
-# equation of motion by smooth bumps and integrate by parts; then the angle stands in it as it was measured.
+# ### Identifying a joint from a log
+#
+# To correct the model you need the inertia, and $J = \tau/\ddot q$ looks like the obvious formula. But a log contains
+# angles. Taking two differences multiplies their noise by a number proportional to $1/dt^2$, and the estimate is
+# mostly noise.
+#
+# The remedy is to move the derivatives to a function without noise. Choose a smooth **test function** $w(t)$ that is
+# zero, with its slope, at both ends of a time window. Multiply the equation of motion $J\ddot q + b\dot q = \tau$ by
+# $w$, and integrate by parts:
+#
+# $$J\int \ddot w\,q\,dt - b\int \dot w\,q\,dt = \int w\,\tau\,dt .$$
+#
+# Only the measured angle appears, not its derivatives. Each window gives one linear equation for $J$ and $b$, and least
+# squares over many windows gives both:
 
-# %%
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
+u = np.linspace(-1.0, 1.0, 300)
+noisy = np.sin(2.0 * u) + 2e-4 * np.random.default_rng(0).standard_normal(u.size)
+bump, bend = (1.0 - u**2) ** 3, 6.0 * (1.0 - u**2) * (5.0 * u**2 - 1.0)
+second = np.gradient(np.gradient(noisy, u), u)
+for axis, title, y in zip(
+    axes,
+    ("measured angle", "its second difference", r"test function $w$ and $\ddot w$ (dashed)"),
+    (noisy, second, bump),
+    strict=True,
+):
+    _ = axis.plot(u, y, lw=1)
+    _ = axis.set(title=title, xlabel="time in the window", xticks=[], yticks=[])
+_ = axes[2].plot(u, bend / 4.0, "--", lw=1)
+plt.show()
+
+# %% [markdown]
+# `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question.
+# It is given a log and the model that you believe, tries each of seven causes alone, and names those that explain the
+# log down to its noise:
+
+# %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
 wave = 0.9 * np.sin(1.3 * t) + 0.5 * np.sin(3.1 * t + 1.0) + 0.25 * np.sin(5.7 * t + 2.0)
 truth = Joint(0.12, 0.15, 0.0, 0.10)
 
 
-def logged(joint, actuator):
-    """Return a log of a joint under PD, an encoder with 0.03 mrad of noise."""
-    run = run_joint(
-        joint, actuator, Encoder(noise=3e-5), Gains(12.0, 0.0, 1.2, 5e-3), wave, 2e-3, 8.0
-    )
+def record_log(joint, actuator):
+    """Return a log of a joint under PD, with 0.03 mrad of noise on the encoder."""
+    gains = Gains(12.0, 0.0, 1.2, 5e-3)
+    run = run_joint(joint, actuator, Encoder(noise=3e-5), gains, wave, 2e-3, 8.0)
     return control.Log(2e-3, np.append(run.measured, run.q[-1]), run.command)
 
 
-result = identify(logged(truth, Actuator())).model
-for name, true in (("inertia", truth.inertia), ("damping", truth.damping), ("coulomb", 0.10)):
-    print(f"{name:<8} found {getattr(result, name):.4f}, true {true:.4f}")
+model = identify(record_log(truth, Actuator())).model
 believed = control.JointModel(0.12, 0.15, 0.10)
-for name, joint, actuator in (
-    ("a fifth more inertia", replace(truth, inertia=0.144), Actuator()),
-    ("10 ms of delay", truth, Actuator(delay=0.01)),
-):
-    report = control.diagnose(logged(joint, actuator), believed).causes
-    print(f"{name:<20} told: {', '.join(report)}")
+changes = {
+    "20 % more inertia": (replace(truth, inertia=0.144), Actuator()),
+    "10 ms of delay": (truth, Actuator(delay=0.01)),
+}
+causes = {name: control.diagnose(record_log(*case), believed).causes
+          for name, case in changes.items()}  # fmt: skip
+
+# %% tags=["hide-code"]
+print(f"inertia           {model.inertia:.4f} kg m^2, true {truth.inertia:.4f}")
+print(f"viscous friction  {model.damping:.4f} N m s/rad, true {truth.damping:.4f}")
+print(f"Coulomb friction  {model.coulomb:.4f} N m, true 0.1000")
+for name, named in causes.items():
+    print(f"real change: {name:<18} diagnosed cause: {', '.join(named)}")
 
 # %% [markdown]
-# `diagnose` asks the harder question, which of seven causes it is: it fits each by itself and looks at what is left
-# over time. The acceleration: inertia or torque constant. The velocity: viscous friction, or a delay, which differs at
-# turning points. Its sign: Coulomb friction. The angle: gravity. The largest torques only: saturation.
-
-# %%
-show("acceleration_means_inertia")
-
-# %% [markdown]
+# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level, while the
+# integral form (blue) stays accurate. On the right, six of seven causes are always identified; only Coulomb friction
+# (green) is lost in the largest noise:
+#
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
-
-# %%
-print_figures("what_a_log_tells", "integral", "second", "coulomb")
 
 # %%
 more_claims("inertia_by_differences")
 
 # %% [markdown]
-# ### The best law: Riccati, limits, samples
+# ### Optimal control: LQR and the Riccati equation
 #
-# **LQR** asks for the gains that make a sum of squares, $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples, as small as
-# it can be. The cost that is left, $x^\mathsf{T}Px$, obeys the **Riccati** equation; doubling the horizon in each pass
-# solves it in about ten passes. Near a torque limit the best command is no linear law any more:
-# **model predictive control** (MPC) solves a quadratic program with the limits in it at every sample.
+# So far you chose poles. The **LQR** (linear quadratic regulator) chooses the gains for you. You state what is
+# expensive. For a sampled system $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of
+# $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples. The matrix $Q$ weights deviations of the state $x$, and $R$
+# weights
+# the effort of the command $u$.
+#
+# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$. The best command
+# weighs the cost of this sample against the cost of the state that it leads to, and this gives
+#
+# $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
+#
+# The last equation is the **Riccati equation**. You can solve it by repetition: start with $P = Q$, compute $K$, then
+# the next $P$. Each repetition looks one sample further ahead. The course uses a doubling algorithm, in which each
+# round doubles the number of samples.
+#
+# **Worked example:** one state with $A = B = Q = 1$ and $R = 2$. Then $K = P/(2 + P)$ and $P = 1 + P(1 - K)$. The
+# solution is $P = 2$ and $K = 1/2$: every command halves the state.
+#
+# ### Model predictive control: torque limits in the plan
+#
+# LQR ignores the torque limit. You can clip its command, but it does not know that the brake is weak, so it brakes too
+# late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next $N$ samples
+# that minimise the same cost, subject to the limits. This is a quadratic program. Only the first command of the
+# plan is used, and the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its target, with a
+# motor of at most 1 N:
 
-# %%
-show("mpc_beats_clipping")
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
+h = 0.1
+mass_A, mass_B = np.array([[1.0, h], [0.0, 1.0]]), np.array([[h * h / 2.0], [h]])
+weights = np.diag([1.0, 0.1]), 0.1 * np.eye(1)
+regulator, ahead = (
+    control.lqr(mass_A, mass_B, *weights),
+    control.horizon(mass_A, mass_B, *weights, 40),
+)
+paths = {}
+for name in ("clipped LQR", "MPC"):
+    x, last, path = np.array([-4.0, 0.0]), None, []
+    for k in range(120):
+        if name == "MPC":
+            last = control.mpc(ahead, x, 1.0, last)
+            u = last[0]
+            if k in (0, 15):
+                foreseen = [x]
+                for command in last:
+                    foreseen.append(mass_A @ foreseen[-1] + mass_B @ command)
+                after = h * (k + np.arange(41))
+                _ = axes[0].plot(after[::4], np.array(foreseen)[::4, 0], "kx", ms=4)
+        else:
+            u = np.clip(-regulator.K @ x, -1.0, 1.0)
+        path.append((x[0], u[0]))
+        x = mass_A @ x + mass_B @ u
+    paths[name] = np.array(path)
+    _ = axes[0].plot(h * np.arange(120), paths[name][:, 0], lw=1.5, label=name)
+    _ = axes[1].step(h * np.arange(120), paths[name][:, 1], where="post", lw=1.2, label=name)
+_ = axes[0].axhline(0.0, color="0.4", ls="--", lw=1)
+_ = axes[0].set(xlabel="time [s]", ylabel="position [m]", title="crosses: the plans at 0 and 1.5 s")
+_ = axes[1].set(xlabel="time [s]", ylabel="command [N]", title="command, limited to 1 N")
+_ = axes[0].legend(fontsize=9)
+plt.show()
 
 # %% [markdown]
-# ![What MPC saves beside a clipped regulator, and its time](../docs/charts/mpc_where.png)
+# The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan contains
+# the braking with the limited force. Where no limit becomes
+# active later in the motion, both give the same command, and the work is wasted. The left chart shows how much MPC
+# saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the previous
+# plan:
+#
+# ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 
 # %%
-print_figures("mpc_where", "40 samples", "MPC, warm")
+more_claims("mpc_beats_clipping")
 
 # %% [markdown]
-# **MPPI** needs neither a linear model nor a gradient: it tries plans, weights each by $e^{-\text{cost}/\lambda}$, and
-# averages. A pendulum whose motor has a third of the torque that holds it level has to swing to get up:
+# ### MPPI: plans from sampled rollouts
+#
+# Some tasks have no useful linear model or gradient: a swing-up, or a hand that pushes through contacts.
+# **MPPI** (model predictive path integral control, Williams and others 2017) needs only a simulator. At every sample
+# it does three things:
+#
+# 1. Add random noise to the current plan, $K$ times, and simulate each of these plans. A simulated plan is called a
+#    **rollout**.
+# 2. Give each rollout the weight $w_k = e^{-(S_k - S_{\min})/\lambda}$, where $S_k$ is its cost. A small temperature
+#    $\lambda$ trusts the best rollout alone; a large one averages over nearly all of them.
+# 3. The new plan is the weighted mean of the tried plans. Send its first command.
+
+# %% tags=["hide-code"]
+rng = np.random.default_rng(4)
+tries = np.repeat(0.8 * rng.standard_normal((80, 5)), 4, axis=1)
+speeds = np.cumsum(h * tries, axis=1)
+places = np.cumsum(h * speeds, axis=1)
+S = h * ((places - 1.0) ** 2 + 0.02 * tries**2).sum(axis=1)
+share = np.exp(-(S - S.min()) / 0.1)
+share /= share.sum()
+figure_, axis = plt.subplots(figsize=(7, 2.8), layout="constrained")
+for path, part in sorted(zip(places, share, strict=True), key=lambda row: row[1]):
+    ink = plt.get_cmap("viridis_r")(part / share.max())
+    _ = axis.plot(h * np.arange(1, 21), path, lw=0.8, color=ink)
+_ = axis.plot(h * np.arange(1, 21), share @ places, "k", lw=2.5, label="weighted mean")
+_ = axis.axhline(1.0, color="C1", ls="--", lw=1, label="target")
+_ = axis.set(
+    xlabel="time ahead [s]", ylabel="position [m]", title="80 rollouts; dark: large weight"
+)
+_ = axis.legend(fontsize=9, loc="upper left")
+plt.show()
+
+# %% [markdown]
+# How many rollouts, and how far ahead? The chart shows a pendulum whose motor is too weak to lift it in one go: it can
+# deliver a third of the torque that holds the pendulum horizontally. It has to swing back and forth first, and the plan
+# must reach far enough to show that this pays off:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
+#
+# With a horizon of 20 samples, 16 rollouts are enough. With a horizon of 8 samples, even 64 rollouts never succeed:
+# within such a short time, swinging away from the target only looks expensive.
 
 # %%
-print_figures("swing_up", "upright by tries", "upright by samples")
-
-# %%
-show("samples_find_the_plan")
+more_claims("samples_find_the_plan")
 
 # %% [markdown]
-# ## 3 · Concept: touch
+# ## 3 · Concept: contact
 #
-# ### A spring for a hand
+# ### Impedance control and admittance control
 #
-# **Impedance control** (Hogan 1985) makes the arm answer a displacement as a mass, a spring and a damper would:
+# A stiff position controller that meets a wall pushes until the motor's limit. For contact you want to choose how the
+# arm gives way. **Impedance control** (Hogan 1985) makes the arm behave like a mass on a spring and a damper:
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
-# Mass $M$, damping $B$ and stiffness $K$ are yours to choose. Read it with care: this $F$ is what *you* have to push
-# with. The arm's command has the other sign.
+# You choose the mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. Mind the sign: $F$ is the
+# *external* force that somebody has to apply to move the arm so. The force that the controller commands points the
+# other way. If $M$ is the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
 
-# %%
-show("impedance_sign")
+
+# %% tags=["hide-code"]
+def spring(axis, start, end, height, ink="0.3"):
+    """Draw a spring as a zigzag."""
+    along = np.linspace(start, end, 16)
+    up = height + 0.12 * np.array([0, 0, 0, *([1, -1] * 5), 0, 0, 0])
+    axis.plot(along, up, color=ink, lw=1.2)
+
+
+figure_, axes = plt.subplots(1, 2, figsize=(9, 2.1), layout="constrained")
+left, right = axes
+spring(left, 0.0, 2.0, 0.35)
+_ = left.plot([0.0, 0.9, 0.9, 0.9], [-0.35, -0.35, -0.5, -0.2], color="0.3")
+_ = left.plot([0.7, 1.15, 1.15, 0.7], [-0.55, -0.55, -0.15, -0.15], color="0.3")
+_ = left.plot([1.15, 2.0], [-0.35, -0.35], color="0.3")
+_ = left.plot([0.0, 0.0], [-0.8, 0.8], color="0.3", lw=3)
+left.add_patch(plt.Rectangle((2.0, -0.7), 1.0, 1.4, fc="#cfe3f2", ec="0.3"))
+_ = left.annotate(
+    "", (3.1, 0.0), (4.1, 0.0), arrowprops={"arrowstyle": "-|>", "color": "C1", "lw": 2}
+)
+for x, y, text in ((2.5, 0, "M"), (1.0, 0.6, "K"), (1.0, -0.95, "B"), (3.9, 0.2, "external F")):
+    _ = left.text(x, y, text, ha="center")
+_ = left.set_title("what the arm behaves like", fontsize=10)
+spring(right, 0.0, 2.0, 0.0, "C0")
+spring(right, 2.0, 3.6, 0.0, "C1")
+_ = right.plot([2.0], [0.0], "o", color="k")
+_ = right.plot([0.0, 0.0], [-0.5, 0.5], color="C0", lw=3)
+_ = right.plot([3.6, 3.6], [-0.7, 0.7], color="0.3", lw=3)
+for x, y, text in ((0.0, 0.65, "set-point"), (1.0, 0.3, "controller K"), (2.0, -0.5, "hand"),
+                   (2.8, 0.3, "wall $k_e$")):  # fmt: skip
+    _ = right.text(x, y, text, ha="center", fontsize=9)
+_ = right.set_title("in contact: two springs in series", fontsize=10)
+for axis in axes:
+    _ = axis.set(xlim=(-0.5, 4.6), ylim=(-1.1, 1.0))
+    _ = axis.axis("off")
+plt.show()
 
 # %% [markdown]
-# **Admittance** goes the other way: it measures the force, moves a virtual mass by it, and lets a stiff position loop
-# follow. Play with both, and drag the set-point into the wall:
+# **Admittance control** reverses the direction. It *measures* the contact force, computes how a virtual mass on a
+# spring and a damper would move under it, and sends that motion to a stiff position loop. Impedance control needs
+# joints with torque control and little friction. Admittance control needs a force sensor, and suits arms with large
+# gears.
+#
+# | | input | output | needs |
+# |---|---|---|---|
+# | impedance control | displacement | force | torque-controlled joints |
+# | admittance control | force | motion | force sensor, position loop |
+#
+# Play with both, and drag the set-point into the wall:
 
 # %%
 simulation("probe")
 
+# %% [markdown]
+# With a set-point inside the wall, the hand comes to rest where the force of the controller's spring equals that of the
+# wall's. The same force runs through both springs, and their deflections add up to the depth of the set-point.
+# **Worked example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force
+# is 5 N.
+
 # %%
 show("wall_in_series")
 
-# %% [markdown]
-# How stiff may the hand be? A stiffness that a computer shows is late, and what is late feeds the swing. If it always
-# takes at least as much energy as it gives, no wall can make it swing: **passivity** (Colgate and Schenkel 1997).
-
 # %%
-show("stiffness_depends_on_the_wall")
+more_claims("impedance_sign", "impedance_holds_a_force")
+
+# %% [markdown]
+# ### Stability at a wall: passivity, force gain, virtual mass
+#
+# How stiff may the controller's spring be? A spring computed with a delay pushes back a little too late: too weak while
+# the hand moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took. The
+# arm's own friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is
+# **passive**. By **passivity**, two passive systems are stable together, so such an arm is stable at every passive
+# wall. For a pure spring the limit is (Colgate and Schenkel 1997)
+#
+# $$K < \frac{b}{D + \tfrac12 dt}\, .$$
+#
+# **Worked example:** $b$ = 20 N s/m at 1 kHz allows $20/0.0005$ = 40,000 N/m. With a delay of 2 ms it is $20/0.0025$ =
+# 8,000 N/m. Damping computed by the controller may help. It has the same delay as the spring.
 
 # %%
 show("damping_is_safe")
 
 # %% [markdown]
-# Force control and admittance have limits of their own: the wall multiplies a force loop's gain, and a virtual mass may
-# be the lighter the softer the wall is.
+# Force control and admittance control have other limits. Proportional **force control** commands the desired force plus
+# a gain $g$ times the force error. The wall turns motion into force, so its stiffness multiplies the loop gain. For a
+# short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: the stiffer the wall, the lower the gain. Admittance is
+# limited on the other side. At a stiff wall the virtual mass cannot be small:
 #
-# ![What holds at a wall: force, impedance, admittance](../docs/charts/touching.png)
+# ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
+#
+# In the left chart, look at the green curve. A simulated contact with default settings allows a gain that
+# is far too large; section 7 returns to this.
 
 # %%
-print_figures("touching", "P on the force", "impedance", "least virtual")
-
-# %%
-more_claims("force_gain_is_free", "admittance_is_light")
+more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
 
 # %% [markdown]
-# ### The first blow
+# ### The first impact
 
 # %%
 predict("softer_hand")
 
-# %%
-show("stiff_control_hurts")
+# %% [markdown]
+# Energy explains it. The moving mass $m$ arrives with the energy $\tfrac12 m v^2$. At the peak all of it is in the
+# compressed surface, $F^2/(2k_e)$. So the peak is
+#
+# $$F_{\max} = v\,\sqrt{m\,k_e}\, ,$$
+#
+# and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
+# example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows both phases
+# for a stiff and a soft controller. The surface has some damping, which lowers the peak a little:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
+aim = np.minimum(0.5e-3 * np.arange(12_000), 0.02)
+for k, ls in ((2000.0, "-"), (20.0, "--")):
+    hand = Probe(4.0, 0.0, 1e5, 200.0)
+    law = TouchLaw(k, 0.2 * math.sqrt(k * 4.0))
+    force = run_touch(hand, law, aim, 1e-3, 12.0, start=(0.0, 0.5)).torque
+    _ = axes[0].plot(np.arange(30), force[:30], ls, label=f"{k:.0f} N/m")
+    _ = axes[1].plot(1e-3 * np.arange(force.size), force, ls, lw=1, label=f"{k:.0f} N/m")
+_ = axes[0].set(xlabel="time since contact [ms]", ylabel="force [N]", title="first impact: equal")
+_ = axes[1].set(
+    xlabel="time [s]", ylim=(0.0, 80.0), title="afterwards: bounces, then the held force"
+)
+_ = axes[0].legend(fontsize=9, title="controller")
+plt.show()
 
 # %% [markdown]
-# ### Which axis gets the force?
+# So a soft controller does not protect people from the impact. It protects them from what follows: being held against a
+# wall. Against the impact, reduce the speed or the moving mass, or pad the hand.
+
+# %%
+more_claims("stiff_control_hurts")
+
+# %% [markdown]
+# ### Hybrid control: which axis gets the force?
+#
+# A hand shall wipe a table. Along some directions you control force, along the others position. Which? Ask what the
+# table itself fixes in each direction. A rigid, frictionless surface allows no velocity along its normal, and it gives
+# no force along its tangents. Mason (1981) calls each of these a **natural constraint**. You may control only what the
+# table leaves open.
 
 # %%
 show("axes_of_a_surface")
 
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
+tilt = np.radians(20.0)
+normal, tangent = np.array([-np.sin(tilt), np.cos(tilt)]), np.array([np.cos(tilt), np.sin(tilt)])
+ends = np.array([-2.0 * tangent, 2.0 * tangent])
+_ = axis.plot(*ends.T, color="0.3", lw=3)
+_ = axis.fill(*np.array([*ends, ends[1] - 0.5 * normal, ends[0] - 0.5 * normal]).T, color="#d9d4ca")
+for end, ink, text, off in (
+    (1.2 * normal, "C1", "normal: control force\n(the table fixes the velocity, 0)", (-0.25, 0.0)),
+    (
+        1.2 * tangent,
+        "C0",
+        "tangent: control position\n(the table fixes the force, 0)",
+        (0.2, -0.55),
+    ),
+):
+    _ = axis.annotate(
+        "", end, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "color": ink, "lw": 2.5}
+    )
+    side = "right" if off[0] < 0 else "left"
+    _ = axis.text(*(end + off), text, color=ink, fontsize=9, ha=side, va="center")
+_ = axis.plot(0.0, 0.0, "ko")
+_ = axis.set(xlim=(-4.2, 4.6), ylim=(-1.3, 1.9), aspect="equal")
+_ = axis.axis("off")
+plt.show()
+
 # %% [markdown]
-# A rigid surface allows no velocity along its normal and, without friction, no force along itself: those are the
-# **natural constraint** of each direction (Mason 1981). You may command what the world leaves open, and only that:
-# force where place is fixed, place where force is. That is **hybrid control** (Raibert and Craig 1981).
+# **Hybrid control** (Raibert and Craig 1981) does exactly that: force along the normal, position along the tangents.
+# The selection is made in the frame of the surface. With the rotation $R$ from the surface frame to the world, rotate
+# the errors with $R^\mathsf{T}$, select, rotate the force back with $R$, and map it to joint torques with
+# $\tau = J^\mathsf{T}F$, where $J$ is the Jacobian.
 #
 # <details><summary>Derive: why it can't be the other way round</summary>
 #
-# Power through the contact is $f\cdot v$. A frictionless rigid surface takes and gives none, so in each of its own
-# directions $f_i v_i = 0$: along the normal $v_n = 0$ and $f_n$ is free, along the tangents $f_t = 0$ and $v_t$ is
-# free. Command $x_n$: with a surface of stiffness $k_e$ the force is $k_e$ times your error of place, whatever that is.
-# Command $f_t$: there is nothing to push against, and the hand accelerates. Turn the surface, and the directions turn
-# with it: select in *its* frame, then turn back.
+# The power through the contact is $f\cdot v$. A frictionless rigid surface neither takes nor gives power, so in each of
+# its directions $f_i v_i = 0$. Along the normal $v_n = 0$, and $f_n$ is free. Along the tangents $f_t = 0$, and $v_t$
+# is free. If you command a position along the normal, a surface of stiffness $k_e$ turns your position error into
+# the force $k_e$ times that error. If you command a force along a tangent, there is nothing to push against, and the
+# hand accelerates.
 #
 # </details>
 #
-# In the same frame **operational space** control (Khatib 1987) gives the tip an inertia of its own,
-# $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$, and a null space that does not disturb it: the **dynamically consistent** one.
-# Another projector keeps the tip still in statics only.
+# **Operational space** control (Khatib 1987) writes the equation of motion for the hand instead of the joints. The
+# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the task needs can move without
+# moving the hand. A projector selects torques for such motion. Only the **dynamically consistent** one, built with
+# $M^{-1}$, leaves the hand's acceleration undisturbed.
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** In contact you close a loop through the wall. Ask what its stiffness multiplies: the gain of a force
-# loop, the error of a place, the virtual mass you may show.
+# **Key insight.** In contact, the wall is part of the loop. Ask what its stiffness multiplies: the loop gain (force
+# control), the force per position error (impedance control), or the smallest stable virtual mass (admittance control).
 #
 # </div>
-
-# %%
-more_claims("impedance_holds_a_force")
-
-# %% [markdown]
-# ## 4 · Design: regimes, levels, rates
 #
-# Four regimes, four controllers. The rate in the table is the least at which the loop stands at all, measured on one
-# probe at a wall of 10 kN/m, two milliseconds late. For the *first peak* the set-point comes at 0.1 m/s and stops 20 mm
-# inside the wall (a law of force wants 10 N): the peak of the stiff law is that press, not the blow. *Surface 2 mm
-# off* is the change of the force at rest when the surface is 2 mm nearer than believed.
+# ## 4 · Design: contact regimes and loop rates
+#
+# A contact task has four phases, and each suits another controller. The table measures them on one probe of 4 kg
+# with a delay of 2 ms, at a wall of 10 kN/m. *Lowest rate* is the lowest sample rate at which the loop is
+# stable, not a recommendation. For *first peak* the set-point arrives at 0.1 m/s and stops 20 mm inside the wall;
+# the force controller asks for 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm
+# nearer than expected.
 
-# %%
+# %% tags=["hide-code"]
 lines = [
-    "| regime | controller | rate | use | first peak | surface 2 mm off |",
+    "| regime | controller | lowest rate | use | first peak | surface 2 mm off |",
     "|---|" + "---|" * 5,
 ]
 for regime, name, use in (
-    ("free space", "stiff position", "between waypoints"),
-    ("before contact", "soft impedance", "approach, slowly"),
+    ("free space", "stiff position", "motion between waypoints"),
+    ("before contact", "soft impedance", "slow approach"),
     ("contact", "force", "pushing, insertion"),
-    ("hybrid", "hybrid", "wiping: force along the normal, place along the surface"),
+    ("hybrid", "hybrid", "wiping: force along the normal, position along the surface"),
 ):
     result = touch.row(name)
     lines.append(
-        f"| {regime} | {name} | from {result['rate_hz']:.0f} Hz on | {use} | "
+        f"| {regime} | {name} | {result['rate_hz']:.0f} Hz | {use} | "
         f"{result['peak_n']:.0f} N | {result['off_n']:+.1f} N |"
     )
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# ![First peak of the force against the stiffness of the law](../docs/charts/contact_regimes.png)
+# The stiff controller's peak is its steady pressing force, not the impact. The chart confirms the formula for the
+# impact: the first peak hardly changes with the controller's stiffness, until that reaches the stiffness of the wall.
+#
+# ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
+#
+# A robot runs several loops inside each other. Each inner loop must be several times faster than the loop around it,
+# because the outer loop is designed as if the inner one responded at once. The rates in the sketch are orders of
+# magnitude:
 
-# %%
-print_figures("contact_regimes", "stiff", "soft", "force", "admittance", "hybrid")
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
+levels = (
+    ("planner", "some Hz", "path"),
+    ("task or force", "100 Hz", "pose, contact force"),
+    ("impedance or position", "1 kHz", "joint angles"),
+    ("joint torque or velocity", "several kHz", "torque sensor, encoder"),
+    ("motor current", "tens of kHz", "current"),
+)
+for k, (name, rate, signal) in enumerate(levels):
+    shade = plt.get_cmap("Blues")(0.05 + 0.1 * k)
+    axis.add_patch(
+        plt.Rectangle((1.1 * k, -2.6 + 0.45 * k), 10.0 - 1.1 * k, 5.2 - 0.9 * k, fc=shade, ec="0.3")
+    )
+    _ = axis.text(
+        1.1 * k + 0.12, 2.6 - 0.45 * k - 0.12, f"{name} ({signal}): {rate}", va="top", fontsize=9
+    )
+_ = axis.set(xlim=(-0.1, 10.1), ylim=(-2.7, 2.7))
+_ = axis.axis("off")
+plt.show()
 
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *The hierarchy*, from the inside out: current, joint torque or velocity, place or impedance, task,
-# planner. Each level must be several times quicker than the one around it, because it is treated there as if it obeyed
-# at once. Say what sets each rate (the motor's electrical time constant, the delay margin, the stiffness of what is
-# touched, what the camera gives), and when you would leave place for force.
+# **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position or
+# impedance, task, planner. Don't recite the rates. Say what sets each of them: the motor's electrical time constant,
+# the delay margin, the stiffness of the contact, the frame rate of the camera. And say when you would switch from
+# position to force control.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
-# That pair of rates can't be checked: it describes no particular robot, and two loops of one rate are no inner and
-# outer one. An impedance law on torque-controlled joints has no PID of place inside at all. What can be checked is a
-# loop with its numbers: rate, delay, gains. Then its matrix gives the margins.
+# You will read such pairs of rates. Two loops of the same rate are not an inner and an outer loop. They are one loop
+# and have to be analysed as one. Impedance control on torque-controlled joints has no inner position PID at all. What
+# you can check is a loop with stated rate, delay and gains: its matrix gives the margins.
 #
 # </details>
 #
@@ -852,90 +1258,153 @@ print_figures("contact_regimes", "stiff", "soft", "force", "admittance", "hybrid
 #
 # ## 5 · Code, and the simulation in full
 #
-# The loop as a matrix over the state, the commands under way and the law's memory; a PID with what a drive adds to it,
-# one sample; computed torque, with the half sample; a better plan by trying:
+# The closed loop as a matrix. The state vector contains the plant's state, the commands that are still waiting in the
+# delay, and the controller's state. Each row block of the matrix says how one of them gets its next value:
 
-# %%
-source(sampled._closed, control.pid._update, control.computed_torque, control.mppi)
+# %% tags=["hide-code"]
+source(sampled._closed, "n, waiting, m")
 
 # %% [markdown]
-# Sliders for three gains, torque limit, delay, sample time, load, friction; a menu for the encoder; switches for
-# anti-windup and for the derivative. The joint is solved exactly, so its limits are the robot's. Go through the
-# presets, each is one failure. Before you choose one, say what will happen:
+# One sample of a PID controller for a real motor drive: derivative of the measurement, torque and slew-rate limit,
+# and both methods against windup. The arguments are unpacked in the omitted lines; `weight` is the share of the
+# set-point in the P term:
+
+# %% tags=["hide-code"]
+source(control.pid._update, "error = setpoint - y")
+
+# %% [markdown]
+# Computed torque with half-sample preview. `needed` is inverse dynamics: the torque that the model needs for a desired
+# acceleration. `pd` computes the PD terms:
+
+# %% tags=["hide-code"]
+source(control.computed_torque, "half = 0.5")
+
+# %% [markdown]
+# The heart of MPPI. The lowest cost is subtracted before the exponential, so that the weights cannot all become zero:
+
+# %% tags=["hide-code"]
+source(control.mppi, "cost = _costs")
+
+# %% [markdown]
+# Back to the first simulation. The joint is integrated exactly, so the limits that you see come from the control loop
+# and not from an integrator. Each preset shows one failure. Predict the outcome before you choose one:
 #
-# 1. *P past its limit*: how does it look a minute later, with a motor that is limited?
-# 2. *PD at its limit*: which way do you move the sample time?
-# 3. *A weak motor*: what do the margins say about it?
+# 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
+# 2. *PD at its limit*: should you lengthen or shorten the sample time?
+# 3. *A weak motor*: do the margins warn you?
 # 4. *Z-N, PID*: which gain do you change first?
 
 # %%
 simulation("joint", "Hunting")
 
 # %% [markdown]
+# <details><summary>Answers</summary>
+#
+# 1. It oscillates with a constant amplitude, because the torque limit bounds it. This looks like the ultimate gain but
+#    isn't.
+# 2. Shorten it: the largest $K_d$ is proportional to $J/dt$.
+# 3. No. They describe the linear loop, and while the motor is at its limit, that loop is open.
+# 4. Raise $K_d$. It adds phase where the loop crosses the gain 1.
+#
+# </details>
+#
 # ## 6 · Speed against accuracy
 #
-# ### Which law for which error
+# ### Which controller for which error
 #
-# Two links on one motion: largest error against samples a second, the model right and wrong; and against computing
-# time, with the same law through Pinocchio and MuJoCo from Python. A triangle at the upper edge is off the chart.
+# A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
+# *wrong* model knows neither. The upper charts show the largest tracking error over the sample rate. The lower one
+# shows the error over computing time, with the same controller also running through Pinocchio and MuJoCo from Python.
+# A triangle at the upper edge is off the chart:
 #
-# ![Tracking error against samples a second, and against computing time](../docs/charts/tracking_laws.png)
+# ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
-# %%
-print_figures("tracking_laws", "half-sample", "PD + gravity  ", "Pinocchio", "MuJoCo")
+# %% tags=["hide-code"]
+right, wrong = stored("tracking_laws")[:2]
+lines = [
+    "| controller at 1 kHz | largest error, right model [mrad] | wrong model [mrad] |",
+    "|---|---|---|",
+]
+for name in ("PD + gravity", "computed torque", "half-sample preview", "adaptive law"):
+    lines.append(f"| {name} | {1e3 * right[name].y[-1]:.3g} | {1e3 * wrong[name].y[-1]:.3g} |")
+Markdown("\n".join(lines))
 
 # %% [markdown]
-# The parts of a plan, against SciPy and MuJoCo: rollouts of two links, Riccati equations, box QPs.
-#
-# ![Rollouts beside MuJoCo, regulators and boxes beside SciPy](../docs/charts/control_speed.png)
-
-# %%
-print_figures("control_speed", "")
-
-# %% [markdown]
-# *What to pick.* A good model and a known load: computed torque, half a sample ahead; nothing else buys as much for a
-# microsecond. A load that changes: adapt. A torque limit that binds, or a cost that is not a distance from a path:
-# plan ahead, by a quadratic program while the model is linear enough, by samples when it is not.
-#
-# With the model wrong as here, PD with gravity is ahead of computed torque in this chart, but not by its law: its
-# spring at the elbow is seven times as stiff. At equal stiffness the two err about alike with the wrong model. With the
-# right one computed torque is ahead by a factor of more than a hundred:
+# With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, for no
+# measurable time. With the wrong model, computed torque is far behind PD with gravity compensation. But this compares
+# gains, not controllers: here the PD spring at the elbow is seven times as stiff. At equal stiffness both err about
+# alike with the wrong model, and with the right model computed torque is ahead by a factor of more than a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
+# MPC and MPPI need fast building blocks: rollouts of the arm, Riccati solvers, and quadratic programs with bounds. The
+# chart compares those of the course with MuJoCo and SciPy:
+#
+# ![Rollouts compared with MuJoCo, Riccati solver and quadratic programs with SciPy](../docs/charts/control_speed.png)
+#
+# **What to pick.**
+#
+# * Good model, known load: computed torque with half-sample preview.
+# * Changing load: adaptive control.
+# * A torque limit becomes active, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is good
+#   enough, and MPPI if it is not.
+#
 # ## 7 · Debug: what a simulator hides
 #
-# A stepping simulator has limits that belong to its steps:
+# ### The simulator's hold
+#
+# Gains that work in simulation can shake the robot. One cause is how a simulator steps. MuJoCo uses **semi-implicit
+# Euler**: it first updates the velocity with the torque, and then moves the position with the *new* velocity.
 
 # %%
 predict("one_step_a_sample")
 
-# %%
-show("simulator_hold")
+# %% [markdown]
+# The picture shows one sample with a constant torque. The real joint accelerates gradually (grey), and the area under
+# the line is its displacement. With one step per sample, the simulated joint has its final velocity from the start
+# (orange). Its position responds half a sample earlier, and this cancels the delay of the hold. With ten steps (blue)
+# nine tenths of the delay remain:
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
+_ = axis.plot([0.0, 1.0], [0.0, 1.0], color="0.5", lw=2.5, label="real joint")
+_ = axis.step(
+    [0.0, 1.0], [1.0, 1.0], where="post", color="C1", label="simulator, 1 step per sample"
+)
+tenths = np.arange(11) / 10.0
+_ = axis.step(
+    tenths, np.minimum(tenths + 0.1, 1.0), where="post", color="C0", label="10 steps per sample"
+)
+_ = axis.set(
+    xlabel="time [samples]", ylabel="velocity", yticks=[], xlim=(0.0, 1.0), ylim=(0.0, 1.15)
+)
+_ = axis.legend(fontsize=9, loc="lower right")
+plt.show()
 
 # %% [markdown]
+# In general, $n$ physics steps per sample delay the torque by $(1 - 1/n)\,dt/2$ instead of $dt/2$. So close the loop
+# outside of the simulator, at the robot's rate, with ten or more physics steps per sample. The map shows the gains for
+# which a sampled PID loop is stable. The points measured in MuJoCo lie slightly outside of the theoretical limit; the
+# shorter hold explains the difference:
+#
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
-
-# %%
-print_figures("pid_stability", "largest", "MuJoCo")
-
-# %% [markdown]
-# That settles the per cents between the map's theory and MuJoCo's marks: the marks are right, for a loop with MuJoCo's
-# hold. The more of the loop one hands over to a simulator, the more it helps:
-
-# %%
-show("servo_is_a_sampled_loop")
-
-# %% [markdown]
+#
+# Other parts of a simulator are models with their own stability limits, too. A built-in position servo is computed
+# inside the physics step, so it is not a sampled loop. In MuJoCo, the attribute `delay` of a position actuator delays
+# the set-point, not the feedback. A soft contact passes part of the command straight to the contact force, whatever
+# the wall.
+#
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. Close the
-# loop outside, at the robot's rate, with several steps a sample, or you tune the simulator.
+# loop outside, at the robot's rate, with several steps per sample. Otherwise you tune the simulator.
 #
 # </div>
 
 # %%
 more_claims(
+    "simulator_hold",
+    "servo_is_a_sampled_loop",
     "delay_delays_the_loop",
     "contact_is_the_wall",
     "pid_actuator_guards",
@@ -943,20 +1412,61 @@ more_claims(
 )
 
 # %% [markdown]
-# ### Debugging
+# ### Symptoms, causes and fixes
 #
-# Say the cause before you open the answer.
+# Four traces that you will meet. Name a cause for each before you read on:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 4, figsize=(10, 2.3), layout="constrained")
+plain = Joint(0.5, 0.5)
+
+
+def trace(axis, title, gains, seconds, joint=plain, delay=0.0, encoder=None):
+    """Plot a step response of a joint, and return its record."""
+    run = run_joint(joint, Actuator(delay=delay), encoder or Encoder(), gains, 1.0, dt, seconds)
+    _ = axis.plot(run.times, run.q, lw=1)
+    _ = axis.axhline(1.0, color="0.4", ls="--", lw=0.8)
+    _ = axis.set(title=title, xlabel="time [s]", ylabel="angle [rad]")
+    return run
+
+
+trace(axes[0], "A", Gains(1.5 * Ku, u_min=-4.0, u_max=4.0), 20.0, delay=late)
+trace(axes[1], "B", Gains(40.0, 150.0, 6.0), 12.0, Joint(0.5, 0.5, 0.0, 2.0, 3.0))
+_ = axes[1].set(ylim=(0.95, 1.05))
+rattle = trace(axes[2], "C", Gains(20.0, 0.0, 4.0), 3.0, encoder=Encoder(12, 2e-4))
+axes[2].clear()
+_ = axes[2].plot(rattle.times[: rattle.command.size], rattle.command, lw=0.5, color="C1")
+_ = axes[2].set(
+    title="C", xlabel="time [s]", ylabel="torque [N m]", xlim=(2.0, 3.0), ylim=(-20, 20)
+)
+trace(axes[3], "D", Gains(20.0, 20.0, 4.0, u_min=-2.0, u_max=2.0, windup="none"), 8.0)
+plt.show()
+
+# %% [markdown]
+# A is a loop beyond its stability limit, whose torque limit keeps the oscillation constant. B is hunting, with pauses.
+# C is the torque at rest, rattling with the encoder counts. D is windup: the command was at its limit for most of the
+# way. How you tell them apart, and what helps (in B, take the friction's sign from the reference velocity, since the
+# measured one chatters):
+#
+# | symptom | cause | test | fix |
+# |---|---|---|---|
+# | constant oscillation (A) | unstable loop, torque limit | growth of the matrix; halve gains | lower gains, less delay |
+# | slow oscillation with pauses (B) | hunting | switch off the I term | dead band on I; friction compensation |
+# | torque noise at rest (C) | encoder counts times $K_d$ | count the counts | filter, observer, longer sample time |
+# | large overshoot after saturation (D) | windup | plot the command | anti-windup |
+# | error follows the acceleration | inertia or torque constant | `diagnose` | identify the payload |
+# | stable in simulation only | the simulator's hold or delay | ten steps, loop outside | tune with the true delay |
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The robot overshoots its target.* Is the command at its limit during the step? Then it is windup,
-# or a motor that can't brake: no gain helps. Is there an integral? Then take it out for a moment. Is it PD, far from
-# its limits? Then more Kd or less Kp. Is the growth near one? Then something is late: look for the delay, not for a
-# gain. And does the set-point have to jump?
+# **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
+# and there is an I term, suspect windup. Next, switch the I term off: if the overshoot goes away, the I term was
+# too large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the growth per sample is
+# close to 1, look for the delay. Finally, ask whether the set-point has to jump at all.
 #
-# <details><summary>What people get wrong there</summary>
+# <details><summary>A common mistake</summary>
 #
-# They lower Kp. With an integral that makes it worse. And they raise Kd near the limit that the delay sets.
+# Lowering $K_p$ while there is an I term. That makes the overshoot larger.
 #
 # </details>
 #
@@ -965,42 +1475,30 @@ more_claims(
 # %%
 show("overshoot_means_p")
 
-# %%
-show("overdamped_cure")
-
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The robot vibrates at contact.* Which loop goes through the wall? For an impedance law, less
-# stiffness, then damping for the stiffness *in contact*, as far as the delay allows. For a force loop, less gain on the
-# force: its stiffness is not in it. For admittance, more virtual mass, or a softer inner loop. Count the bounces, too:
-# a hand that leaves the surface is another problem than one that rings on it.
+# **Debugging tip.** *The robot vibrates at contact.* First ask which loop runs through the wall.
+#
+# * Impedance control: lower the stiffness, then set the damping for the combined stiffness $K + k_e$, as far as the
+#   delay allows.
+# * Force control: lower the gain on the force. The impedance stiffness is not part of this loop.
+# * Admittance control: raise the virtual mass, or soften the inner position loop.
+#
+# And look whether the hand loses contact. Repeated impacts need a slower approach; vibration in contact needs other
+# gains.
 #
 # </div>
 
 # %%
-show("vibration_needs_softness")
+more_claims("overdamped_cure", "vibration_needs_softness")
 
 # %% [markdown]
-# <table>
-# <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>a swing that neither grows nor dies</td> <td>a loop past its limit, its torque limited</td> <td>growth of its
-# matrix; halve all gains</td> <td>less gain, less delay</td></tr>
-# <tr><td>a slow swing about the target, with pauses</td> <td>hunting</td> <td>take the integral out</td> <td>a dead
-# band; friction compensation from the reference's speed</td></tr>
-# <tr><td>torque noise at rest</td> <td>encoder lines times Kd</td> <td>count lines</td> <td>filter; observer; sample
-# slower</td></tr>
-# <tr><td>error like the acceleration</td> <td>inertia or torque constant; on a sine, gravity too</td>
-# <td>`diagnose`</td> <td>identify, payload</td></tr>
-# <tr><td>fine in the simulator, swings on the robot</td> <td>the simulator's hold, or a delay of the target only</td>
-# <td>ten steps a sample, the loop outside</td> <td>tune with the true lateness</td></tr>
-# </table>
-#
 # ## 8 · Exercises
 #
-# Graded exercises; the drill `pid` (`drills start pid`) comes before them. `check` runs what your cell defines in
-# a process of its own, on cases drawn afresh, and says what is right, what is wrong and, where it recognises the
-# mistake, why.
+# There are seven graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
+# function in a separate process on new random cases. It reports what is right and what is wrong. Where it recognises
+# the mistake, it also says why.
 #
 # ### The ultimate gain
 
@@ -1010,11 +1508,8 @@ card("ultimate_gain")
 
 # %%
 def ultimate_gain(inertia, damping, dt, delay):
-    """Return the gain at which a sampled P loop around a joint swings for ever.
-
-    And the period of that.
-    """
-    # As if the whole loop were one dead time and the joint did not turn meanwhile.
+    """Return the gain at which a sampled P loop oscillates for ever, and the period."""
+    # This treats the whole loop as one delay, during which the joint does not move.
     late = delay + dt
     return inertia / late**2, 2.0 * math.pi * late
 
@@ -1031,14 +1526,14 @@ card("computed_torque")
 # %%
 def computed_torque(lengths, masses, gravity, q, v, reference, kp, kd):
     """Return torques that make two links in a vertical plane follow a reference."""
-    # A law that knows no arm: PD alone.
+    # PD alone: it knows nothing of the arm.
     return np.asarray(kp) * (reference[0] - q) + np.asarray(kd) * (reference[1] - v)
 
 
 check(computed_torque)
 
 # %% [markdown]
-# ### The gain of a regulator
+# ### The LQR gain
 
 # %%
 card("lqr")
@@ -1054,7 +1549,7 @@ def lqr(A, B, Q, R):
 check(lqr)
 
 # %% [markdown]
-# ### Force here, place there
+# ### Hybrid force and position control
 
 # %%
 card("hybrid")
@@ -1062,7 +1557,7 @@ card("hybrid")
 
 # %%
 def hybrid_torque(J, frame, forced, error, velocity, force, wanted, gains):
-    """Return joint torques that press along some axes of a surface and move along the others."""
+    """Return joint torques that control force along some axes of a surface, position along others."""
     # Impedance along all axes: no force is controlled.
     return np.asarray(J).T @ (gains[0] * np.asarray(error) - gains[1] * np.asarray(velocity))
 
@@ -1105,7 +1600,8 @@ check(mppi_step)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# It holds every load and never rings, and its poles are not where they should be.
+# This controller holds every load and never oscillates. But its closed-loop poles are not where the gains should have
+# put them. Find out why.
 
 # %%
 card("hold_joint")
@@ -1130,10 +1626,17 @@ def hold_joint(q, target, pole, load, dt, steps):
 check(hold_joint)
 
 # %% [markdown]
-# ### Formulas: three triangles
+# ### Formulas: three limits of PD
 #
-# PD on a free inertia. Write one sample as a matrix or as a polynomial in $z$, and ask when its roots leave the unit
-# circle (Jury's conditions). Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
+# Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
+# $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when a root reaches the unit circle (Jury's
+# conditions). Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
+#
+# 1. The rate is exact. Which is the largest stable $K_p$, as a function of $K_d$, $J$ and $h$?
+# 2. The rate is the difference of the last two angles over $h$. Which is the largest $K_p h^2/(2J)$, as a function of
+#    $c = K_d h/(2J)$?
+# 3. The rate is exact, and the command comes one sample late. Which is the largest $K_p h^2/(2J)$, as a function of
+#    $V = K_d h/J$?
 
 # %%
 answer("pd_exact_rate", "4*J/h^2")
@@ -1147,58 +1650,56 @@ answer("pd_sample_late", "V")
 # %% [markdown]
 # ## 9 · Frontier: learned controllers
 #
-# A **residual** law is a classical one plus a learned correction, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
-# Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns the second part
-# by reinforcement. It starts from something that works, and that is most of what it gains. That it "converges much
-# faster" names two learners and no task; measured on one task:
-
-# %%
-show("residual_learning_is_faster")
-
-# %%
-show("residual_of_the_state")
-
-# %% [markdown]
-# <table>
-# <tr><th>work</th> <th>year</th> <th>what it does</th></tr>
-# <tr><td>Slotine and Li</td> <td>1987</td> <td>adapts the model's own numbers, with a proof: the baseline</td></tr>
-# <tr><td>Actuator nets (Hwangbo and others, Science Robotics)</td> <td>2019</td> <td>a network for what the drive does,
-# inside a simulator</td></tr>
-# <tr><td>RMA (Kumar and others, RSS)</td> <td>2021</td> <td>a policy that reads the changed dynamics from the last
-# moments</td></tr>
-# <tr><td>Neural-Fly (O'Connell and others, Science Robotics)</td> <td>2022</td> <td>features learned beforehand, their
-# weights adapted in flight</td></tr>
-# <tr><td>MJPC (Howell and others, arXiv 2212.00541)</td> <td>2022</td> <td>predictive sampling with MuJoCo, weights
-# changed live</td></tr>
-# </table>
+# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
+# Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns the second term
+# with reinforcement learning, the subject of chapter 9. Most of the benefit comes from starting with a controller that
+# already works. You will often read that it "converges much faster". That depends on the model it starts from.
+#
+# Before the picture: the correction learns the missing torque as a function of angles, rates and accelerations, from
+# motions it has seen.
 
 # %%
 predict("taught_elsewhere")
 
 # %% [markdown]
-# A small one: two hundred random waves, fitted to the torques that a wrong model lacks, collected again under the
-# improved law; beside it the adaptive law with seven parameters:
+# The example starts from a wrong model, without payload and friction. It fits 200 random waves (sines of random
+# combinations of angles, rates and accelerations) to the torque that this model misses. Then it drives the motion again
+# with the improved controller, adds the new data, and repeats this for six rounds. For comparison, adaptive control
+# changes the seven physical parameters of the arm:
 #
 # ![Learned and adapted, on the trained motion and on a larger one](../docs/charts/learned_beside_adaptive.png)
 
-# %%
+# %% tags=["hide-code"]
 print_figures("learned_beside_adaptive", "adaptive", "learned")
 
 # %% [markdown]
-# What that proves: the lack is a smooth function of state and acceleration, and a linear fit finds it where it was
-# seen. What it does not: that it knows the arm. On a larger motion the law with numbers that mean something stays good.
+# On the trained motion both are accurate to a few milliradians. On the larger motion the learned correction is many
+# times worse, because it has no data there. The adaptive law stays accurate: its parameters are physical, and
+# they are the same in both motions.
 #
-# And MPPI through MuJoCo, by the same interface, its weights changed while it runs: first the upper arm shall go up,
-# then torque gets dear.
+# | work | year | idea |
+# |---|---|---|
+# | Slotine and Li | 1987 | adapts the parameters of the model, with a proof: the baseline |
+# | Actuator nets (Hwangbo and others, Science Robotics) | 2019 | a network models the motor drive inside a simulator |
+# | RMA (Kumar and others, RSS) | 2021 | a policy infers the changed dynamics from recent observations |
+# | Neural-Fly (O'Connell and others, Science Robotics) | 2022 | features learned before, weights adapted in flight |
+# | MJPC (Howell and others, arXiv 2212.00541) | 2022 | predictive sampling with MuJoCo, cost weights changed live |
 
 # %%
+more_claims("residual_learning_is_faster", "residual_of_the_state")
+
+# %% [markdown]
+# The last row can be tried here in a few lines: MPPI with MuJoCo as the model, and a cost weight that changes while the
+# controller runs. First the arm shall swing up. Then the price of torque is raised, and the arm lets itself fall:
+
+# %% tags=["show-code"]
 body, arm = TwoLink(gravity=9.81).chain(), TwoLink(gravity=9.81)
 rng, price, plan = np.random.default_rng(0), 1e-4, np.zeros((15, 2))
 state = np.array([-1.5, 0.0]), np.zeros(2)
 
 
 def in_mujoco(plans):
-    """Return costs of plans (K, 15, 2) from the state on: distance at the end, and torque."""
+    """Return costs of plans (K, 15, 2): squared distance at the end, and torque."""
     ends = mujoco.rollouts(body, plans, 0.02, state, (0.0, -9.81, 0.0))()
     return ((ends - (1.2, 0.6)) ** 2).sum(axis=1) + price * (plans**2).sum(axis=(1, 2))
 
@@ -1213,7 +1714,7 @@ for price in (1e-4, 1.0):
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open: first what one says in a minute, then the whole of it, then what comes next.
+# Answer aloud, then open the one-minute answer, the full answer and the likely follow-up questions.
 
 # %%
 interview("control")
@@ -1221,7 +1722,8 @@ interview("control")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page; you can derive them from what is. The gate opens when all are right.
+# Three formulas that are not on this page. You can derive them from what is: the closed-loop equation of the joint, the
+# springs in contact, and the torque of gravity on a pendulum. The chapter counts as passed when all three are right.
 
 # %%
 checkpoint(

@@ -135,16 +135,23 @@ _ = axes[0].set_ylabel("y from the goal [m]")
 plt.show()
 
 # %% [markdown]
-# How fast can it be? After $k$ steps, a point at rest can be anywhere in a square around its start. Under full
-# acceleration the steps cover $\Delta t^2$, $2\Delta t^2$, $3\Delta t^2$ and so on, because the velocity grows before
-# each move. The half-width of that square is their sum, $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. The smallest
-# $k$ for which the square touches the disc is the least number of steps. Success pays a prize of 1,
-# and each step of delay multiplies it by the **discount** $\gamma = 0.99$. The optimal return is therefore
-# $0.99^{\,k-1}$.
+# How fast can it be? After $k$ steps, a point at rest can be anywhere in a square around its start. With the full
+# acceleration of 1 m/s², step 1 moves it by $\Delta t^2$, step 2 by $2\Delta t^2$, step 3 by $3\Delta t^2$ and so on,
+# because each step raises the velocity before it moves the point. The half-width of the square is the sum of these
+# moves, $\Delta t^2\,k(k+1)/2$, with $\Delta t = 50$ ms. The smallest $k$ for which the square touches the disc is the
+# least number of steps.
 #
-# **A worked example.** A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches $0.0025 \cdot 27 \cdot
+# Success pays a prize of 1, which loses 1 % of its worth for every step after the first: it is multiplied by the
+# **discount** $\gamma = 0.99$ each time. So arriving in step $k$ is worth $0.99^{\,k-1}$, and with the least $k$ this
+# is the optimal return.
+#
+# <details><summary>A worked example: a goal 1 m away</summary>
+#
+# A goal lies 1 m away along one axis. In $k = 27$ steps the square reaches $0.0025 \cdot 27 \cdot
 # 28/2 = 0.945$ m, 5.5 cm short of the goal and so 0.5 cm outside the disc. In 28 steps it reaches 1.015 m. So 28 steps
 # are needed, and the optimum is $0.99^{27} = 0.76$.
+#
+# </details>
 #
 # The table compares both policies on 64 starts:
 
@@ -165,7 +172,7 @@ table(*rows)
 #
 # $$\nabla_\theta J = \mathbb{E}\Big[\sum_t A_t\,\nabla_\theta \log \pi_\theta(a_t \mid s_t)\Big].$$
 #
-# (The exact formula has another factor $\gamma^t$ in the sum, which PPO drops, as most implementations do.)
+# (The exact formula has another factor $\gamma^t$ in the sum. Most implementations leave it out, ours too.)
 #
 # Read it from the right. The vector $\nabla_\theta \log \pi_\theta(a_t \mid s_t)$ is the direction that makes the
 # sampled action more likely. The **advantage** $A_t$ is a number: how much better that action turned out than the
@@ -212,14 +219,14 @@ plt.show()
 # **weights**. "Two layers of 16 units" means that two intermediate results with 16 numbers each lie between input and
 # output.
 #
-# In training, one draws a **batch** of data, computes the gradient of an objective with respect to all weights,
-# and moves the weights a little along it: one **gradient step**, whose length the **step size** sets (here with the
-# optimiser Adam). Large batches are split into **minibatches**, with one gradient step each. All random numbers follow
+# Training takes a **batch** of data, computes the gradient of an objective with respect to all weights, and moves the
+# weights a little along it. One such move is a **gradient step**, and the **step size** sets its length. (We use the
+# rule named Adam.) A large batch is split into **minibatches**, with one gradient step each. All random numbers follow
 # from a **seed**.
 #
 # In the simulation the actions have two components, and the reward is a formula with one peak, so the true gradient can
-# be computed. Play to let the mean follow the average vote, then switch off the baseline, which is explained below the
-# proof:
+# be computed. Play to let the mean follow the average vote. Then switch off the **baseline**, a number that is
+# subtracted from every reward before the votes are counted, and watch how far the votes scatter:
 
 # %%
 simulation("policy_gradient")
@@ -239,10 +246,10 @@ simulation("policy_gradient")
 #
 # </details>
 #
-# One question remains. Why an advantage, and not simply the return? If all returns are positive, all sampled actions
-# become more likely, good ones only more strongly than bad ones, and this difference is easily lost in the noise.
-# Subtracting a **baseline**, a number that does not depend on the action, is meant to remove that noise. Does it also
-# change the result?
+# One question remains. Why an advantage, and not simply the return? If all returns are positive, every sampled action
+# is pushed up, good ones only a little more than bad ones. In a finite batch this small difference drowns in noise.
+# Subtracting a baseline that does not depend on the action should reduce the noise. Does it change the expected
+# gradient?
 
 # %%
 show("baseline_is_free")
@@ -260,8 +267,8 @@ show("baseline_is_free")
 #
 # In words: the reward plus the value of where you are now, minus the value that you expected before. A positive
 # $\delta_t$ says that this step went better than expected, so $\delta_t$ is already an estimate of the advantage. It
-# has little noise, because it depends on only one step. But it relies on the critic's estimate for the next state,
-# which is useless early in training.
+# has little noise, because it depends on only one step. But it relies on the critic, and early in training the critic
+# knows nothing.
 #
 # The opposite choice waits for the whole return and subtracts $V(s_t)$. This does not use the critic for later
 # states. But it is noisy, because every later random action affects it. **Generalised advantage estimation** (GAE) is
@@ -271,8 +278,9 @@ show("baseline_is_free")
 #       = \delta_t + \gamma\lambda\,A_{t+1}.$$
 #
 # The weight of a later error decays by the factor $\gamma\lambda$ per step. With $\lambda = 0$ only the first error
-# counts. With $\lambda = 1$ the values of later states cancel in pairs, and what is left is the whole return minus
-# $V(s_t)$. The usual value is 0.95.
+# counts. With $\lambda = 1$ the values of later states cancel: $+\gamma V(s_{t+1})$ in one error meets $-\gamma
+# V(s_{t+1})$ in the next, which is discounted once more. What is left is the whole return minus $V(s_t)$. The usual
+# value is 0.95.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(8, 2.1), layout="constrained", sharey=True)
@@ -302,18 +310,17 @@ show("lambda_mixes")
 # were not observed is called **bootstrapping**.
 #
 # At both kinds of end the sum over later errors stops, because the next stored step belongs to another episode. The
-# whole algorithm is a loop backwards in time. The lines that check and rename the arguments are omitted: `r` and `v`
-# are the rewards and values, `after` is `following`, which holds $V(s_{t+1})$, `over` and `late` are `terminated` and
-# `truncated`, `gamma` is `discount`, and `decay` is `trace`, our $\lambda$.
+# whole algorithm is a loop backwards in time. (The lines that check the arguments are omitted; `final` is `terminated`
+# and `cut_off` is `truncated`, and in a final step `next_value` is 0.)
 
 # %% tags=["hide-code"]
-source(learning.gae, "errors = r")
+source(learning.gae, "delta = reward")
 
 # %% [markdown]
 # What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
 # error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
-# $\lambda$ shifts weight from one to the other. The curve shows the error of the estimated return, advantage plus
-# $V(s_t)$. Double the critic's error, and a larger $\lambda$ becomes the best:
+# $\lambda$ shifts weight from one to the other. The right plot shows both and the total error, for $A_t + V(s_t)$,
+# which is an estimate of the return. Double the critic's error, and a larger $\lambda$ becomes the best:
 
 # %%
 simulation("gae_weights")
@@ -328,17 +335,16 @@ simulation("gae_weights")
 # $$\rho = \frac{\pi_{\text{new}}(a \mid s)}{\pi_{\text{old}}(a \mid s)} .$$
 #
 # It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled. As
-# long as all ratios are 1, the gradient of the average of $\rho A$ equals the policy gradient. In later gradient steps
-# nothing in $\rho A$ limits the ratio: for a positive advantage, a larger ratio is always better. PPO maximises the
-# **clipped objective** instead:
+# long as all ratios are 1, the gradient of the average of $\rho A$ equals the policy gradient. After the first gradient
+# step, though, $\rho A$ alone would push the ratio of a good action up without end: a larger ratio is always better.
+# PPO maximises the **clipped objective** instead:
 #
 # $$L = \mathbb{E}\big[\min\big(\rho A,\ \mathrm{clip}(\rho,\,1-\varepsilon,\,1+\varepsilon)\,A\big)\big] .$$
 #
 # The function clip replaces a ratio outside $1 \pm \varepsilon$ by the nearest end of that range; $\varepsilon$ is
-# usually 0.2. The minimum selects the smaller of the two terms. Call the direction in which $\rho A$ grows the
-# *profitable* one: up for a good action, down for a bad one. Going beyond the range in the profitable direction earns
-# nothing more. An action whose probability moved in the unprofitable direction keeps its full gradient, so it is pulled
-# back.
+# usually 0.2. The minimum selects the smaller of the two terms. A good action that is already 20 % likelier gets no
+# further push. A good action that has become less likely is still pushed up with the full gradient. For bad actions it
+# is the other way round.
 
 # %%
 predict("where_the_clip_bites")
@@ -375,11 +381,10 @@ plt.show()
 simulation("clipped_objective")
 
 # %% [markdown]
-# It is tempting to conclude that the ratio now stays within the range. Before you answer, remember that all actions
-# share the same network weights. Two terms for the answer: an **epoch** is one pass over the batch, and one
-# **iteration** collects a batch and trains on it for several epochs. The **Kullback-Leibler (KL) divergence**
-# measures how much two distributions differ, here the old and the new distribution of actions. It is zero if they are
-# equal, and its unit, for natural logarithms, is the nat.
+# Does the ratio now stay within the range? Remember that all actions share the same network weights. Two terms for the
+# answer: an **epoch** is one pass over the batch, and one **iteration** collects a batch and trains on it for several
+# epochs. The **Kullback-Leibler (KL) divergence** measures how much two distributions differ, here the old and the new
+# distribution of actions. It is zero if they are equal, and its unit, for natural logarithms, is the nat.
 
 # %%
 show("clip_keeps")
@@ -388,23 +393,24 @@ show("clip_keeps")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The clip does not hold the policy in place. It only removes the incentive to go further. How far an
-# iteration moves the policy depends mostly on the number of epochs and the step size. So measure it: section 8 maps the
-# KL divergence per iteration.
+# iteration moves the policy depends on the number of epochs and the step size. So measure it: section 8 shows the KL
+# divergence per iteration of runs that succeeded and of runs that failed.
 #
 # </div>
 #
 # ### On-policy and off-policy
 #
 # PPO is **on-policy**: it learns only from actions of the current policy, and throws each batch away after a few
-# epochs. An **off-policy** method stores every step in a **replay buffer** and learns from random samples of it,
-# again and again, whichever policy made them. SAC (soft actor-critic) and TD3 work like this. They train a critic
-# $Q(s, a)$ for state and action together, and an old step remains useful, because what an action did in a state stays
-# true whichever policy chose it.
+# epochs. An **off-policy** method stores every step in a **replay buffer** and learns from random samples of it, again
+# and again, whichever policy made them. SAC (soft actor-critic) and TD3 work like this. They train a critic $Q(s, a)$
+# for state and action together. Old steps can be used again, because the same action in the same state still has the
+# same effect, whoever chose it.
 #
-# The price is more gradient steps for each environment step, and a critic that learns from its own estimates and may
-# diverge. The gain is fewer environment steps. The chart shows both methods from the library Stable-Baselines3 on the
-# same task, as a share of the exact optimum. PPO appears with two batch sizes, because with 2,048 steps per batch it
-# has finished only three iterations when SAC stops at 7,000 steps.
+# The price is more gradient steps for each environment step. Also, the target of this critic contains the critic's own
+# guess, so errors can feed themselves and the values may run away. The gain is fewer environment steps. The chart shows
+# both methods from the library Stable-Baselines3 on the same task, as a share of the exact optimum. PPO appears with
+# two batch sizes, because with 2,048 steps per batch it has finished only three iterations when SAC stops at 7,000
+# steps.
 #
 # ![SAC and PPO: share of the optimum over environment steps](../docs/charts/off_policy.png)
 
@@ -421,7 +427,8 @@ table(*rows)
 # %% [markdown]
 # At equal environment steps SAC is far ahead; PPO with large batches needs several times as many to catch up. On a real
 # robot or in a slow simulator, the number of steps is what matters. In a fast simulator computing time matters more:
-# SAC makes one gradient step for each environment step, PPO with the large batches makes about ten for each thousand.
+# for 1,000 environment steps SAC makes 1,000 gradient steps here, PPO with the large batches about 10 (5 epochs of 4
+# minibatches for each 2,048 steps).
 
 # %%
 more_claims("next_row", "beyond_the_clip")
@@ -435,38 +442,39 @@ more_claims("next_row", "beyond_the_clip")
 # for success. Its problem is the beginning: in a batch in which nobody arrives, every return is zero, and the
 # estimated policy gradient carries no information.
 #
-# How often does chance find it? Picture the random path as a brush. A path of length $L$ with a disc of radius $R$
-# paints a strip of width $2R$ and area $2RL$. If the goal may be anywhere in an area $S$, the painted share of it is
-# the probability of success, as long as the path does not cross itself and stays inside the area. The goals of the
-# point fill 4 m².
+# How often does chance find it? Slide a disc with the goal's radius $R$ along a random path of length $L$, like a
+# brush. It paints a strip of width $2R$ and area $2RL$. The path hits the goal if the goal's centre lies in the strip.
+# If the goal may be anywhere in an area $S$, the painted share of $S$ is the probability of success, as long as the
+# path does not cross itself and stays inside the area. The goals of the point fill 4 m².
 
 # %%
 show("sparse_chance")
 
 # %% [markdown]
 # **A worked example.** On average, a random path of the point runs 0.9 m inside the area in which goals can lie. With
-# $R = 5$ cm that makes $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The check of the claim averages over all starts and
-# also counts goals within $R$ of the start, so its probability is slightly larger.) A batch of 2,048 steps contains
-# about 20 episodes. The chance that none of them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success
-# at all.
+# $R = 5$ cm that makes $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The number on the card is slightly larger, because it
+# also counts the round ends of the strip.) A batch of 2,048 steps contains about 20 episodes. The chance that none of
+# them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success at all.
 #
 # ### Dense rewards: minus the distance, or a potential
 #
 # A **dense reward** pays at every step. The obvious one is minus the distance to the goal. The alternative is the
-# shaping reward of chapter 8, the difference of a potential: with $\Phi(s)$ equal to minus the distance, it adds to the
-# reward of a step
+# shaping reward of chapter 8, the difference of a potential. Let $\Phi(s)$ be minus the distance. Then each step is
+# paid
 #
 # $$F_t = \gamma\,\Phi(s_{t+1}) - \Phi(s_t),$$
 #
-# which is positive for each step that comes closer. Both use the same distance, but they differ in what they add up
-# to.
+# in addition to the prize: more for a step that comes closer, less for one that moves away. Both rewards use the same
+# distance, but they differ in what they add up to.
 #
 # Let a path have the distances 3, 2, 1, 0, and take $\gamma = 1$. The potential pays $1 + 1 + 1 = 3$, and it pays 3 on
 # every other path from the same start to the goal, because the intermediate potentials cancel. (With $\gamma < 1$ the
-# discounted sum is the same for all these paths too.) Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and
-# another sum on another path. It also rewards paths that stay closer to the goal on the way, and that is a different
-# task. The best policy stays the same for certain only if $\Phi$ counts as 0 in every state that terminates the
-# episode, as chapter 8 showed.
+# discounted sum is the same for all these paths too.)
+#
+# Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and another sum on another path. Of two paths with equally
+# many steps it prefers the one that is near the goal earlier, and nobody asked for that. One condition belongs to the
+# potential: $\Phi$ has to count as 0 in every state that terminates the episode. Otherwise the last payment differs
+# from end to end, and the best policy can change, as chapter 8 showed.
 #
 # ![Share of the optimum over training for each reward, and by size of the disc](../docs/charts/rewards.png)
 
@@ -479,15 +487,14 @@ table(("reward", "share of the optimum after training", "interval"),
       *((labels[k], f"{y:.2f}", f"{low:.2f} to {high:.2f}") for k, (y, low, high) in after.items()))  # fmt: skip
 
 # %% [markdown]
-# With the potential, PPO learns a policy that is close to the optimum. With minus the distance and its default
-# rescaling it learns no more than with the sparse reward, in these four seeds. Proportion may be one reason: over an
-# episode the distances add up to tens, and the prize is only 1. By default our PPO **rescales rewards**, dividing them
-# by a running standard deviation. Without rescaling, this reward does better, but the seeds differ widely. We have not
-# found out why.
+# With the potential, PPO learns a policy that is close to the optimum. By default our PPO **rescales rewards**: it
+# divides them by a running standard deviation. With minus the distance, rescaled, it learned no more than with the
+# sparse reward (four seeds). Without rescaling this reward does better, but the seeds differ widely. We have not found
+# out why. Proportion may be one reason: over an episode the distances add up to tens, and the prize is only 1.
 #
-# The *interval* in this and later tables is a 95 % bootstrap interval over the seeds, for the mean of the middle half
-# of the seeds (the interquartile mean). The right panel repeats the sparse reward with larger discs: the more often
-# chance succeeds, the more is learned.
+# About the *interval* in this and later tables: the seeds are resampled many times, each time the mean of the middle
+# half of them is computed, and 95 % of the results lie in the interval. The right panel repeats the sparse reward with
+# larger discs: the more often chance succeeds, the more is learned.
 #
 # ### Reward hacking: compute the optimum of what you pay
 #
@@ -495,11 +502,11 @@ table(("reward", "share of the optimum after training", "interval"),
 # not at fault: it found the optimum of the reward that was written. So look for that optimum yourself, before you
 # train.
 #
-# The classic case is a bonus for being near the goal. Suppose each step near it pays $b$, and entering the disc pays
-# a prize $P$ and ends the episode. Is it better to go in, or to wait another step? The step that enters pays $b$ as
-# well. Entering now is worth $b + P$. Waiting one step and then entering is worth $b + \gamma (b + P)$. The
-# difference is $\gamma b - (1 - \gamma) P$, so waiting pays if $\gamma b > (1 - \gamma) P$. With $P = 1$ and $\gamma
-# = 0.99$ that is a bonus above 0.0101, one hundredth of the prize.
+# The classic case is a bonus for being near the goal. Suppose each step near it pays $b$, and entering the disc pays a
+# prize $P$ and ends the episode. Go in, or wait another step? Entering now pays $b + P$, since the last step is near
+# the goal too. Waiting pays $b$ now and $\gamma (b + P)$ one step later. The difference is $\gamma b
+# - (1 - \gamma) P$, so waiting pays if $\gamma b > (1 - \gamma) P$. With $P = 1$ and $\gamma = 0.99$ that is a bonus
+# above 0.0101, one hundredth of the prize.
 
 # %%
 show("hovering")
@@ -521,16 +528,20 @@ for kind, name in names.items():
 table(*rows)
 
 # %% [markdown]
-# In the two rows with a bonus, all starts lie within 0.5 m of the goal. Never moving also earns a little in other rows,
-# which is harmless, because moving pays more. Under the bonus per step, never moving is worth *more* than the fastest
-# policy: the point stands where it is and collects the bonus a hundred times. Select *Hovering* in the simulation at
-# the top to watch a learner discover this.
+# In the two rows with a bonus, all starts lie within 0.5 m of the goal. With the potential, never moving earns
+# something too: each step at distance $d$ is paid $(1 - \gamma)\,d$. That is harmless, because moving pays more. Under
+# the bonus per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects
+# the bonus a hundred times. Select *Hovering* in the simulation at the top to watch a learner discover this.
+#
+# <details><summary>The usual listing, and what is wrong with it</summary>
 #
 # **The usual listing.** Tutorials show a reward for reaching that looks like this: minus the distance, plus a bonus of
 # 1 within 5 cm "for getting close, not for staying", minus penalties for speed near the goal and for angles near their
-# limits. It runs, but it does not do what its comments say. The bonus has no memory, so it *is* paid for staying, and
-# minus the distance does favour certain paths. The exercise `reach_reward` in section 9 is that listing done right: the
+# limits. It runs, but the bonus does not do what its comment says: it has no memory, so it *is* paid for staying. And
+# minus the distance favours certain paths. The exercise `reach_reward` in section 9 is that listing done right: the
 # episode ends, the prize is paid once, and the shaping is a difference.
+#
+# </details>
 
 # %%
 more_claims("minus_distance", "no_time_penalty", "two_gains")
@@ -578,32 +589,32 @@ simulation("cloning_drift")
 # %% [markdown]
 # ![Cost over length, limit of the square law, three closed loops, circle task](../docs/charts/compounding.png)
 #
-# The upper left panel shows the two cases above. The upper right one is a map: the colour says by how much the square
-# law exceeds the exact cost (as the logarithm of the excess divided by 10 %). It is 10 % too high where the number of
-# errors expected in a run, rate times steps, is 0.3. The lower left panel shows three closed loops, and the lower right
-# one the *circle task*, in which a point follows a circle and errors die out.
+# The upper left panel shows the two cases above. The upper right one is a map of how far the square law is too high: by
+# 10 % where it is white, by more where it is orange, by less where it is purple. White lies where one expects 0.3
+# errors in a run. The lower left panel shows three closed loops, and the lower right one the *circle task*, in which a
+# point follows a circle and errors die out.
 #
 # For a robot with continuous states the closed loop decides. A deviation $x$ changes in a step to $x' = a\,x + e$,
-# where $e$ is the policy's error. If $|a| < 1$ old errors die out, and the cost grows in proportion to time. If $a =
-# 1$ they add up: for a constant $e$ the cost grows with the square of time, and for independent random errors with
-# the power 1.5. If $a > 1$ the loop amplifies them exponentially. Quadratic growth is the worst case if each wrong
-# step costs at most 1. Where a deviation can grow without limit, the cost can be exponential.
+# where $e$ is the policy's error. Let the cost be the sum of $|x|$ over all steps. If $|a| < 1$ old errors die out, and
+# the cost grows in proportion to time. If $a = 1$ they add up: with a constant $e$ the cost grows with the square of
+# time, with independent random errors with its power 1.5. If $a > 1$ the loop amplifies them exponentially. In the
+# counting model above a step costs at most 1, so $T^2$ was the worst case. Here a single step may cost any amount.
 #
 # ### A perfect fit that falls over
 #
-# Now make the clone's fit perfect. The expert is a linear law $u = -Kx$ that balances an inverted pendulum, without
-# any noise. The state is the angle and its rate. After a short time the pendulum moves along its **slow mode**, the
-# direction in state space in which the closed loop decays most slowly. We record only states on this line. Below,
-# this task is called *the regulator*.
+# Now make the clone's fit perfect. The expert is a linear law $u = -Kx$ that balances an inverted pendulum, without any
+# noise. The state is the angle and its rate, so a state is a point in a plane. All motions shrink, those along one
+# direction of this plane most slowly. This direction is called the **slow mode**, and after a short time the state
+# moves along it. We record only states on this line. Below, this task is called *the regulator*.
 
 # %%
 predict("perfect_and_useless")
 
 # %% [markdown]
-# Along one line, infinitely many laws agree with the expert. Least squares picks the one of smallest norm, which does
-# not react to a deviation at right angles to the line. It fits every label, and its closed loop is unstable. The
-# measure is the **spectral radius**, the largest absolute eigenvalue of the closed loop: below 1 deviations decay,
-# above 1 they grow.
+# Along one line, infinitely many laws agree with the expert. Of all laws that fit, the least-squares solver returns the
+# one with the smallest gains. It does not react at all to a deviation at right angles to the line. It fits every label,
+# and its closed loop is unstable. The measure is the **spectral radius**, the largest absolute eigenvalue of the closed
+# loop: below 1 deviations decay, above 1 they grow.
 #
 # The cure is data from other states. **Dataset aggregation** (DAgger) lets the *learner* drive, asks the expert for the
 # right action in every state visited, adds these labels to the data and fits again. **Noise injection** disturbs the
@@ -648,10 +659,13 @@ table(*rows)
 
 # %% [markdown]
 # In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only
-# about 0.001, and that is enough. In the right plot, clone and noise-free DAgger coincide. Two rows of the table need
-# an explanation. DAgger without noise is as unstable as the clone, and noise of only $10^{-6}$ on each label is enough
-# to make DAgger work. Can you explain both? Where does the learner drive, if it starts on the line and nothing disturbs
-# it?
+# about 0.001. The labels are exact, so this is enough to determine the gain across the line. In the right plot (of a
+# linear model, which grows without end), clone and noise-free DAgger coincide.
+#
+# Two rows of the table need an explanation. DAgger without noise is as unstable as the clone, and noise of only
+# $10^{-6}$ on each label is enough to make DAgger work. Without noise the learner stays on the line and sees nothing
+# new. With a little noise it leaves the line, and its own unstable loop amplifies the deviation, so it visits the
+# states that were missing. How far does that go?
 
 # %%
 show("dagger_fixes_drift")
@@ -666,9 +680,9 @@ source(learning.dagger, "states, labels = np.zeros")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A clone can fail in states for which it was shown nothing. So what matters is not how well it fits
-# its data but which states the data contain, and whether the plant corrects errors by itself. A more powerful network
-# adds no missing states.
+# **Key insight.** A clone can fail in states for which it was shown nothing. So a good fit to the data is not enough.
+# It also matters which states the data contain, and whether the plant corrects errors by itself. A more powerful
+# network adds no missing states.
 #
 # </div>
 
@@ -690,10 +704,9 @@ more_claims("perfect_fit", "dagger_needs_room", "diffusion_mends_drift")
 # </div>
 #
 # Data with several distinct right answers for one state are called **multimodal**, and each answer is a *mode*. Cloning
-# as in section 3 minimises the squared error. For demonstrations at $+w$ (a share $p$ of them) and at $-w$, the
-# prediction $x$ with the smallest mean squared error is found by setting the derivative of
-# $p\,(x-w)^2 + (1-p)\,(x+w)^2$ to zero. Solve it on paper
-# first.<span class="kernel-only"> Then replace the wrong answer in this cell by yours:</span>
+# as in section 3 minimises the squared error. A share $p$ of the demonstrations is at $+w$, the rest at $-w$. Which
+# prediction $x$ has the smallest mean squared error, $p\,(x-w)^2 + (1-p)\,(x+w)^2$? Solve it on paper first.<span
+# class="kernel-only"> Then replace the wrong answer in this cell by yours:</span>
 
 # %%
 answer("cloning_averages", "0*w")
@@ -725,16 +738,17 @@ show("cloning_averages")
 # %% [markdown]
 # ### Four heads that can hold several modes
 #
-# The last part of a network, which turns features into an action, is called its *head*. To represent two modes, a head
-# has to produce a distribution instead of a number. Four kinds are common.
+# The last part of a network, which turns features into an action, is called its *head*. To keep two modes, a head has
+# to be able to answer sometimes *left* and sometimes *right*: it produces a distribution instead of a number. Four
+# kinds are common.
 #
 # A **mixture head** outputs weights $w_k$, means $\mu_k$ and standard deviations $\sigma_k$ of a few normal
 # distributions, and is trained with the negative log-likelihood
 #
 # $$-\log \sum_k w_k(s)\;\mathcal N\big(a;\ \mu_k(s),\ \sigma_k(s)^2\big) .$$
 #
-# To act, it selects one component at random with the probabilities $w_k$, then samples from that component. A
-# component between the modes gives the demonstrations a low probability, so training moves it or lowers its weight.
+# To act, it selects one component at random with the probabilities $w_k$, then samples from that component. A bump in
+# the middle explains no demonstration, so training moves it to a mode or gives it a small weight.
 #
 # A conditional **variational autoencoder** (VAE) explains the difference between demonstrations by a hidden number
 # $z$, the *code*; for instance, negative $z$ for left. During training one network, the **encoder**, reads state and
@@ -743,16 +757,16 @@ show("cloning_averages")
 #
 # $$\lVert a - f(s, z)\rVert^2 + \beta\;\mathrm{KL}\big(q(z \mid s, a)\,\Vert\,\mathcal N(0, 1)\big) .$$
 #
-# The second term, weighted with a chosen factor $\beta$, is a KL divergence. It keeps the codes close to a standard
-# normal distribution, so that one can sample $z$ from it when there is no action to encode. ACT (Action Chunking with
-# Transformers) is such an autoencoder, with transformers (a network type for sequences) as encoder and decoder. When
-# it runs, it sets $z = 0$, so a state then has exactly one chunk. We never ran ACT itself: what this page says about
-# a code of zero comes from a small autoencoder with a code of one number.
+# When the policy acts there is no action to encode, so $z$ is drawn from a standard normal distribution. The second
+# term, a KL divergence with a chosen weight $\beta$, makes the codes of the training data look like such draws. ACT
+# (Action Chunking with Transformers) is such an autoencoder, with transformers (a network type for sequences) as
+# encoder and decoder. When it runs, it sets $z = 0$, so a state then has exactly one chunk. We did not run ACT. Our
+# numbers for $z = 0$ are those of a small autoencoder with a code of one number.
 #
 # The other two heads start from random noise and turn it into an action gradually. **Denoising diffusion** learns to
 # remove noise step by step. **Flow matching** learns a velocity that carries noise to data. The picture shows 40 runs
 # of each head (blue passes, orange fails) and, as a baseline, 40 that replay the nearest demonstration. The table
-# counts 400 runs.
+# counts 4,000 runs; *passes left* is a share of all runs.
 
 # %% tags=["hide-code"]
 paths = TwoWays()
@@ -763,7 +777,7 @@ passed, rows = {}, [("policy", "passes the obstacle", "passes left")]
 figure_, axes = plt.subplots(1, 7, figsize=(11, 1.9), layout="constrained", sharey=True)
 for axis, (name, policy) in zip(axes, heads.items(), strict=True):
     rng = np.random.default_rng(3)
-    ran = roll(paths, Commit(policy, 8), paths.starts(400, rng), 16, rng)
+    ran = roll(paths, Commit(policy, 8), paths.starts(4000, rng), 16, rng)
     sides = paths.sides(ran.states)
     for few, ink in ((sides[:40] != 0, BLUE), (sides[:40] == 0, ORANGE)):
         _ = axis.plot(*ran.states[:40][few].transpose(2, 1, 0), lw=0.4, color=ink)
@@ -789,10 +803,15 @@ table(*rows)
 more_claims("code_of_zero")
 
 # %% [markdown]
-# *An answer to the interview question.* Not the squared error: it would fold neither sleeve. For two clear modes a
+# <details><summary>An answer to the interview question</summary>
+#
+# Not the squared error: it would fold neither sleeve. For two clear modes a
 # mixture is enough; it is cheaper to run than a flow or diffusion policy, and you can read off how probable each mode
 # is. For actions with many components, and an unknown number of modes, choose a flow or a diffusion policy. In both
-# cases predict a chunk of actions at once, so that the policy finishes on the side on which it started.
+# cases predict a chunk of actions at once; how many of them to execute before the next prediction is a question of its
+# own, which the subsection on chunks measures.
+#
+# </details>
 #
 # Always run the nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more
 # dimensions. Then judge by runs: count successes and the share of each way.
@@ -806,15 +825,16 @@ more_claims("code_of_zero")
 #
 # $$\text{loss} = \mathbb{E}\,\lVert v(x_t, t, s) - (x - \epsilon) \rVert^2 .$$
 #
-# Many lines cross at the same point, so the network can only learn their mean velocity. That is enough: the mean
-# velocity carries the same net amount of samples through each point as the individual lines do. So moving noise along
-# it from $t = 0$ to $1$ produces samples with the distribution of the data.
+# Many lines cross at the same point, so the network can only learn their mean velocity. That is enough. Think of
+# traffic: how the crowd thins or thickens at a place depends only on the average flow there, not on who drives which
+# way. So if all samples move with the average velocity from $t = 0$ to $1$, the crowd is distributed at every time as
+# before, and at the end like the data.
 #
 # A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps
 # of size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
-# beginning, $v_1 = v(x, t)$, and where Euler would end, $v_2 = v(x + h v_1,\ t + h)$, and moves by their mean, $x
-# \leftarrow x + h\,(v_1 + v_2)/2$. The picture follows 40 samples to data with two modes, at $-1$ and $+1$. The green
-# bands are the modes, two standard deviations to each side.
+# beginning, $v_1 = v(x, t)$. It evaluates it again where Euler would end, $v_2 = v(x + h v_1,\ t + h)$. Then it moves
+# with the mean of both, $x \leftarrow x + h\,(v_1 + v_2)/2$. The picture follows 40 samples to data with two modes, at
+# $-1$ and $+1$. The green bands are the modes, two standard deviations to each side.
 
 # %% tags=["hide-code"]
 modes = learning.Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.array([0.15, 0.15]))
@@ -846,11 +866,15 @@ plt.show()
 answer("one_euler_step", "z + h*m")
 
 # %% [markdown]
+# <details><summary>A worked example in two steps</summary>
+#
 # **A worked example** in two steps. The data are $+1$ or $-1$, equally often, and the noise is 0.4. At $t = 0$ the
 # mean velocity is $0 - 0.4$, so the first step of $h = 0.5$ ends at 0.2. Now the sample is half data and half noise.
 # It could have come from $+1$ with noise $-0.6$, or from $-1$ with noise 1.4. The smaller noise is more likely: the
 # probabilities are 0.69 and 0.31. The mean velocity is $0.69 \cdot 1.6 - 0.31 \cdot 2.4 = 0.36$, and the second step
 # ends at 0.38. That is on the right side, but far from $+1$: two steps are too few.
+#
+# </details>
 #
 # The simulation lets you choose the solver and its number of steps, and measures how far the samples end from those of
 # the exact flow:
@@ -860,31 +884,29 @@ simulation("denoising")
 
 # %% [markdown]
 # *Diffusion* works in a similar way, with a different path and a different training target. The path mixes signal and
-# noise so that the variance stays constant: $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$
-# and $\sigma_t = \cos(\pi t/2)$. In this course, the network receives $x_t$, $t$ and the state $s$, and is trained with
-# the squared error to predict $\sigma_t\,x - \alpha_t\,\epsilon$. Its output is called $\hat v$. The best guess of the
-# clean action follows as $\hat x = \alpha_t\,x_t + \sigma_t\,\hat v$. The sampler DDIM goes from $t$ to a later $t'$ in
-# two moves. It computes the noise that this guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it
-# combines the guess and this noise again, with the smaller share of noise that belongs to $t'$:
+# noise as $x_t = \alpha_t\,x + \sigma_t\,\epsilon$ with $\alpha_t = \sin(\pi t/2)$ and $\sigma_t = \cos(\pi t/2)$.
+# Since $\alpha_t^2 + \sigma_t^2 = 1$, data of variance 1 keep that variance all the way.
+#
+# The network receives $x_t$, $t$ and the state $s$, and learns with the squared error to predict $\sigma_t\,x -
+# \alpha_t\,\epsilon$. Its output is called $\hat v$. This target is convenient: in $\alpha_t\,x_t + \sigma_t\,\hat v$
+# the noise cancels, and the guess $\hat x$ of the clean action remains. The sampler DDIM (denoising diffusion implicit
+# model) goes from $t$ to a later $t'$ in two moves. It computes the noise that the guess implies, $\hat\epsilon = (x_t
+# - \alpha_t \hat x)/\sigma_t$. Then it mixes guess and noise again as the path does at $t'$, with less noise:
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
-# DDPM, the original sampler, also adds fresh noise at each step. Both samplers are a few lines. `TABLEAUS` holds the
-# coefficients of Euler, Heun and the fourth-order Runge-Kutta method: `rows` says how earlier slopes combine into the
-# point of the next evaluation, and `ends` how all slopes combine into the step. In `denoise`, `a` and `s` are
-# $\alpha$ and $\sigma$, and `share` is the argument `eta`, the share of fresh noise: 0 for DDIM, 1 for DDPM.
+# DDPM (denoising diffusion probabilistic model), the original sampler, also adds fresh noise at each step. Both fit
+# into a few lines. The function `clean` is the guess $\hat x$, and `eta` is the share of fresh noise: 0 for DDIM, 1 for
+# DDPM. (Lines that check the arguments are omitted.)
 
 # %% tags=["hide-code"]
-source(learning.integrate, "rows, ends")
-
-# %% tags=["hide-code"]
-source(learning.denoise, "a, s = mix")
+source(learning.denoise, "alpha, sigma = mix")
 
 # %% [markdown]
 # How many steps are enough? For a mixture of normal distributions the exact velocity is known, so the sampler's own
-# error can be measured without any training. The chart's left panel does that: Euler and DDIM are of first order, Heun
-# is of second. The dashed curves are trained networks. They flatten at the error of the network itself, and no solver
-# can be more accurate than the network it integrates.
+# error can be measured without any training. The chart's left panel does that: with twice as many steps the error of
+# Euler and DDIM halves (first order), that of Heun falls to a quarter (second order). The dashed curves are trained
+# networks. They flatten: more steps stop helping once the network's own error is the larger one.
 #
 # ![Error over evaluations of the field, exact and trained; success over evaluations](../docs/charts/samplers.png)
 #
@@ -931,11 +953,11 @@ plt.show()
 simulation("action_chunks")
 
 # %% [markdown]
-# Under disturbances, both ends have a weakness. With $k = 1$ the policy reacts at once to every disturbance, but each
-# new sample may choose the other side, so some runs waver in front of the obstacle. With $k = 8$ it commits to one
-# side, but it does not respond to disturbances during these steps. How far does the point drift during these steps?
-# Each step adds an independent random disturbance of standard deviation $s$. What is the standard deviation after $k$
-# steps?
+# With disturbances, very small and very large $k$ both have a weakness. With $k = 1$ the policy reacts at once to every
+# disturbance, but each new sample may choose the other side, so some runs waver in front of the obstacle. With $k = 8$
+# it commits to one side, but it does not respond to disturbances during these steps. How far does the point drift
+# during these steps? Each step adds an independent random disturbance of standard deviation $s$. What is the standard
+# deviation after $k$ steps?
 
 # %%
 answer("react_less", "s*k")
@@ -949,22 +971,22 @@ show("react_less")
 # %% [markdown]
 # ![Success over executed steps and over disturbances; changes of side; drift](../docs/charts/commit_or_react.png)
 #
-# The chart has 1,000 runs for each point, so a rate is known to about three percentage points; the claim above has
-# 8,000. In both, two executed steps are best under disturbances of 50 mm, by a small margin. At 20 mm, one, two and
-# four cannot be distinguished in the chart. The second panel compares remedies. Under the strongest disturbances, a
-# policy trained on disturbed demonstrations does best. Without disturbances that policy is worse, though: about seven
-# runs in ten pass, where the others nearly all do.
+# Under disturbances of 50 mm, executing two steps is best by a small margin. Under 20 mm, one, two and four are equal
+# within the scatter of 1,000 runs. The second panel compares remedies. Under the strongest disturbances, a policy
+# trained on disturbed demonstrations does best. Without disturbances that policy is worse, though: about seven runs in
+# ten pass, where the others nearly all do.
 #
-# The lower panels explain both weaknesses. A policy that observes often changes sides more often. A policy that
-# observes rarely drifts further, in proportion to $\sqrt{k}$. What counts is the number of executed steps, not the
-# length of the chunk.
+# The lower panels show the two effects. A policy that observes often changes sides more often. A policy that observes
+# rarely drifts further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the
+# failures at $k = 1$.
 #
 # **Temporal ensembling** is a third option, from ACT. The policy predicts a chunk at every step, and the executed
 # action is the weighted mean of all predictions for this step. The weights are $e^{-m i}$, with $i = 0$ for the
 # oldest chunk. This smooths the motion. It also averages, so it is safe only if the chunks agree on the mode.
 #
-# How many demonstrations does all this need? Enough that the rarest way you want occurs in them; the checkpoint asks
-# you to derive the number. And look for pauses: a person who waits shows one state with two labels, *wait* and *go*.
+# How many demonstrations does all this need? At least so many that the rarest way you want occurs in them; the
+# checkpoint asks how probable it is that one is missing. And look for pauses: a person who waits shows one state with
+# two labels, *wait* and *go*.
 
 # %%
 more_claims("pauses")
@@ -972,10 +994,10 @@ more_claims("pauses")
 # %% [markdown]
 # ## 5 · Design: which method for what
 #
-# ### One table, each line tested
+# ### One table, its numbers tested
 #
-# An automatic test compares each number with its measurement. ACT's line has numbers of our small autoencoder (the
-# code) and of the nearest demonstration (the pauses).
+# A test compares each number with its measurement. We did not run ACT: the numbers in its line are those of our small
+# autoencoder (code at zero) and of replaying the nearest demonstration (pauses).
 
 # %% tags=["hide-code"]
 f = figure
@@ -1040,9 +1062,10 @@ table(
 # normalised observations (rescaled to mean 0 and standard deviation 1) it loses about as much; with three seeds, these
 # two cannot be separated. No other detail costs a tenth.
 #
-# Some of the others do matter on other tasks: normalised observations if they are far from zero, the clip if the step
-# size is large, and rescaled rewards if the prize is 10. In the fourth task, staying near the goal is paid more than
-# entering the disc. A learner that treats the time limit as a termination believes that those payments end, and enters.
+# On other tasks these matter: normalised observations if the observations are far from zero, the clip if the step size
+# and the number of epochs are large, and perhaps rescaled rewards if the prize is 10 (there the intervals overlap). In
+# the fourth task, staying near the goal is paid more than entering the disc. A learner that treats the time limit as a
+# termination believes that nothing is paid after it. So waiting looks like a small loss, and it enters.
 #
 # Normalising has a trap in vectorised environments (many copies stepped by one call, chapter 8), where each one could
 # keep its own statistics:
@@ -1079,14 +1102,14 @@ table(("gain", "seed", "mean return"),
 #
 # ### What the usual listing leaves out
 #
-# Some tutorials on PPO show three pieces: a network with a Gaussian head, an update with the clipped loss over a few
-# epochs, and a reward. The clipped loss in such listings is usually right. But as listed, the code stops in the second
-# epoch with "Trying to backward through the graph a second time": PyTorch still tries to differentiate through the old
-# log-probabilities, so they have to be detached first.
+# Some tutorials on PPO show a network with a Gaussian head, an update with the clipped loss over a few epochs, and a
+# reward. The clipped loss is usually right. But as listed, the code stops in the second epoch with "Trying to backward
+# through the graph a second time": PyTorch still tries to differentiate through the old log-probabilities, so they have
+# to be detached first.
 #
-# Even then it is an update and not a training loop. Nothing acts, nothing computes advantages, there is no critic,
-# and the reward of 10 inside the disc is paid at every step there. The missing parts are the ones where errors hide.
-# Our loop is a generator that yields after each iteration, so you can plot, stop or save.
+# Even then it is an update and not a training loop. Nothing acts, nothing computes advantages, there is no critic, and
+# the bonus inside the disc is paid at every step there. The missing parts are the ones where errors hide. Our loop is a
+# generator that yields after each iteration, so you can plot, stop or save.
 
 # %% tags=["show-code", "nbval-ignore-output"]
 small = Settings(epochs=5, rate=3e-3, hidden=(16, 16))
@@ -1146,9 +1169,9 @@ table(("method", "share of the optimum", "interval", "processor time [s]"),
 
 # %% [markdown]
 # With the same network, ours and the library learn equally well from the same steps, within their intervals. They
-# differ in what a step costs. The search is the fastest by far but ends lower. *What to choose?* For a point: two
-# gains of the right form, which the claims of section 2 find with fewer steps than any of these. Where nobody knows
-# the form: PPO, ours or the library's.
+# differ in what a step costs. The search is the fastest by far but ends lower. *What to choose?* For a point: two gains
+# of the right form, which the claims of section 2 find with fewer steps than any of these. Where nobody knows the form,
+# try both a search and PPO, ours or the library's: on the point PPO ends higher, on the arm below the search does.
 #
 # Where does the time go, when networks are this small? A natural guess is the arithmetic of the gradient. Count the
 # multiplications: a forward pass through $d$ inputs, two hidden layers of $h$ units and $m$ outputs takes $dh + h^2 +
@@ -1163,21 +1186,21 @@ show("gradient_cost")
 
 # %% [markdown]
 # So the arithmetic of the gradient costs about twice that of the forward pass. At this size it is not what takes the
-# time: each gradient step consists of dozens of operator calls, and their fixed cost does not depend on the width. That
-# is why four times as many units per layer, with sixteen times as many weights between them, cost our PPO less than
-# twice the time in the table.
+# time: each gradient step consists of dozens of operator calls, and their fixed cost does not depend on the width. This
+# fits the table: with 64 units instead of 16 there are sixteen times as many weights between the hidden layers, and our
+# PPO takes less than twice the time. (We did not profile it.)
 #
 # An arm is a harder task. For the next chart, a search trained a linear policy whose actions are the torques of the arm
 # from chapter 8. After 0.7 million environment steps it reaches more targets than a hand-written law, and in the end
-# about 78 % against 70 %. In the return that it was trained on, it passes the law only after a million steps, by a
-# small margin.
+# about 78 % against 70 %. It was trained on the return, though, not on the number of targets. In the return it
+# overtakes the law only after a million steps, and barely.
 #
 # ![Reward and success of the arm over its training](../docs/charts/learning_curve_reach.png)
 #
-# Copying that hand-written law is cheaper. (The test here uses other targets than the one above, so the law itself
-# reaches 73 %.) At the same number of labels DAgger gains a little over plain cloning, and a wider network with longer
-# training gains more. PPO, with the settings that solve the point, is far below after half a million steps. This page
-# therefore does not show that PPO solves a hard task.
+# The second way is to clone that hand-written law. (The test here uses other targets than the one above, so the law
+# itself reaches 73 %.) At the same number of labels DAgger gains a little over plain cloning, and a wider network with
+# longer training gains more. PPO, with the settings that solve the point, is far below after half a million steps. This
+# page therefore does not show that PPO solves a hard task.
 #
 # ![Targets reached by clones of a hand-written law, and by PPO](../docs/charts/arm_learned.png)
 
@@ -1186,10 +1209,10 @@ show("gradient_cost")
 #
 # ### Too far in one iteration
 #
-# The step size and the number of epochs both decide how far one iteration moves the policy. One number summarises it,
-# the Kullback-Leibler divergence between the policies before and after. The table gives the divergence per iteration of
-# all runs that reached 80 % of the optimum. A divergence in this range does not guarantee success: other runs in the
-# same range stayed below 80 %.
+# Larger steps and more epochs move the policy further in one iteration. One number summarises how far, the
+# Kullback-Leibler divergence between the policies before and after. The table gives the divergence per iteration of all
+# runs that reached 80 % of the optimum. A divergence in this range does not guarantee success: other runs in the same
+# range stayed below 80 %.
 #
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
 
@@ -1275,7 +1298,8 @@ table(*rows)
 # 9</td></tr> <tr><td>the clone wavers in front of the obstacle</td> <td>several modes, a new sample at every
 # step</td> <td>changes of side in a run</td> <td>execute more steps of each chunk</td></tr> <tr><td>the clone stops
 # for good</td> <td>a pause in the data, no memory</td> <td>demonstrated steps without motion</td> <td>remove pauses;
-# execute chunks longer than they are</td></tr>
+# execute more steps of a chunk
+# than a pause lasts</td></tr>
 # </table>
 #
 # ## 9 · Exercises
@@ -1484,9 +1508,8 @@ answer("first_to_finish", "p")
 # method keeps its own assumptions</td></tr>
 # </table>
 #
-# (Octo and LeRobot from abstract and project page, RT-2 and pi-0 from abstract and summaries by others; we ran none
-# of them.) Octo and pi-0 put one of this chapter's heads behind a large encoder; RT-2 writes actions as text tokens
-# instead, and LeRobot is no model.
+# (From abstracts, project pages and summaries by others; we ran none of them.) Octo and pi-0 put one of this chapter's
+# heads behind a large encoder; RT-2 writes actions as text tokens instead, and LeRobot is no model.
 #
 # ### Why do chunks help? Three explanations on three tasks
 #
@@ -1555,14 +1578,16 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# On the two routes, a delay of one step does what a chunk of two does, within two percentage points (4,000 runs each,
-# other starts than in section 4): both act on a slightly older plan. On the unstable regulator neither chunks nor
-# delays help; only disturbed demonstrations do. In the third task every policy that acts on an old observation soon
-# fails, because every step brings something new.
+# On the two routes, a delay of one step does what a chunk of two does, within two percentage points (4,000 runs each):
+# both act on a slightly older observation. On the unstable regulator neither chunks nor delays help; only disturbed
+# demonstrations do. In the third task every policy that acts on an old observation soon fails, because every step
+# brings something new. So on none of these tasks do chunks gain more than a few percentage points over a new chunk at
+# each step, and what they gain, a mere delay gains too.
 #
-# This fits Zhang and others (arXiv 2507.09061, 2025, read as an abstract): errors of a clone can grow exponentially,
-# and chunks prevent it if the plant itself is stable, and disturbed demonstrations also if it is not. So ask three
-# things about your task. Does it have several modes? Is its loop unstable? Does every step bring something new?
+# The second task fits a theory by Zhang and others (arXiv 2507.09061, 2025, read as an abstract): errors of a clone can
+# grow exponentially. On a stable plant chunks prevent that, which we did not test; on an unstable plant only disturbed
+# demonstrations do. So ask three things about your task. Does it have several modes? Is its loop unstable? Does every
+# step bring something new?
 #
 # ## 11 · Interview
 #
@@ -1584,11 +1609,11 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # %% [markdown]
 # <details><summary>An answer, from this chapter</summary>
 #
-# *A written law wins* where its form is known. A PD law with two gains reaches most of the point's optimum, costs
-# nothing to train, and its stability can be proved. *Learning from reward wins* where a simulator is cheap and nobody
+# *A written law wins* where its form is known. A PD law with two gains reaches most of the point's optimum, its gains
+# can be set by hand, and its stability can be proved. *Learning from reward wins* where a simulator is cheap and nobody
 # knows the form. *Cloning wins* where people can do the task and cannot say how, as with cloth. *Proof*: the same
-# starts for both, one episode each, several seeds of everything that was trained, intervals, the optimum or the
-# expert as a reference, and disturbances. Then look at the states in which they differ.
+# starts for both, one episode each, several seeds of everything that was trained, intervals, the optimum or the expert
+# as a reference, and disturbances. Then look at the states in which they differ.
 #
 # </details>
 #

@@ -97,7 +97,8 @@ def baseline_is_free(result):
 
 @claim(
     "Generalised advantage estimation is a weighted mean of all n-step advantage estimates, whose "
-    "weights fall by the factor lambda from one n to the next; the longest estimate gets the rest.",
+    "weights fall by the factor lambda from one n to the next; the longest gets what is missing "
+    "to 1.",
     "The same number is easier to compute from the critic's one-step errors d0, d1 and so on: "
     "it is their sum, with one more factor of gamma lambda for each step ahead. With three "
     "steps left it is {formula}. Both computations agree to {worst:.0e}, also where episodes "
@@ -408,8 +409,9 @@ def own_normaliser(result):
 
 @claim(
     "Random actions find a sparse reward in less than one episode in a hundred.",
-    "You can estimate the chance before you train. A path of length L comes within R of a strip "
-    "of width 2 R, so with the goal anywhere in an area S it meets the goal with probability "
+    "You can estimate the chance before you train. All points within R of a path of length L form "
+    "a strip of width 2 R, so with the goal anywhere in an area S the path meets it with "
+    "probability "
     "{formula}. For random actions on the point task the estimate is {law:.1%} of the episodes, "
     "and {measured:.1%} succeeded. With a disc a quarter as wide the estimate is "
     "{small_law:.2%}, and {small:.2%} succeeded.",
