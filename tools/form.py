@@ -9,7 +9,7 @@ a click unfolds; a formula counts as one word, code and pictures as none.
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from nbformat import NotebookNode
 
@@ -41,6 +41,8 @@ class Limits:
 
 # Of a chapter in the present form: explain, ask, show. 400 words are about one screen.
 LIMITS = Limits(prose=(5000, 8000), stretch=400, figures=6, claim_cards=12, true_share=1 / 3)
+# Of the entrance and the exit, chapters 0 and 12: half as much to read, in the same form.
+SHORT = replace(LIMITS, prose=(2500, 5000))
 # Of a chapter that still has the earlier form.
 EARLIER = Limits(prose=(0, 4500), stretch=250, figures=12, claim_cards=math.inf, true_share=1 / 6)
 

@@ -15,6 +15,8 @@ SYMBOLS = {
     "p": Symbol("share of samples lost", 0.01, 0.9),
     "r": Symbol("relative difference of the two clocks", 1e-6, 1e-2),
     "A": Symbol("age [s]"),
+    "d1": Symbol("delay of the question [s]"),
+    "d2": Symbol("delay of the answer [s]"),
 }
 
 
@@ -56,20 +58,21 @@ def _even(expression, over, width):
 
 
 @claim(
-    "A pipeline is as late as its stages take: add up their executions.",
-    "That is the least age. Each clock of its own adds half a period in the mean: {formula} for "
-    "two stages that read the newest value. With pictures at {camera_hz:.0f} Hz, {see_ms:.0f} ms "
-    "to see, a planner at {plan_hz:.0f} Hz that takes {plan_ms:.0f} ms and a loop at {loop_hz:.0f} "
-    "Hz it is {mean_ms:.1f} ms in place of {sum_ms:.1f}; simulated moments give "
-    "{simulated_ms:.1f}, none beyond the bound, which is {bound_ms:.1f}.",
+    "A command is as old as the work behind it: add up the execution times of the stages.",
+    "That is the least possible age. Each stage with a clock of its own adds half a period on "
+    "average: {formula} for two stages that read the newest value. With pictures at "
+    "{camera_hz:.0f} Hz, {see_ms:.0f} ms for perception, a planner at {plan_hz:.0f} Hz that needs "
+    "{plan_ms:.0f} ms and a loop at {loop_hz:.0f} Hz, the mean age is {mean_ms:.1f} ms instead of "
+    "{sum_ms:.1f}. Simulated runs give {simulated_ms:.1f} ms, and no age above the bound of "
+    "{bound_ms:.1f} ms.",
     ask=(
-        "Two stages with clocks of their own read the newest value. The mean age behind the "
-        "command in force?",
+        "Two stages with clocks of their own read the newest value. What is the mean age of the "
+        "information behind the command that is in force?",
         "A, mean = C1 + C2 + (T1 + T2)/2",
         {
-            "C1 + C2": "That is the least.",
-            "C1 + C2 + T1 + T2": "That is the bound above.",
-            "C1 + C2 + T1/2": "The command is held for the second period.",
+            "C1 + C2": "That is the least age.",
+            "C1 + C2 + T1 + T2": "That is the upper bound.",
+            "C1 + C2 + T1/2": "The command also stays in force for the second period.",
         },
     ),
     source="A. Davare and others, Period optimization for hard real-time systems, DAC 2007",
@@ -109,19 +112,19 @@ def chain_age(result):
 
 
 @claim(
-    "Who polls twice as often gets data half as old.",
-    "How old the newest value is depends on how often it is made: {formula} at a moment of your "
-    "own. Readers at {slow_hz:.0f} and at {fast_hz:.0f} Hz get pictures of {camera_hz:.0f} Hz that "
-    "are {slow_ms:.1f} and {fast_ms:.1f} ms old. Polling shortens only how long its own answer is "
-    "in force.",
+    "If you poll twice as often, the data that you get are half as old.",
+    "The age of the newest value depends on how often it is produced, not on how often it is read: "
+    "{formula} at a random moment. Readers at {slow_hz:.0f} and {fast_hz:.0f} Hz got pictures of a "
+    "{camera_hz:.0f} Hz camera that were {slow_ms:.1f} and {fast_ms:.1f} ms old. Polling faster "
+    "only shortens the time for which the reader's own result stays in force.",
     ask=(
-        "A producer of period T takes C. How old is its newest value in the mean, for somebody "
-        "who looks at any time?",
+        "A producer with period T needs the time C for each value. How old is its newest value on "
+        "average, for somebody who looks at a random moment?",
         "A, mean = C + T/2",
         {
             "T/2": "Its execution is part of the age.",
-            "C + T": "That is the bound above.",
-            "C": "That is the least, just after it came.",
+            "C + T": "That is the upper bound.",
+            "C": "That is the least age, just after the value has come.",
         },
     ),
 )
@@ -145,11 +148,11 @@ def polling_makes_fresh(result):
 
 
 @claim(
-    "How late a stack reacts and how old its data is are spread alike.",
-    "Seen over time they are one distribution: an event at e is answered later than e + x exactly "
-    "if the command at e + x is older than x. Mean {age_ms:.1f} and {reaction_ms:.1f} ms over "
-    "{events:.0f} moments of a run with jitter and losses; the equivalence failed {failed:.0f} "
-    "times.",
+    "The reaction time of a robot's software and the age of its data have the same distribution.",
+    "Over time they do. An event at time e is answered later than e + x exactly if the command in "
+    "force at e + x rests on information that is older than x. Over {events:.0f} moments of a run "
+    "with jitter and losses the means were {age_ms:.1f} and {reaction_ms:.1f} ms, and the "
+    "equivalence failed {failed:.0f} times.",
     source="M. Guenzel and others, On the equivalence of maximum reaction time and maximum data "
     "age for cause-effect chains, ECRTS 2023",
 )
@@ -176,9 +179,9 @@ def reaction_is_age(result):
 
 @claim(
     "In the long run the mean wait is half a period, whatever the two rates.",
-    "Clocks divided down from one another keep the phase they start with: at {fast_hz:.0f} and "
-    "{slow_hz:.0f} Hz from one clock the age at reading stayed at {low_ms:.1f} ms in one run and "
-    "at {high_ms:.1f} in another, to {moved_ms:.0e} ms over a minute.",
+    "Two rates that come from one clock keep the phase with which they start. With a camera at "
+    "{fast_hz:.0f} Hz and a reader at {slow_hz:.0f} Hz, the age at reading stayed at {low_ms:.1f} "
+    "ms in one run and at {high_ms:.1f} ms in another, to within {moved_ms:.0e} ms over a minute.",
 )
 def long_run_mean(result):
     slow, camera = 1 / result.input("slow_hz", 10), 1 / result.input("fast_hz", 30)
@@ -201,7 +204,7 @@ def long_run_mean(result):
         right(slow, 0.02),
         inside=apart,
         outside=locked,
-        only_if="no small number of the reader's periods is a whole number of the producer's",
+        only_if="no small number of reader periods equals a whole number of producer periods",
     )
     result.correction_holds(
         np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005
@@ -209,13 +212,13 @@ def long_run_mean(result):
 
 
 @claim(
-    "Two boards set to the same rate run in step.",
-    "Their quartz clocks differ. At {ppm:.0f} parts in a million the age at reading is a sawtooth "
-    "as high as the period, {high_ms:.1f} ms at {rate_hz:.0f} Hz, and one tooth takes {formula}, "
-    "{beat_s:.0f} s: too slow for a test on the bench.",
+    "Two computers that are set to the same rate run in step.",
+    "Their quartz clocks differ slightly. With a difference of {ppm:.0f} parts in a million the "
+    "age at reading is a sawtooth as high as a period, {high_ms:.1f} ms at {rate_hz:.0f} Hz. One "
+    "tooth takes {formula}, here {beat_s:.0f} s, so a short test on the bench does not show it.",
     ask=(
-        "Two clocks of period T differ by the share r. How long until their phase has gone "
-        "once round?",
+        "Two clocks with period T differ by the relative amount r. After what time has their "
+        "phase gone round once?",
         "beat = T/r",
         {
             "T*r": "That is the shift in one period.",
@@ -244,18 +247,73 @@ def same_rate_in_step(result):
 
 
 @claim(
-    "A deeper queue is safer: nothing is lost.",
-    "Behind a producer that is faster it is always full, and its reader gets the oldest: {formula} "
-    "is added. At {fast_hz:.0f} Hz into {slow_hz:.0f}, depth {deep:.0f} reads {deep_ms:.0f} ms old "
-    "data where depth 1 reads {newest_ms:.0f}, and still {lost:.0%} of the samples are lost.",
+    "A clock that is set over the network by one round trip is off by at most half the round trip.",
+    "The question takes d1 and the answer d2. The estimate assumes that both take the same time, "
+    "so it is off by half their difference, {formula}. In {n:.0f} exchanges with random delays the "
+    "error reached {share:.0%} of half the round trip, and never more. The fastest of {tries:.0f} "
+    "exchanges is the best one to believe: its error was {best_us:.0f} microseconds in the median, "
+    "that of a single exchange {single_us:.0f}.",
     ask=(
-        "A queue keeps the last d of a producer of period T and feeds a slower reader. What "
-        "does it add to the age?",
+        "One computer asks another for the time. The question takes d1, the answer d2, and the "
+        "estimate of the offset assumes that both take the same time. How far is it off?",
+        "(d1 - d2)/2",
+        {
+            "(d1 + d2)/2": "That is the bound: half of the round trip.",
+            "d1 - d2": "The round trip is halved.",
+            "0": "Only if both ways take the same time.",
+        },
+    ),
+    source="D. Mills and others, Network Time Protocol version 4, RFC 5905, 2010, section 8",
+)
+def round_trip_sets_a_clock(result):
+    import sympy
+
+    d1, d2, t0, offset, held = sympy.symbols("d1 d2 t0 offset held", positive=True)
+    # Stamps of the asking clock at both ends, of the answering clock, ahead by the offset, between.
+    t1 = t0 + d1 + offset
+    t2 = t1 + held
+    t3 = t0 + d1 + held + d2
+    estimate = ((t1 - t0) + (t2 - t3)) / 2
+    result.formula = sympy.factor(sympy.simplify(estimate - offset))
+    n, tries = int(result.input("n", 20_000)), int(result.input("tries", 8))
+    # Delays of a local network with other traffic: a least time, and a queue that is rarely long.
+    there, back = 1e-4 + result.rng.exponential(3e-4, (2, n, tries))
+    ahead = result.rng.uniform(-1.0, 1.0, (n, 1))
+    sent = result.rng.uniform(0.0, 100.0, (n, tries))
+    arrived = sent + there + ahead
+    answered = arrived + result.rng.uniform(0.0, 1e-3, (n, tries))
+    received = answered - ahead + back
+    error = 0.5 * ((arrived - sent) + (answered - received)) - ahead
+    trip = (received - sent) - (answered - arrived)
+    best = np.abs(error)[np.arange(n), np.argmin(trip, axis=1)]
+    result.measure("share", np.max(np.abs(error) / (0.5 * trip)), 0.02)
+    result.measure("single_us", 1e6 * np.median(np.abs(error)), 0.05)
+    result.measure("best_us", 1e6 * np.median(best), 0.05)
+    result.statement = "Four time stamps of each of many exchanges, with delays drawn for each way."
+    rounding = 1e-12  # of stamps of about a hundred seconds
+    result.statement_holds(np.all(np.abs(error) <= 0.5 * trip + rounding))
+    law = sympy.lambdify((d1, d2), result.formula)(there, back)
+    result.correction_holds(
+        np.max(np.abs(error - law)) < rounding,
+        np.median(best) < 0.5 * np.median(np.abs(error)),
+    )
+
+
+@claim(
+    "A deeper queue is safer, because no sample is lost.",
+    "If the producer is faster than the reader, the queue is always full, and the reader gets its "
+    "oldest sample. That adds {formula} to the age. Between {fast_hz:.0f} Hz and a reader at "
+    "{slow_hz:.0f} Hz, a queue of depth {deep:.0f} gives data that are {deep_ms:.0f} ms old, a "
+    "queue of depth 1 gives {newest_ms:.0f} ms. And {lost:.0%} of the samples are lost all the "
+    "same.",
+    ask=(
+        "A queue holds the last d samples of a producer with period T. Its reader is slower and "
+        "takes the oldest one. How much does the queue add to the age?",
         "(d - 1)*T",
         {
-            "d*T": "At depth 1 it adds nothing.",
-            "(d - 1)*T/2": "It is full at every reading, not half full.",
-            "d*T/2": "It is full at every reading; at depth 1 it adds nothing.",
+            "d*T": "With depth 1 it adds nothing.",
+            "(d - 1)*T/2": "The queue is full at every reading, not half full.",
+            "d*T/2": "The queue is full at every reading, and with depth 1 it adds nothing.",
         },
     ),
 )
@@ -281,17 +339,17 @@ def deep_queue(result):
 
 
 @claim(
-    "A queue carries a stage over an overload.",
-    "Over a short burst. If a stage takes C and samples come every T < C, the age of what it "
-    "finishes grows by {formula} a second without end: {slope:.3f} s/s at {load:.0%} of what it "
-    "can do, and not at all just below.",
+    "A queue carries a stage through an overload.",
+    "Only through a short burst. If a stage needs C and samples come every T < C, the age of its "
+    "results grows without end, by {formula} seconds per second: by {slope:.3f} at a load of "
+    "{load:.0%}, and not at all just below full load.",
     ask=(
-        "Samples come every T into an endless queue, and each takes C > T. How fast does the "
-        "age of what is finished grow, in seconds a second?",
+        "Samples come every T into a queue without a limit, and each takes C > T. How fast does "
+        "the age of the finished results grow, in seconds per second?",
         "rate = 1 - T/C",
         {
-            "C/T - 1": "Per second of samples, not of time.",
-            "T/C": "That is the share that is finished.",
+            "C/T - 1": "That is the growth per second of samples, not per second of time.",
+            "T/C": "That is the share of the samples that is finished.",
             "C - T": "That is the growth from one sample to the next.",
         },
     ),
@@ -324,18 +382,19 @@ def queue_carries_overload(result):
 
 
 @claim(
-    "One sample in ten lost makes the wait for a fresh one a tenth longer.",
-    "More than that: one looks more often into a long gap than into a short one. If each is lost "
-    "for itself, the mean wait becomes {formula}, {times:.2f} times as long with a share of "
-    "{share:g} lost, and {many:.1f} times with {half:g}.",
+    "If one sample in ten is lost, the newest one is a tenth older on average.",
+    "It is older than that, because a random moment falls into a long gap more often than into a "
+    "short one. If samples are lost independently, the mean wait since the newest becomes "
+    "{formula}. That is {times:.2f} times as long if {share:.0%} are lost, and {many:.1f} times if "
+    "{half:.0%} are.",
     ask=(
-        "A producer of period T loses the share p of its samples, one by one. The mean wait "
-        "behind the newest?",
+        "A producer with period T loses each sample with probability p, independently. How long "
+        "ago, on average, was the newest sample produced?",
         "w, wait = T*(1 + p)/(2*(1 - p))",
         {
-            "T/(2*(1 - p))": "Long gaps are met more often than short ones.",
-            "T*(1 + p)/2": "Losses can follow one another.",
-            "T/2": "That is without losses.",
+            "T/(2*(1 - p))": "A random moment falls into long gaps more often.",
+            "T*(1 + p)/2": "Several losses can follow one another.",
+            "T/2": "That is the wait without losses.",
         },
     ),
 )
@@ -366,11 +425,13 @@ def losses_add_up(result):
 
 
 @claim(
-    "Jitter of executions leaves the mean age as it is, if none overtakes another or is skipped.",
-    "So it does: a late result is in force later, and its follower not the later for it. By "
-    "{jitter:.0%} of each execution the mean moved by {moved:.1%}; the bounds move apart, by "
-    "{wider_ms:.0f} ms on each side. Among parallel workers whose results overtake one another it "
-    "falls, as the newest counts: by {fallen:.0%} with {wild:.0%}.",
+    "Jitter of the execution times leaves the mean age as it is, if no result overtakes another "
+    "and none is skipped.",
+    "A late result comes into force later, but the next one is not later because of it. With "
+    "jitter of {jitter:.0%} of each execution time the mean moved by at most {moved:.1%}. The "
+    "bounds move apart, by {wider_ms:.0f} ms on each side. If parallel workers can overtake one "
+    "another, the mean age falls, because the newest result counts: by {fallen:.0%} with jitter of "
+    "{wild:.0%}.",
 )
 def jitter_leaves_the_mean(result):
     from dataclasses import replace
@@ -394,17 +455,17 @@ def jitter_leaves_the_mean(result):
 
 
 @claim(
-    "A loop through a camera is fast once its last stage runs at 1 kHz.",
-    "It is as fast as its information is young. An integrating plant under x' = -k x(t - A) is "
-    "stable for k < {formula}: behind the chapter's camera, A = {age_ms:.0f} ms, up to {told:.1f} "
-    "rad/s, that is {hz:.1f} Hz, at a rate of {rate_hz:.0f} Hz.",
+    "A loop through a camera is fast if its last stage runs at 1 kHz.",
+    "It is only as fast as its information is fresh. The loop x' = -k x(t - A) is stable for k < "
+    "{formula}. With the age behind this chapter's camera, A = {age_ms:.0f} ms, that is "
+    "{told:.1f} rad/s or {hz:.1f} Hz, although the last stage runs at {rate_hz:.0f} Hz.",
     ask=(
-        "x' = -k x(t - A). The largest stable k?",
+        "A loop follows x' = -k x(t - A). Below which gain k is it stable?",
         "k < pi/(2*A)",
         {
-            "1/A": "There it swings already, and is stable still.",
-            "pi/A": "The plant itself turns the phase by a quarter.",
-            "2/A": "That is Euler's step on x' = -k x.",
+            "1/A": "There it oscillates already, but it is still stable.",
+            "pi/A": "The integrating plant itself turns the phase by a quarter of a turn.",
+            "2/A": "That is the limit of Euler's method for x' = -k x.",
         },
     ),
 )

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 0 · The role
 #
-# *Six boxes turn pictures into motor commands. Answer first<span class="kernel-only">, run the cells</span>, then
-# press* Play. About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes}
-# minutes, the exercises {exercise minutes} minutes.
+# *A robot picks parts from a moving belt, and its gripper closes behind them. Every program on the robot is fast.
+# How old is the picture behind its present motor command?* About {open minutes} minutes of reading, cards and charts.
+# The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict
@@ -18,24 +18,27 @@ predict("how_old_is_a_command")
 simulation("stack")
 
 # %% [markdown]
-# **You will be able to** draw the software of a robot as a graph with a rate, a size and a deadline on every arrow; say
-# how old the information behind a command is, before anything is built; find the change that makes it younger; and
-# recognise a full queue and two drifting clocks in a log. **Know first:** some Python; averages. Later chapters need
-# linear algebra, and now and then a derivative or an expected value, which they explain.
+# **After this chapter you can** draw the software of a robot as a graph, with a rate, a size and a deadline on every
+# arrow; say how old the information behind a motor command is, before anything is built; find the change that makes it
+# younger; and recognise a full queue, locked clocks and drifting clocks in a log. **Know first:** some Python, and what
+# a mean is. Later chapters use linear algebra, derivatives, differential equations and probability.
 #
 # ## How this course works
 #
-# Each chapter looks at its subject from five sides: concept, design, code, debugging, frontier. Most scenes begin
-# with a card: answer first; a click says whether you are right, and **Explanation** says why. A number in the text
-# comes from the cell above it, or from a check that `python -m course.derivations 0` runs again. The code is
-# `course.role`. These exercises wait in section 7:
+# This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter looks at
+# its subject from five sides: concept, design, code, debugging and frontier. A section explains an idea, asks you a
+# question about it, and shows the answer in a simulation or a chart.
+#
+# Some cards show a common statement. You judge it: true, false, or true only under a condition. A program checked each
+# of them; `python -m course.derivations 0` runs the checks again. The code of the chapter is the module `course.role`.
+# These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(0)
 
-# %%
+# %% tags=["hide-code"]
 import inspect
 from dataclasses import replace
 
@@ -50,6 +53,8 @@ from course.derivations import figure, show
 from course.measure.success import wilson
 from course.role import CHAIN, STACK, Stage, age, cost, load, simulate, spend
 
+BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#7f7f7f"
+
 
 def source(*functions):
     """Show functions as they stand in the module."""
@@ -57,88 +62,129 @@ def source(*functions):
     return Markdown(f"```python\n{text}```")
 
 
+def table(*rows):
+    """Return rows of text as a table; the first one is the head."""
+    lines = [f"| {' | '.join(map(str, row))} |" for row in rows]
+    return Markdown("\n".join([lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]))
+
+
 # %% [markdown]
 # ## 1 · Concept: six boxes and a robot
+#
+# Every chapter of this course is about one part of a robot's software. This chapter is about what connects the parts.
+# The simulation above draws it as a graph of six boxes. Click them, and read what goes in and what comes out:
+#
+# * The **simulation engine** takes torques and returns pictures and joint states. It stands for the robot (chapters 1
+#   to 4).
+# * The **middleware** carries messages from one program to another. It gives each measurement a **time stamp**, the
+#   moment at which it was taken (chapter 10).
+# * **Perception** turns pictures into poses, the positions and orientations of things (chapter 7).
+# * **Planning** turns poses into trajectories, motions over time (chapter 5).
+# * **Control** turns trajectories and joint states into torques (chapter 6).
+# * **Sim-to-real and learning** turns logs and episodes into parameters and policies (chapters 8 and 9).
+#
+# An arrow carries samples: so many per second, each of so many bytes. Rate times size is the arrow's **bandwidth**. A
+# depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot 480 \cdot 2 \cdot 30 = 18.4$ million bytes per
+# second.
+#
+# Arrows also differ in what a late sample means. With a **hard deadline** a late sample is a failure, whatever comes
+# after it. With a **soft deadline** a late sample is only worth less.
 
 # %%
 predict("never_late")
 
 # %% [markdown]
-# Click through the boxes above. Each is named by what goes in and what comes out:
-#
-# * the **simulation engine** takes torques and gives pictures and joint states: it stands for the robot;
-# * **middleware** carries messages between programs, and gives each sample a **time stamp**, the moment of its capture;
-# * **perception** makes poses of pictures (chapter 7);
-# * **planning** makes trajectories of poses (chapter 5);
-# * **control** makes torques of trajectories and joint states (chapter 6);
-# * **sim-to-real and learning** makes parameters and policies of logs and episodes (chapters 8 and 9).
-#
-# An arrow carries samples: so many a second, so many bytes each. Rate times size is its **bandwidth**. With a
-# **hard deadline** a late sample is a failure; with a **soft deadline** it is only worth less.
+# The table lists the arrows with the largest bandwidth. `check_stack` tests the graph. It refuses a loop that does not
+# pass through the robot or its simulation, because such a loop would feed on its own output.
 
-# %%
-for edge in sorted(STACK, key=lambda e: -e.bandwidth)[:9]:
-    print(
-        f"{edge.source:>10} -> {edge.target:<10} {edge.flow:<24} {edge.rate:6g} Hz "
-        f"{edge.bandwidth / 1e6:8.3f} MB/s  {edge.deadline}"
-    )
+# %% tags=["hide-code"]
 role.check_stack(STACK)
-print("every box has both ends; every loop runs through the robot, or what stands for it")
+table(
+    ("from", "to", "what", "rate [Hz]", "bandwidth [MB/s]", "deadline"),
+    *(
+        (e.source, e.target, e.flow, f"{e.rate:g}", f"{e.bandwidth / 1e6:.3f}", e.deadline)
+        for e in sorted(STACK, key=lambda e: -e.bandwidth)[:9]
+    ),
+)
 
 # %% [markdown]
-# Pictures are the bytes, joint states the messages, and one loop has hard deadlines. A loop among boxes that passes no
-# robot would feed on its own output; `check_stack` refuses one.
+# Nearly all bytes belong to pictures, most messages to joint states, and only the loop between control and motors has
+# hard deadlines. These three facts decide where the programs run and how they talk to each other. The loop gets a
+# process of its own. The pictures stay on one computer. Everything else can be ordinary messages.
 #
 # ### How old is a command?
 #
-# The motor command of this moment rests on a trajectory, that on a pose, that on a picture. **Data age** is the time
-# from the capture of that picture to now. A stage has an **execution time** $C$, from its start to its result, and a
-# clock with a **period** $T$. A clock takes what lies there: the newest result of the stage before.
+# The motor command of this moment follows a trajectory. The trajectory was planned for a pose, and the pose was computed
+# from a picture. The **data age** of the command is the time from the capture of that picture until now. In this time
+# the world has moved on.
+#
+# Each program in this chain is a *stage*. A stage has an **execution time** $C$, from its start to its result. Most
+# stages also have a clock with a **period** $T$, and start whenever the clock ticks. When a stage starts, it takes the
+# newest result of the stage before it. The camera of this chapter takes 30 pictures per second, perception needs 45 ms
+# for each, the planner starts 10 times per second and needs 60 ms, and the joint loop runs at 1,000 Hz.
 
 # %%
 show("chain_age")
 
-# %%
+# %% [markdown]
+# The picture follows one command back in time, with mean values. Blue is work and orange is waiting:
+
+# %% tags=["hide-code"]
 parts, names = [], []
 for stage, wait in zip(CHAIN, age(CHAIN).waits, strict=True):
     parts += [stage.execution, wait]
     names += [
-        f"{stage.name} works",
-        f"its result waits for {'its reader' if stage.period > 0.001 else 'the next'}",
+        f"{stage.name}: work",
+        f"{stage.name}: its result waits {'to be read' if stage.period > 0.001 else 'for the next'}",
     ]
 ends = 1000 * np.cumsum(parts)
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
 for k, (part, end) in enumerate(zip(parts, ends, strict=True)):
-    _ = axes.barh(k, 1000 * part, left=end - 1000 * part, color=["#0072b2", "#d55e00"][k % 2])
+    _ = axes.barh(k, 1000 * part, left=end - 1000 * part, color=[BLUE, ORANGE][k % 2])
     _ = axes.text(end + 2, k, f"{1000 * part:.1f}", va="center")
 _ = axes.set(yticks=range(6), yticklabels=names, xlabel="mean age [ms]", xlim=(0, 190))
 axes.invert_yaxis()
 plt.show()
+
+# %% tags=["hide-code"]
 report = age(CHAIN)
-print(
-    f"least {1000 * report.least:.1f} ms, mean {1000 * report.mean:.1f}, below {1000 * report.greatest:.1f}"
+table(
+    ("age of the command", "[ms]", "at 0.3 m/s, moved since the picture [mm]"),
+    *(
+        (name, f"{1000 * value:.1f}", f"{300 * value:.0f}")
+        for name, value in (
+            ("least", report.least),
+            ("mean", report.mean),
+            ("bound", report.greatest),
+        )
+    ),
 )
-print(f"at 0.3 m/s: {1000 * cost(report, 0.3).held:.0f} mm")
 
 # %% [markdown]
-# That is the worked example of this course, for clocks that run independently: what moves at 0.3 m/s has gone that far
-# since the picture was taken. Clocks that are locked to each other, as after three of the fixes in section 2, have
-# other means.
+# **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
+# $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. A part on a belt at 0.3 m/s moves by $0.3 \cdot
+# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it. The formula assumes clocks that
+# run independently of each other. Clocks that are locked to each other, as after some of the changes in section 2, have
+# other means; section 6 shows them.
 #
-# <details><summary>Derive: least, mean and bound</summary>
+# <details><summary>Derive the least age, the mean and the bound</summary>
 #
-# Go backwards from now. The command in force came at some time in the last $T_n$, the last stage's interval. Its phase
-# is independent of now, so this *hold* is spread evenly from $0$ to $T_n$. The stage began $C_n$ earlier and read the
-# newest result of stage $n-1$; how long that had been lying there is spread evenly from $0$ to $T_{n-1}$, and so on to
-# the capture.
+# Go backwards from now. The command in force was issued at some time during the last $T_n$, the interval of the last
+# stage. This time is evenly distributed from 0 to $T_n$, because now is a random moment. The last stage had begun $C_n$
+# earlier. It read the newest result of stage $n-1$, which had been waiting for a time that is evenly distributed from 0
+# to $T_{n-1}$. Continue in the same way to the capture of the picture.
 #
-# A sum of $C_i$ and of independent even spreads: between $\sum C$ and $\sum C+\sum T$, in the mean
-# $\sum C+\tfrac12\sum T$, with variance $\tfrac1{12}\sum T^2$. The bound is that of Davare and others (DAC 2007), there
-# with response times of shared processors in place of $C$; Dürr and others (2019) sharpened it for sporadic tasks.
+# So the age is the sum of all $C_i$ and of independent waits, each evenly distributed from 0 to $T_i$. It lies between
+# $\sum C$ and $\sum C+\sum T$. Its mean is $\sum C+\tfrac12\sum T$ and its variance $\tfrac1{12}\sum T^2$. The bound is
+# that of Davare and others (DAC 2007), who use response times on shared processors in place of $C$. Dürr and others
+# (2019) made it tighter for tasks without a fixed period.
 #
 # </details>
 #
 # ### Whose period?
+#
+# Two periods meet at each arrow: that of the stage that produces, and that of the stage that reads. A common reflex is
+# to make the reader faster. Think of a letter box that is filled once a day. You may look into it once an hour.
 
 # %%
 show("polling_makes_fresh")
@@ -146,81 +192,101 @@ show("polling_makes_fresh")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Information is as old as the work it took *and the times it lay there*. It lies for half of the
-# interval at which it is made, and the last command for half of the interval at which it is renewed.
+# **Key insight.** Information ages while it is worked on *and while it waits*. At each arrow it waits for half of the
+# interval at which it is produced, on average. The last command stays in force for half of the interval at which it is
+# renewed.
 #
 # </div>
 #
-# ### Looking ahead
+# ### Reaction time
 #
-# **Reaction time** looks the other way: something happens; how long until a command rests on a picture taken after it?
-# The event first waits for a capture. At each boundary it is then the *reader's* period that counts. So two figures?
-# A run with **jitter**, executions now short, now long, and with lost samples:
+# Data age looks back from a command. **Reaction time** looks forward from an event: something happens, and some time
+# later the first command comes into force that rests on a picture taken after it. Here the event first has to wait for
+# the next picture, and at each arrow a result has to wait for the *reader* to start. So you would expect two different
+# numbers.
+#
+# To test this, let the execution times vary from run to run, which is called **jitter**, and let samples get lost.
 
 # %%
 show("reaction_is_age")
 
 # %% [markdown]
-# For maxima this was shown for nearly any scheduling by Günzel and others (ECRTS 2023). So log the age, which is easy,
-# and require the reaction, which is what people mean.
+# For the largest values this was shown by Günzel and others (ECRTS 2023), for nearly any scheduling. In practice: log
+# the age, because a time stamp that travels with the data is enough for it. State the requirement as a reaction time,
+# because that is what people mean.
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
-# A **latency budget** gives each edge a share of the age that a task can bear. It is spent along the **critical path**,
-# the slowest way from sensor to motor: what is saved beside it is saved for nothing.
+# A **latency budget** gives each arrow a share of the age that a task can bear. The **critical path** is the slowest
+# way from the sensor to the motor; its times add up to the age. Time that is saved elsewhere changes nothing.
 
 # %%
 predict("where_to_spend")
 
 # %% [markdown]
-# A stage that starts **on arrival** of its input has no clock, and waits for nothing; a chain of such stages keeps only
-# one wait, that of the sensor's clock. If its execution is longer than the interval, that is **overload**: always busy.
-# **Utilisation** is the share of a core that a stage keeps busy, execution over interval. **Pipelined** workers begin a
-# new sample before the last is done: the interval shrinks, what one sample takes does not.
+# What can be changed? Besides a faster clock or a shorter execution there are three ways to run a stage.
 #
-# A change that breaks a hard deadline is not offered: a joint loop that waits for plans would be silent for a tenth of
-# a second.
+# * A stage that starts **on arrival** of its input has no clock, so its input never waits. In a chain of such stages
+#   only the wait for the camera's clock remains.
+# * **Pipelined** workers begin with a new sample before the last one is finished, as two cooks do with two orders.
+#   Results come more often; a single sample takes as long as before.
+# * A stage that needs longer than the interval at which samples arrive is in **overload**. It is busy all the time, and
+#   somebody has to decide which samples it leaves out.
+#
+# The price is computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided by
+# interval. The table lists the best changes to our chain. Changes that break a hard deadline are not offered. For
+# example, a joint loop that waits for the next plan would be silent for a tenth of a second.
 
-# %%
-print(
-    f"now {1000 * report.mean:.1f} ms in the mean, {load(CHAIN):.2f} cores busy, "
-    f"hard deadlines missed: {len(role.missed(CHAIN))}"
+# %% tags=["hide-code"]
+options = spend(CHAIN)
+table(
+    ("stage", "change", "saves [ms]", "additional cores"),
+    *((o.stage, o.change, f"{1000 * o.gain:.2f}", f"{o.load:+.2f}") for o in options),
 )
-for option in spend(CHAIN):
-    print(
-        f"{option.stage:<11} {option.change:<15} saves {1000 * option.gain:5.2f} ms "
-        f"for {option.load:+.2f} cores"
-    )
 
 # %% [markdown]
-# What is a millisecond worth? With speed $v$ a value that is used as it came is $vA$ behind. Carried on at constant
-# velocity over its *known* age it is $\tfrac12 aA^2$ behind. If the time of capture is lost, one can carry it on by the
-# mean age only, and the spread of the age comes on top as error. A loop through the chain loses the phase $2\pi fA$.
+# Compare that with what the chain uses now: perception needs 45 ms thirty times per second, the planner 60 ms ten times,
+# the loop 0.2 ms a thousand times. That is $1.35 + 0.6 + 0.2 = 2.15$ cores.
+#
+# ### What is a millisecond worth?
+#
+# With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
+# **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
+# $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only use the
+# mean age, and the scatter of the age adds an error of its own. A control loop through the chain pays in another
+# currency: at the frequency $f$ it loses $2\pi f A$ of phase, and with the phase its stability (chapter 6).
 
-# %%
+# %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
 figure_, axes = plt.subplots(figsize=(8, 3.0), layout="constrained")
 for name, row, style in (
-    ("as it came", 0, "-"),
+    ("used as it came", 0, "-"),
     ("predicted, a = 1 m/s²", 1, "--"),
-    ("on top of it without stamps, rms", 2, ":"),
+    ("additional error without stamps, rms", 2, ":"),
 ):
     _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
-_ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]")
+_ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="a mean age of 172 ms")
 _ = axes.legend()
 plt.show()
+
+# %% tags=["hide-code"]
 paid = cost(report, 0.3, 1.0, bandwidth=1.0)
-print(
-    f"at 0.3 m/s: {1000 * paid.held:.0f} mm as it came, {1000 * paid.predicted:.0f} mm predicted, "
-    f"and {1000 * paid.unstamped:.0f} mm rms on top without stamps"
+table(
+    ("at 0.3 m/s", "error"),
+    ("used as it came", f"{1000 * paid.held:.0f} mm"),
+    ("predicted with the age of each sample", f"{1000 * paid.predicted:.0f} mm"),
+    ("additional, without stamps", f"{1000 * paid.unstamped:.0f} mm rms"),
+    ("phase that a loop of 1 Hz loses", f"{np.degrees(paid.phase):.0f} degrees"),
 )
-print(f"a loop of 1 Hz through the camera loses {np.degrees(paid.phase):.0f} degrees")
 
 # %% [markdown]
-# **What one builds with.** The boxes have names in the field. A **behaviour tree**, whose nodes succeed, fail or go on,
-# says what to do next, and after a failure. What is read by its newest value, and how old it may be, you decide.
+# ### What one builds with
 #
-# <details><summary>The options, with year and source</summary>
+# The boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
+# What to do next, and after a failure, is often written as a **behaviour tree**, a tree whose nodes succeed, fail or
+# continue. Which values are read as "the newest", and how old they may be, you have to decide yourself.
+#
+# <details><summary>These options, with year and source</summary>
 #
 # <table>
 # <tr><th>option</th> <th>year</th> <th>which part</th> <th>source</th></tr>
@@ -236,37 +302,43 @@ print(f"a loop of 1 Hz through the camera loses {np.degrees(paid.phase):.0f} deg
 #
 # </details>
 #
-# ## 3 · Code
+# ## 3 · Code: reading, age and reaction
 #
-# A reader with a queue in three lines; and the two definitions, as the module has them. A chain is data: change it.
+# Three short functions carry the chapter. `read` says which sample a reader gets from a queue. `age` and `reaction`
+# are the two definitions of section 1, evaluated on a recorded run:
 
-# %%
+# %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
 
-# %%
+# %% [markdown]
+# A chain is data, so you can change it and compare the closed form with 300 simulated starts. Here the planner starts
+# when it is free and a pose is there:
+
+# %% tags=["show-code"]
 chain = [
     Stage("see", 0.045, 1 / 30, overload="pipelined"),
     Stage("plan", 0.060),
     Stage("act", 0.0002, 0.001),
 ]
-chain[1] = replace(chain[1], overload="queue")  # begins when it is done and a pose is there
+chain[1] = replace(chain[1], overload="queue")
 rng = np.random.default_rng(1)
 ages = [
     simulate(chain, rng.random(3), seconds=2.0).age(rng.uniform(1.0, 2.0, 20)) for _ in range(300)
 ]
-print(
-    f"predicted {1000 * age(chain).mean:.1f} ms, 300 simulated starts {1000 * np.mean(ages):.1f} ms"
-)
+print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(ages):.1f} ms")
 
 # %% [markdown]
-# Four milliseconds apart, and not by chance. 60 ms are to a thirtieth of a second as 9 to 5, and the planner's first
-# start is set by a pose: the two are locked, and only five waits occur.
+# The two differ by about 4 ms, and this is not chance. The planner now needs 60 ms for a plan, and pictures come every
+# 33.3 ms. These times are to each other as 9 to 5, and the first plan starts with a pose. So planner and camera are
+# locked to each other, and only five different waits occur. The closed form averages over all waits. Section 6 comes
+# back to this.
 #
 # ## 4 · The simulation in full
 #
-# Back to the first screen. A dot is a picture's content, its number its age. In a box it is worked on, on an arrow it
-# lies. Bars are all ages of forty seconds, dashed lines the closed form. Take the presets in turn, and before each say
-# what the bars will do. The third of them:
+# Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
+# a box it is worked on; on an arrow it waits. The bars are the distribution of all ages in forty seconds, and the
+# dashed lines are the closed form: least, mean and bound. Take the presets one after another. Before each of them, say
+# what the bars will do. The third one, for example:
 
 # %%
 predict("queue_of_ten")
@@ -274,8 +346,9 @@ predict("queue_of_ten")
 # %% [markdown]
 # ## 5 · Speed against accuracy
 #
-# The closed form against event simulation with random phases, on the chapter's chain. Even phases, a lattice of them,
-# are the truth.
+# There are two ways to compute a mean age: the closed form, and an event simulation that is started with many random
+# phases. How many starts does the simulation need? The chart compares them on this chapter's chain. The reference is
+# an average over a regular grid of phases.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -283,44 +356,108 @@ predict("queue_of_ten")
 figures(read("age_precision"), "closed form", "1000 random", summary="Times and errors")
 
 # %% [markdown]
-# A thousand starts are needed for half a millisecond; but they show the run of *this* start.
-# Use the formula to design, and events for what breaks its assumptions.
+# The event simulation needs a thousand starts for an accuracy of half a millisecond. But it can show what happens
+# after *one particular* start, and the closed form can't. Use the formula to design, and the simulation for everything
+# that breaks the formula's assumptions.
 #
 # ## 6 · Debug: where it fails
 #
-# ### Clocks that know one another
+# ### Clocks that are locked
+#
+# The formula averages over all phases between two clocks. That is right if the phases drift through all values while
+# the robot runs. Two clocks that are divided down from the same quartz never drift.
 
 # %%
 show("long_run_mean")
+
+# %% [markdown]
+# On one start of the robot the data are fresh, on the next they are old, and nobody changed the code. The opposite case
+# is two computers, each with a quartz of its own:
 
 # %%
 show("same_rate_in_step")
 
 # %% [markdown]
-# ![Locked clocks, drifting clocks, queues, too much work](../docs/charts/age_limits.png)
+# The chart shows both cases, and two more that follow below. Upper left: with locked clocks the mean depends on the
+# phase. Upper right: with drifting clocks the age runs through a sawtooth.
+#
+# ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
 # %%
 figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All figures")
 
 # %% [markdown]
+# ### Clocks on two computers: what an offset does
+#
+# Time stamps help only if the computers agree on the time. If the camera's computer is 5 ms ahead of the controller,
+# every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. No
+# statistic of the log shows it, because all stamps are shifted by the same amount.
+#
+# Computers set their clocks over the network. One asks the other for the time, and notes when the question left and
+# when the answer came. It doesn't know how much of the delay belongs to the way there and how much to the way back,
+# so it assumes that both are equal.
+
+# %%
+show("round_trip_sets_a_clock")
+
+# %% [markdown]
+# The drawing shows one exchange. The four stamps are $t_0$ to $t_3$. The delays of the two ways differ, and so the
+# estimated offset is wrong:
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
+events = [(0.0, 0), (0.9, 1), (1.2, 1), (1.5, 0)]  # time, computer
+for (a, i), (b, j) in ((events[0], events[1]), (events[2], events[3])):
+    _ = axis.annotate("", (b, j), (a, i), arrowprops={"arrowstyle": "->", "color": BLUE})
+for k, (t, who) in enumerate(events):
+    _ = axis.plot(t, who, "o", color=ORANGE)
+    _ = axis.text(t + 0.02, who + (0.1 if who else -0.1), f"$t_{k}$", va="bottom" if who else "top")
+_ = axis.text(0.33, 0.5, "slow way there, $d_1$", ha="right")
+_ = axis.text(1.42, 0.5, "fast way back, $d_2$")
+for who, name in ((0, "asks"), (1, "answers")):
+    _ = axis.axhline(who, color=GREY, lw=0.8, zorder=0)
+    _ = axis.text(-0.12, who, name, ha="right", va="center")
+_ = axis.set(xlim=(-0.4, 2.1), ylim=(-0.45, 1.45), xlabel="true time", yticks=(), xticks=())
+plt.show()
+
+# %% [markdown]
+# **NTP** (Network Time Protocol, RFC 5905) works like this. It takes its stamps in software, so every wait in the
+# operating system looks like network delay. **PTP** (Precision Time Protocol, IEEE 1588) takes them in the network
+# card, and the switches on the way report their own delays. That removes most of the unequal part, but every device on
+# the way has to take part. For a camera there is a third way: a **trigger line**, a wire that tells the camera when to
+# expose. The computer that drives the wire knows the time of capture without any network.
+#
+# Ask two questions about each sensor. Which clock made its stamp? And at what moment: at the middle of the exposure, at
+# the end of the readout, or when the driver received the picture? A stamp from the driver makes every picture look
+# younger than it is, by exposure and transfer. Also note the rule for averages: clocks of independent computers drift
+# through all phases, so section 1's mean holds. Clocks that are synchronised by PTP or by a trigger are locked, and
+# then the phase decides.
+#
 # ### Queues
 #
-# **Queue depth** is how many samples wait for a reader that has no time; what does not fit is dropped, oldest first.
+# A reader that is busy cannot take a new sample, so samples wait in a queue. The **queue depth** is the number of
+# samples that fit. If another one arrives, the oldest is dropped. A queue of depth 1 always holds the newest sample.
 
 # %%
 show("deep_queue")
 
 # %% [markdown]
-# Overload needs a rule: skip, work in parallel, or drop; an endless queue is none. `Stage` refuses an execution above
-# its period unless a rule is named.
+# In overload every choice loses something. You can skip samples, use several workers, or let a queue drop samples. A
+# queue without a limit is no choice, because the age then grows as long as the robot runs. The table shows a stage that
+# needs 60 ms for each picture of a 30 Hz camera:
 
-# %%
+# %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)
+rows = [("rule", "depth", "mean age [ms]", "cores")]
 for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
     busy = [camera, Stage("slow", 0.060, None, depth, rule)]
-    print(
-        f"60 ms a picture, {rule:<9} depth {depth:>2}: mean age {1000 * age(busy).mean:5.0f} ms, {load(busy):.2f} cores"
-    )
+    rows.append((rule, depth, f"{1000 * age(busy).mean:.0f}", f"{load(busy):.2f}"))
+table(*rows)
+
+# %% [markdown]
+# `Stage` refuses an execution time above the period unless you choose one of these rules:
+
+# %% tags=["show-code"]
 try:
     Stage("slow", 0.060, 1 / 30)
 except ValueError as refusal:
@@ -329,7 +466,8 @@ except ValueError as refusal:
 # %% [markdown]
 # ### Jitter
 #
-# Executions vary, with load and with what is seen. What becomes of the mean?
+# Execution times vary with the load of the computer and with what the camera sees. Does the mean age suffer? A late
+# result replaces the old one later. But it also stays in force until the next one comes.
 
 # %%
 show("jitter_leaves_the_mean")
@@ -337,9 +475,10 @@ show("jitter_leaves_the_mean")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The arm is late.* Log the capture stamp with every command and plot the age. A constant: add up
-# executions and half intervals. A jump by whole periods at one edge: a queue. A slope with jumps: two clocks. Growth:
-# overload. Spread without a pattern: load. Ages that are too good: somebody stamps at publishing.
+# **Debugging tip.** *The arm is late.* Send the capture's time stamp along with every command, and plot the age. A
+# constant age: add up execution times and half intervals. A jump by whole periods at one arrow: a full queue. A slope
+# with jumps: two clocks that drift. Growth without end: overload. Scatter without a pattern: the load of the computer.
+# Ages that are too good: somebody stamps at publishing instead of at capture.
 #
 # </div>
 #
@@ -347,19 +486,26 @@ show("jitter_leaves_the_mean")
 #
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>late by nine periods, nobody busy</td> <td>full queue</td> <td>depth 1</td> <td>newest value</td></tr>
+# <tr><td>late by nine periods, and nobody is busy</td> <td>full queue</td> <td>set the depth to 1</td> <td>read the
+# newest value</td></tr>
 # <tr><td>late after some starts only</td> <td>locked clocks</td> <td>restart ten times</td> <td>start on arrival, or
 # set the phase</td></tr>
-# <tr><td>slowly later, then at once well</td> <td>beat of two clocks</td> <td>ten minutes of ages</td> <td>start on
-# arrival</td></tr>
-# <tr><td>later and later</td> <td>overload</td> <td>count what is dropped</td> <td>a rule, less load</td></tr>
-# <tr><td>log fresh, arm late</td> <td>stamped at publishing</td> <td>move a thing by hand, film it</td> <td>carry the
-# capture's stamp</td></tr>
+# <tr><td>slowly later, then suddenly well again</td> <td>two clocks that drift</td> <td>plot ten minutes of
+# ages</td> <td>start on arrival</td></tr>
+# <tr><td>later and later</td> <td>overload</td> <td>count dropped samples</td> <td>choose a rule, reduce the
+# load</td></tr>
+# <tr><td>the log is fresh, the arm is late</td> <td>stamped at publishing</td> <td>move a thing by hand and film
+# it</td> <td>keep the capture's stamp</td></tr>
+# <tr><td>negative ages, or predictions off to one side</td> <td>clocks with an offset</td> <td>compare both clocks over
+# a round trip</td> <td>PTP, or a trigger line</td></tr>
 # </table>
 #
 # </details>
 #
 # ## 7 · Exercises
+#
+# Three functions and a formula. `check` runs your function on fresh random cases. If something is wrong, it shows the
+# failing call and, where it can, the likely cause.
 
 # %%
 card("chain_age")
@@ -409,7 +555,7 @@ def over_budget(edges, latencies, budgets, start, goal):
 check(over_budget)
 
 # %% [markdown]
-# ### Silent-bug hunt
+# ### Silent bug: a log that looks fresh
 
 # %%
 card("log_age")
@@ -440,22 +586,24 @@ def log_age(captured, published, times):
 check(log_age)
 
 # %% [markdown]
-# ### Formulas
+# ### A formula: the full queue
 #
-# Checked symbolically: any equivalent form is right. <span class="kernel-only">Change the text.</span>
+# Any equivalent form is right. <span class="kernel-only">Change the text in quotes.</span>
 
 # %%
 answer("deep_queue", "d*T")
 
 # %% [markdown]
 # ## 8 · What simulation buys
+#
+# Why simulate at all? The usual answer is a table of before and after. Here is a question about such a table.
 
 # %%
 predict("gold_plated_table")
 
 # %% [markdown]
-# A table like this one is shown in many courses. No source is known for it; take it as an illustration of what people
-# hope for, and repeat none of its cells:
+# Tables like this one appear in many courses. No source is known for it, so read it as an illustration of what people
+# hope for, and don't repeat its numbers:
 #
 # | | without simulation | with simulation |
 # |---|---|---|
@@ -465,77 +613,99 @@ predict("gold_plated_table")
 # | damages during development | about 12 | none in simulation, 1 on the robot |
 # | transfer to the robot | not asked | 60 to 90 % |
 #
-# What you *can* compute is below: tries a day from seconds a try, steps a second and the cost of a step, the last
-# measured in chapter 1. What breaks on the robot grows with the tries made there.
+# What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
+# reset. In simulation it follows from the length of a try, the steps per second and the cost of one step, which chapter 1
+# measures. Damage grows with the number of tries on the real robot:
 
 # %%
 simulation("development")
 
 # %% [markdown]
-# <details><summary>Other sentences of the kind, and what this course can say to them</summary>
+# <details><summary>More sentences of this kind, and what this course can say about them</summary>
 #
-# * *A cached roadmap with lazy checks takes a query from 800 ms to 50.* Chapter 5 measures that comparison on its own
-#   worlds, tail included; whose 800 ms it was is not known.
-# * *A policy fell from 94 to 35 %, because of 20 ms of delay.* An anecdote without data. What 20 ms cost a loop is
-#   below; chapter 8 measures it on an arm.
-# * *87 % of first grasps, validated in 10,000 episodes.* Ten thousand simulated episodes say how sure the *simulated*
-#   share is. The robot's share is as sure as the number of grasps on the robot.
-# * *One hour in fidelity saves ten on the robot.* No data known. It saves something only in what was left out.
+# * *"A cached roadmap with lazy checks takes a query from 800 ms to 50 ms."* Chapter 5 measures this comparison on its
+#   own worlds, slow queries included. Whose 800 ms these were is not known.
+# * *"A policy fell from 94 to 35 % because of 20 ms of delay."* No data are known. What 20 ms cost a loop stands below,
+#   and chapter 8 measures a delay on an arm.
+# * *"87 % of first grasps succeed, validated in 10,000 episodes."* Ten thousand simulated episodes tell how certain the
+#   *simulated* rate is. The robot's rate is as certain as the number of grasps on the robot makes it.
+# * *"One hour spent on fidelity saves ten on the robot."* No data are known. Fidelity saves time only where the
+#   simulation left out something that matters.
 #
 # </details>
+#
+# How certain is a success rate? It depends on the number of tries. The interval in the table is Wilson's, at 95 %:
 
-# %%
+# %% tags=["hide-code"]
+rows = [("observed", "tries", "95 % interval of the rate")]
 for tried in (15, 100, 10_000):
     low, high = wilson(0.87 * tried, tried)
-    print(f"0.87 of {tried:>6} grasps: between {low:.3f} and {high:.3f} with 95 % confidence")
-for bandwidth in (1.0, 5.0, 20.0):
-    lost = np.degrees(cost(0.020, 0.0, bandwidth=bandwidth).phase)
-    print(f"20 ms in a loop of {bandwidth:4g} Hz: {lost:5.1f} degrees of phase")
+    rows.append(("87 %", f"{tried:,}", f"{100 * low:.1f} to {100 * high:.1f} %"))
+table(*rows)
+
+# %% tags=["hide-code"]
+table(
+    ("20 ms of delay in a loop of", "phase that it loses"),
+    *(
+        (f"{f:g} Hz", f"{np.degrees(cost(0.020, 0.0, bandwidth=f).phase):.1f} degrees")
+        for f in (1.0, 5.0, 20.0)
+    ),
+)
 
 # %% [markdown]
 # ## 9 · Frontier: fewer boxes
+#
+# A learned policy can replace perception and planning at once (chapter 9). It receives pictures and returns a **chunk**,
+# the actions of the next few tenths of a second. What does that do to the age?
 
 # %%
 predict("one_policy_for_three_boxes")
 
-# %%
+# %% tags=["hide-code"]
+rows = [("a new chunk every", "mean age [ms]", "bound [ms]")]
 for looks in (0.1, 0.4, 0.8):
     policy = [Stage("policy", 0.080, looks), Stage("control", 0.0002, 0.001)]
-    report = age(policy)
-    print(
-        f"a look every {looks:.1f} s: age {1000 * report.mean:.0f} ms in the mean, below {1000 * report.greatest:.0f}"
-    )
+    one = age(policy)
+    rows.append((f"{looks:.1f} s", f"{1000 * one.mean:.0f}", f"{1000 * one.greatest:.0f}"))
+table(*rows)
 
 # %% [markdown]
-# A learned policy merges perception and planning (chapter 9). Inside, the arrows are gone: no pose to look at, no path
-# to check. The graph keeps its ends, and the age between them is that of one stage. Action chunks (Zhao and others,
-# RSS 2023) make its interval the time between two looks. A **digital twin**, a simulation that runs beside the robot on
-# its joint states, is one more reader of an edge, with an age of its own.
+# The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends, and
+# the age between them is that of a single stage. Chunks of actions (Zhao and others, RSS 2023) make the interval of this
+# stage the time between two observations. A **digital twin**, a simulation that runs beside the robot and follows its
+# joint states, is one more reader of an arrow, with a data age of its own.
 #
 # ## 10 · Interview
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *I built X, which made Y possible, tested by simulation Z, run on W.* A frame, if each letter holds
-# a figure that you can defend: what was measured, against what, how often. Say what it did *not* do before you are
-# asked.
+# **Interview tip.** *"I built X, which made Y possible. I tested it by simulation Z and ran it on W."* This is a good
+# frame if each letter stands for a number that you can defend: what was measured, against what, and how often. Say what
+# it did *not* do before you are asked.
 #
 # </div>
+#
+# This chapter in that frame, with its own numbers:
 
-# %%
-print("X: an age model of a picking stack, three stages, checked by event simulation;")
-print(
-    f"Y: it named the change worth {1000 * max(o.gain for o in spend(CHAIN)):.0f} ms of "
-    f"{1000 * age(CHAIN).mean:.0f} before anything was built;"
+# %% tags=["hide-code"]
+table(
+    ("", "what you could say"),
+    ("X", "I wrote a model of the data age in a picking stack with three stages."),
+    (
+        "Y",
+        f"It named the change that saves {1000 * max(o.gain for o in options):.0f} of "
+        f"{1000 * age(CHAIN).mean:.0f} ms, before anything was built.",
+    ),
+    (
+        "Z",
+        f"An event simulation gave {figure('chain_age', 'simulated_ms'):.1f} ms where the model "
+        f"predicts {figure('chain_age', 'mean_ms'):.1f} ms.",
+    ),
+    ("W", "It has not run on a robot yet; there I would test it with the time stamps of captures."),
 )
-print(
-    f"Z: {figure('chain_age', 'simulated_ms'):.1f} ms simulated, "
-    f"{figure('chain_age', 'mean_ms'):.1f} predicted;"
-)
-print("W: not yet on hardware; there the capture stamps would be the test.")
 
 # %% [markdown]
-# Answer aloud, then open: first what one says in a minute, then the whole of it, then what comes next.
+# Now answer these questions aloud. Then open the answer of one minute, the full answer, and the follow-up questions.
 
 # %%
 interview("role")
@@ -543,7 +713,7 @@ interview("role")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page. The gate opens when all are right.
+# Three formulas that are not on this page; you can derive them from what is. The gate opens when all three are right.
 
 # %%
 checkpoint(

@@ -27,7 +27,7 @@ simulation("touch")
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
-# approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces up to rounding. You need chapter 1,
+# approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces to ten digits. You need chapter 1,
 # matrices, and Python with NumPy.
 #
 # ## How this chapter works
@@ -89,10 +89,10 @@ def source(*functions):
 show("aabb_all_axes")
 # %% [markdown]
 # Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes by
-# their lower end along one axis and walks through the sorted list. From each box it goes on down the list until a box
-# begins beyond the upper end of the first one, and tests only the boxes up to there. A **uniform grid** divides space
-# into cells and tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D and
-# in the collision library Coal, nests boxes in larger boxes and skips whole groups.
+# their lower end along one axis and walks through the sorted list. For each box, it tests the boxes that follow in the
+# list, and stops at the first one that begins after this box ends. A **uniform grid** divides space into cells and
+# tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D and in the
+# collision library Coal, nests boxes in larger boxes and skips whole groups.
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
@@ -114,9 +114,9 @@ for kind, name in names.items():
 # %% [markdown]
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
 # Reusing the sorted order of the last step saves only the sorting. (An *incremental* sweep also keeps the list of
-# overlapping pairs, so it saves tests too.) The left chart counts tests. Its dashed line counts the swaps that sort the
-# list again after every box has moved by 1 % of its size. The right chart shows measured times, also MuJoCo's. The
-# powers of $N$ are fitted slopes:
+# overlapping pairs, so it saves tests too.) The left chart counts tests. For its dashed line all boxes moved by 1 % of
+# their size: it counts the swaps of neighbours that sort the old list again. The right chart shows measured times, also
+# MuJoCo's. The powers of $N$ are fitted slopes:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -235,11 +235,11 @@ simulation("touch", "Tunnelling")
 # The second kind hardly depends on the step, as long as the step is short compared with the contact's time constant.
 # You need a stiffer contact or a thicker wall.
 #
-# In the chart, a ball that is *checked once a step* follows the sloping geometric limit $(2r+w)/h$. *MuJoCo, default*
-# lets the ball pass at nearly the same speed at every step, near the level line, above which the soft contact is pushed
-# past the middle of the wall. *MuJoCo, speculative* creates the contact one step before the shapes touch. At long steps
-# the ball never passed (triangles at the top right); at short steps the look-ahead is too short to help. A ball that is
-# *advanced to the impact* never passed at any step (triangles at the top):
+# In the chart, a ball that is *checked once a step* follows the sloping geometric limit $(2r+w)/h$. The level line is
+# the predicted speed at which the ball gets past the middle of the wall. *MuJoCo, default* stays near it at every step.
+# *MuJoCo, speculative* creates the contact one step before the shapes touch. At long steps the ball never passed
+# (triangles at the top right); at short steps the look-ahead is too short to help. A ball that is *advanced to the
+# impact* never passed at any step (triangles at the top):
 #
 # ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %%
@@ -605,8 +605,8 @@ simulation("touch", "Slip", still=0.15)
 #
 # Two things follow. Between two of its corners the square lies inside the circle, so friction is weaker there: at 45
 # degrees by the factor $1/\sqrt 2$. And Coulomb's friction takes as much energy as the allowed forces permit; the
-# pyramid keeps this rule. On the circle, the friction that brakes most points straight against the motion. On the
-# square it is a corner, and that corner usually does not point straight against the motion.
+# pyramid keeps this rule. Inside the circle, the strongest braking force is the one straight against the motion. Inside
+# the square, it is one of the four corners: of full size, but along $x$ or $y$ instead of against the motion.
 # %%
 predict("braking_between_edges")
 # %% [markdown]
@@ -665,15 +665,15 @@ predict("heavy_on_light")
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
-# Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly. It tries which contacts are
-# open, and exchanges one of them at a time; such an exchange is called a *pivot*.
+# Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are
+# open, and changes the guess for one contact at a time (a *pivot*) until all conditions hold.
 #
-# For the round cone there is an equation. Add $\mu\lVert u_t\rVert$ to the normal part of the contact velocity and call
-# the result $\tilde u$ (De Saxcé and Feng 1998). Then there is a test for $p$: go from $p$ against $\tilde u$, and from
-# there to the nearest point of the cone. If you are back at $p$, it satisfies Coulomb's law: $p = \operatorname{proj}(p
-# - \rho\,\tilde u)$, with any positive $\rho$. The left side minus the right side is the **natural map**, and Newton's
-#   method searches for its zero. Each iteration solves a linear system. On this chapter's stacks it takes a few
-#   iterations at any mass ratio. Elsewhere it may need more, or fail.
+# For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of the
+# contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$, with any
+# mass $\rho$, and go to the nearest point of the cone. If this gives $p$ again, $p$ satisfies Coulomb's law: $p =
+# \operatorname{proj}(p - \rho\,\tilde u)$. The left side minus the right side is the **natural map**, and Newton's
+# method searches for its zero. Each iteration solves a linear system. On this chapter's stacks it takes a few
+# iterations at any mass ratio. Elsewhere it may need more, or fail.
 #
 # A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest violation
 # of the contact law, as a velocity. (The iterations of different methods do not cost the same.)
@@ -725,9 +725,10 @@ for dt in (1e-2, 1e-3, 1e-4):
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) is a speed per newton: under a force $f$ the contact yields at
-# CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$) $p$, so CFM$/h$ is added to the diagonal of $A$.
-# Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore stable at every step:
+# the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force $f$, the condition may be
+# violated by the speed CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$) $p$, so CFM$/h$ is added to
+# the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore
+# stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -826,11 +827,11 @@ show("mujoco_is_convex_and_unique")
 # %% [markdown]
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
-# In MuJoCo, each contact has several **rows**. With elliptic cones there is one per direction of force, with pyramids
-# two for each direction of friction. Each row aims at the acceleration $a_{\text{ref}}$ that a spring and a damper
-# would cause. It falls short of that by $R f$: under the force $f$ the actual acceleration is $a = a_{\text{ref}} - R
-# f$. A large compliance $R$ means a soft contact. With the row's velocity $u$ and its position error $r$ (the gap for a
-# normal row, always 0 for friction):
+# In MuJoCo, each contact has several **rows**. With elliptic cones there is a normal row and one per direction of
+# friction. With pyramids there is no separate normal row, but two rows for each direction of friction. A rigid row
+# would have exactly the acceleration $a_{\text{ref}}$ that a spring and a damper would cause. A soft row gives way in
+# proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact. With the row's
+# velocity $u$ and its position error $r$ (the gap for a normal row, always 0 for friction):
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R} \ \text{ within the cone}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
@@ -879,11 +880,11 @@ for condim in (1, 3, 4, 6):
 # %%
 show("condim_4_is_the_full_cone")
 # %% [markdown]
-# MuJoCo's spring, like any spring whose force is evaluated before the step, has a largest stable step: for one contact
-# $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag *refsafe*, on by default, raises $T$ to at least two steps. This makes
-# stiff settings softer than you asked for. With $T = 2h$ a single contact is stable if $\zeta > 1/\sqrt 8 \approx
-# 0.35$: insert it into the limit. Bodies that touch at several points need more. At the default, $\zeta = 1$, all
-# scenes of this chapter are stable.
+# MuJoCo's spring, like any spring whose force is evaluated before the step, has a largest stable step. With solref,
+# $\omega = 1/(\zeta T)$, so the limit of the step for one contact is $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag
+# *refsafe*, on by default, raises $T$ to at least two steps. This makes stiff settings softer than you asked for. With
+# $T = 2h$ a single contact is stable if $\zeta > 1/\sqrt 8 \approx 0.35$: insert it into the limit. Bodies that touch
+# at several points need more. At the default, $\zeta = 1$, all scenes of this chapter are stable.
 #
 # ### Creep and sinking: the price of softness
 #
@@ -946,11 +947,11 @@ predict("push_that_starts_too_slow")
 #
 # Two remedies give a derivative before touch. **Randomised smoothing** averages over runs with noise on the parameter
 # and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead of
-# zero, so that a little force acts at a distance. (At the setting in the chart this reaches too short a way to be
-# seen.) Both derivatives are slightly biased.
+# zero, so that a little force acts at a distance. (In the chart the relaxation is so small that the extra force is
+# invisible.) Both derivatives are slightly biased.
 #
-# The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, the
-# derivative has the wrong sign. Check a gradient against finite differences over a range of widths.
+# The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, here the
+# derivative has the wrong sign. Compare a gradient with finite differences, with several sizes of the change.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -978,8 +979,7 @@ plt.show()
 # | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster than $N$; use a grid for many equal bodies |
 # | filters | pairs | pairs that may collide (no parent and child, no sleeping bodies) | almost none |
 # | narrow phase | shapes and poses | points, normals, depths | little for spheres, far more for polytopes and meshes |
-# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | grows with the largest **island**, a group of
-# bodies that contacts connect; each island is solved on its own |
+# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | grows with the contacts; each **island**, a group of bodies in contact, is solved on its own |
 # | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton iterations that factor a matrix |
 # | integration | impulses | new state | almost none |
 #
@@ -1044,9 +1044,9 @@ for model in contact.MODELS:
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# The same spring connects both boxes to the hand; only the contact differs. Depth and forces are printed for both, the
-# penalty first; *normal* is one vector. Drag the hand, or move it with the arrow keys. Before you choose a preset,
-# predict:
+# The same spring connects both boxes to the hand; only the contact differs. Readouts with two numbers are the penalty's
+# and the constraint's; only *normal* shows the $x$ and $y$ of one vector. Drag the hand, or move it with the arrow
+# keys. Before you choose a preset, predict:
 #
 # 1. *Stick*: which of the two boxes moves, and how fast?
 # 2. *Explosion*: at which step does the penalty box calm down? Compare *ω h* with the limit of section 2.
@@ -1054,9 +1054,9 @@ for model in contact.MODELS:
 #
 # <details><summary>Answers</summary>
 #
-# (1) The blue one. It slides at the slip speed times the pull's share of $\mu f_n$. (2) Once $\omega h$ is below 2,
-# because the preset has no damping. (3) The depth, $mg/k$, falls to a seventeenth; the largest stable step, which goes
-# as $1/\sqrt k$, to a quarter.
+# (1) The blue one. It slides at the slip speed times the pull's share of $\mu f_n$. (2) Its growth ends once $\omega h$
+# is below 2, because the preset has no damping. (3) The depth, $mg/k$, falls to a seventeenth; the largest stable step,
+# which goes as $1/\sqrt k$, to a quarter.
 #
 # </details>
 
@@ -1065,10 +1065,10 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. Each is
-# the smallest scene that answers its question. *Where does a block stop* that is pushed off between the edges of
-# the pyramid (tolerance 2 mm)? *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light
-# body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)?
+# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. Each is the
+# smallest scene that answers its question. *Where does a block stop* (tolerance 2 mm), if it is pushed off at 22.5° to
+# the $x$ axis, between the edges of the pyramid? *How far does a block slide* down a slope (tolerance 1 mm)? *How deep
+# does a light body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the computing time, one point per step size. Down and to the
 # left is better. The *pick* is the cheapest run within the tolerance. Drag the tolerance and switch methods on:

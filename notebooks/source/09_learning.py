@@ -174,10 +174,10 @@ table(*rows)
 #
 # (The exact formula has another factor $\gamma^t$ in the sum. Most implementations leave it out, ours too.)
 #
-# Read it from the right. The vector $\nabla_\theta \log \pi_\theta(a_t \mid s_t)$ is the direction that makes the
-# sampled action more likely. The **advantage** $A_t$ is a number: how much better that action turned out than the
-# policy's average in the same state. So every sample votes for itself if it was good and against itself if it was bad,
-# and $\mathbb{E}$ averages the votes over many episodes.
+# The vector $\nabla_\theta \log \pi_\theta(a_t \mid s_t)$ is the direction that makes the sampled action more likely.
+# The **advantage** $A_t$ is a number: how much better that action turned out than the policy's average in the same
+# state. So every sample votes for itself if it was good and against itself if it was bad, and $\mathbb{E}$ averages the
+# votes over many episodes.
 #
 # For a normal distribution with mean $\mu$ and standard deviation $\sigma$, the derivative with respect to the mean is
 # $\partial \log \pi / \partial \mu = (a - \mu)/\sigma^2$. The picture shows these votes as arrows.
@@ -278,9 +278,9 @@ show("baseline_is_free")
 #       = \delta_t + \gamma\lambda\,A_{t+1}.$$
 #
 # The weight of a later error decays by the factor $\gamma\lambda$ per step. With $\lambda = 0$ only the first error
-# counts. With $\lambda = 1$ the values of later states cancel: $+\gamma V(s_{t+1})$ in one error meets $-\gamma
-# V(s_{t+1})$ in the next, which is discounted once more. What is left is the whole return minus $V(s_t)$. The usual
-# value is 0.95.
+# counts. With $\lambda = 1$ the values of later states cancel: the next error contains $-V(s_{t+1})$ and has the weight
+# $\gamma$, so it removes the $+\gamma V(s_{t+1})$ in this one. What is left is the whole return minus $V(s_t)$. The
+# usual value is 0.95.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(8, 2.1), layout="constrained", sharey=True)
@@ -310,8 +310,9 @@ show("lambda_mixes")
 # were not observed is called **bootstrapping**.
 #
 # At both kinds of end the sum over later errors stops, because the next stored step belongs to another episode. The
-# whole algorithm is a loop backwards in time. (The lines that check the arguments are omitted; `final` is `terminated`
-# and `cut_off` is `truncated`, and in a final step `next_value` is 0.)
+# whole algorithm is a loop backwards in time. (The lines that check and rename the arguments are omitted. `reward`,
+# `value` and `next_value` are one row per step, and `final` and `cut_off`, which are Boolean, say how an episode ended.
+# In a final step `next_value` is 0.)
 
 # %% tags=["hide-code"]
 source(learning.gae, "delta = reward")
@@ -319,8 +320,8 @@ source(learning.gae, "delta = reward")
 # %% [markdown]
 # What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
 # error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
-# $\lambda$ shifts weight from one to the other. The right plot shows both and the total error, for $A_t + V(s_t)$,
-# which is an estimate of the return. Double the critic's error, and a larger $\lambda$ becomes the best:
+# $\lambda$ shifts weight from one to the other. The lower right plot shows bias, scatter and total error. They are
+# errors of the estimated return, $A_t + V(s_t)$. Double the critic's error, and a larger $\lambda$ becomes the best:
 
 # %%
 simulation("gae_weights")
@@ -343,8 +344,9 @@ simulation("gae_weights")
 #
 # The function clip replaces a ratio outside $1 \pm \varepsilon$ by the nearest end of that range; $\varepsilon$ is
 # usually 0.2. The minimum selects the smaller of the two terms. A good action that is already 20 % likelier gets no
-# further push. A good action that has become less likely is still pushed up with the full gradient. For bad actions it
-# is the other way round.
+# further push. A good action that has become less likely is still pushed up with the full gradient. A bad action that
+# is already 20 % less likely gets no further push down. One that has become likelier is pushed down with the full
+# gradient.
 
 # %%
 predict("where_the_clip_bites")
@@ -406,11 +408,11 @@ show("clip_keeps")
 # for state and action together. Old steps can be used again, because the same action in the same state still has the
 # same effect, whoever chose it.
 #
-# The price is more gradient steps for each environment step. Also, the target of this critic contains the critic's own
-# guess, so errors can feed themselves and the values may run away. The gain is fewer environment steps. The chart shows
-# both methods from the library Stable-Baselines3 on the same task, as a share of the exact optimum. PPO appears with
-# two batch sizes, because with 2,048 steps per batch it has finished only three iterations when SAC stops at 7,000
-# steps.
+# The price is more gradient steps for each environment step. Also, $Q(s, a)$ is trained towards the reward plus $\gamma
+# Q$ of the next state. That $Q$ is an estimate too, so an overestimate can raise the next target, and the values may
+# run away. The gain is fewer environment steps. The chart shows both methods from the library Stable-Baselines3 on the
+# same task, as a share of the exact optimum. PPO appears with two batch sizes, because with 2,048 steps per batch it
+# has finished only three iterations when SAC stops at 7,000 steps.
 #
 # ![SAC and PPO: share of the optimum over environment steps](../docs/charts/off_policy.png)
 
@@ -425,10 +427,9 @@ for one in off.series:
 table(*rows)
 
 # %% [markdown]
-# At equal environment steps SAC is far ahead; PPO with large batches needs several times as many to catch up. On a real
-# robot or in a slow simulator, the number of steps is what matters. In a fast simulator computing time matters more:
-# for 1,000 environment steps SAC makes 1,000 gradient steps here, PPO with the large batches about 10 (5 epochs of 4
-# minibatches for each 2,048 steps).
+# At equal environment steps SAC is far ahead. On a real robot or in a slow simulator, the number of steps is what
+# matters. In a fast simulator computing time matters more: for 1,000 environment steps SAC makes 1,000 gradient steps
+# here, PPO with the large batches about 10 (5 epochs of 4 minibatches for each 2,048 steps).
 
 # %%
 more_claims("next_row", "beyond_the_clip")
@@ -473,8 +474,8 @@ show("sparse_chance")
 #
 # Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and another sum on another path. Of two paths with equally
 # many steps it prefers the one that is near the goal earlier, and nobody asked for that. One condition belongs to the
-# potential: $\Phi$ has to count as 0 in every state that terminates the episode. Otherwise the last payment differs
-# from end to end, and the best policy can change, as chapter 8 showed.
+# potential: $\Phi$ has to count as 0 in every state that terminates the episode. Otherwise the last payment depends on
+# where the episode ended, and the best policy can change, as chapter 8 showed.
 #
 # ![Share of the optimum over training for each reward, and by size of the disc](../docs/charts/rewards.png)
 
@@ -489,12 +490,13 @@ table(("reward", "share of the optimum after training", "interval"),
 # %% [markdown]
 # With the potential, PPO learns a policy that is close to the optimum. By default our PPO **rescales rewards**: it
 # divides them by a running standard deviation. With minus the distance, rescaled, it learned no more than with the
-# sparse reward (four seeds). Without rescaling this reward does better, but the seeds differ widely. We have not found
-# out why. Proportion may be one reason: over an episode the distances add up to tens, and the prize is only 1.
+# sparse reward (four seeds). Without rescaling this reward does better, but results differ widely between seeds. We do
+# not know why rescaling hurts here. That this reward teaches little may be because the distances outweigh the prize:
+# over an episode they add up to tens, and the prize is only 1.
 #
-# About the *interval* in this and later tables: the seeds are resampled many times, each time the mean of the middle
-# half of them is computed, and 95 % of the results lie in the interval. The right panel repeats the sparse reward with
-# larger discs: the more often chance succeeds, the more is learned.
+# About the *interval* in this and later tables: we draw as many seeds as there are, with repetition, drop the best and
+# the worst quarter and average the rest. Repeated many times, 95 % of these averages lie in the interval (a bootstrap).
+# The right panel repeats the sparse reward with larger discs: the more often chance succeeds, the more is learned.
 #
 # ### Reward hacking: compute the optimum of what you pay
 #
@@ -531,7 +533,7 @@ table(*rows)
 # In the two rows with a bonus, all starts lie within 0.5 m of the goal. With the potential, never moving earns
 # something too: each step at distance $d$ is paid $(1 - \gamma)\,d$. That is harmless, because moving pays more. Under
 # the bonus per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects
-# the bonus a hundred times. Select *Hovering* in the simulation at the top to watch a learner discover this.
+# the bonus a hundred times. Select *Hovering* at the top to watch a learner discover this.
 #
 # <details><summary>The usual listing, and what is wrong with it</summary>
 #
@@ -589,23 +591,23 @@ simulation("cloning_drift")
 # %% [markdown]
 # ![Cost over length, limit of the square law, three closed loops, circle task](../docs/charts/compounding.png)
 #
-# The upper left panel shows the two cases above. The upper right one is a map of how far the square law is too high: by
-# 10 % where it is white, by more where it is orange, by less where it is purple. White lies where one expects 0.3
-# errors in a run. The lower left panel shows three closed loops, and the lower right one the *circle task*, in which a
-# point follows a circle and errors die out.
+# The upper left panel shows the two cases above. In the upper right one, the colour shows by how much
+# $\tfrac12\varepsilon T^2$ exceeds the true number. It is 10 % too high at $\varepsilon T = 0.3$ (the white line), less
+# below that line and more above it. The lower left panel shows three closed loops, and the lower right one the *circle
+# task*, in which a point follows a circle and errors die out.
 #
 # For a robot with continuous states the closed loop decides. A deviation $x$ changes in a step to $x' = a\,x + e$,
 # where $e$ is the policy's error. Let the cost be the sum of $|x|$ over all steps. If $|a| < 1$ old errors die out, and
 # the cost grows in proportion to time. If $a = 1$ they add up: with a constant $e$ the cost grows with the square of
-# time, with independent random errors with its power 1.5. If $a > 1$ the loop amplifies them exponentially. In the
+# time, with independent random errors with its power 1.5. If $|a| > 1$ the loop amplifies them exponentially. In the
 # counting model above a step costs at most 1, so $T^2$ was the worst case. Here a single step may cost any amount.
 #
 # ### A perfect fit that falls over
 #
 # Now make the clone's fit perfect. The expert is a linear law $u = -Kx$ that balances an inverted pendulum, without any
-# noise. The state is the angle and its rate, so a state is a point in a plane. All motions shrink, those along one
-# direction of this plane most slowly. This direction is called the **slow mode**, and after a short time the state
-# moves along it. We record only states on this line. Below, this task is called *the regulator*.
+# noise. The state is the angle and its rate, so a state is a point in a plane. Every deviation decays, most slowly
+# along one eigenvector of the closed loop, the **slow mode**. The other part dies out quickly, so after a short time
+# the state lies on that line. We record only states on this line. Below, this task is called *the regulator*.
 
 # %%
 predict("perfect_and_useless")
@@ -659,13 +661,15 @@ table(*rows)
 
 # %% [markdown]
 # In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only
-# about 0.001. The labels are exact, so this is enough to determine the gain across the line. In the right plot (of a
-# linear model, which grows without end), clone and noise-free DAgger coincide.
+# about 0.001. The labels are exact, so this is enough to determine the gain across the line. In the right plot, the
+# curves of clone and noise-free DAgger lie on top of each other. They grow so far because the simulated model is
+# linear.
 #
 # Two rows of the table need an explanation. DAgger without noise is as unstable as the clone, and noise of only
-# $10^{-6}$ on each label is enough to make DAgger work. Without noise the learner stays on the line and sees nothing
-# new. With a little noise it leaves the line, and its own unstable loop amplifies the deviation, so it visits the
-# states that were missing. How far does that go?
+# $10^{-6}$ on each label is enough to make DAgger work. DAgger's rounds begin on the line. With exact labels the
+# learner acts there exactly like the expert, and never leaves it. Noisy labels make its action slightly wrong, which
+# pushes the state off the line; the unstable loop amplifies the deviation, and the learner visits the states that were
+# missing. Does DAgger therefore always repair a clone that drifts?
 
 # %%
 show("dagger_fixes_drift")
@@ -704,9 +708,10 @@ more_claims("perfect_fit", "dagger_needs_room", "diffusion_mends_drift")
 # </div>
 #
 # Data with several distinct right answers for one state are called **multimodal**, and each answer is a *mode*. Cloning
-# as in section 3 minimises the squared error. A share $p$ of the demonstrations is at $+w$, the rest at $-w$. Which
-# prediction $x$ has the smallest mean squared error, $p\,(x-w)^2 + (1-p)\,(x+w)^2$? Solve it on paper first.<span
-# class="kernel-only"> Then replace the wrong answer in this cell by yours:</span>
+# as in section 3 minimises the squared error. Level with the obstacle, a share $p$ of the demonstrations is displaced
+# sideways by $+w$, the rest by $-w$. Which prediction $x$ has the smallest mean squared error, $p\,(x-w)^2 +
+# (1-p)\,(x+w)^2$? Solve it on paper first.<span class="kernel-only"> Then replace the wrong answer in this cell by
+# yours:</span>
 
 # %%
 answer("cloning_averages", "0*w")
@@ -827,8 +832,8 @@ more_claims("code_of_zero")
 #
 # Many lines cross at the same point, so the network can only learn their mean velocity. That is enough. Think of
 # traffic: how the crowd thins or thickens at a place depends only on the average flow there, not on who drives which
-# way. So if all samples move with the average velocity from $t = 0$ to $1$, the crowd is distributed at every time as
-# before, and at the end like the data.
+# way. So if all samples move with the average velocity, they have at every time $t$ the same distribution as the points
+# $x_t$ on the straight lines. At $t = 1$ that is the distribution of the data.
 #
 # A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps
 # of size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
@@ -888,9 +893,10 @@ simulation("denoising")
 # Since $\alpha_t^2 + \sigma_t^2 = 1$, data of variance 1 keep that variance all the way.
 #
 # The network receives $x_t$, $t$ and the state $s$, and learns with the squared error to predict $\sigma_t\,x -
-# \alpha_t\,\epsilon$. Its output is called $\hat v$. This target is convenient: in $\alpha_t\,x_t + \sigma_t\,\hat v$
-# the noise cancels, and the guess $\hat x$ of the clean action remains. The sampler DDIM (denoising diffusion implicit
-# model) goes from $t$ to a later $t'$ in two moves. It computes the noise that the guess implies, $\hat\epsilon = (x_t
+# \alpha_t\,\epsilon$. Its output is called $\hat v$. This target is convenient: $\alpha_t (\alpha_t x + \sigma_t
+# \epsilon) + \sigma_t (\sigma_t x - \alpha_t \epsilon) = x$, so $\hat x = \alpha_t\,x_t + \sigma_t\,\hat v$ is the
+# guess of the clean action. The sampler DDIM (denoising diffusion implicit model) goes from $t$ to a later $t'$ in two
+# moves. It computes the noise that the guess implies, $\hat\epsilon = (x_t
 # - \alpha_t \hat x)/\sigma_t$. Then it mixes guess and noise again as the path does at $t'$, with less noise:
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
@@ -910,8 +916,7 @@ source(learning.denoise, "alpha, sigma = mix")
 #
 # ![Error over evaluations of the field, exact and trained; success over evaluations](../docs/charts/samplers.png)
 #
-# How many evaluations you need depends on the network: find the number at which the error stops falling. Here ten come
-# close to it.
+# For these networks more than about ten evaluations hardly help.
 
 # %%
 more_claims(
@@ -971,10 +976,10 @@ show("react_less")
 # %% [markdown]
 # ![Success over executed steps and over disturbances; changes of side; drift](../docs/charts/commit_or_react.png)
 #
-# Under disturbances of 50 mm, executing two steps is best by a small margin. Under 20 mm, one, two and four are equal
-# within the scatter of 1,000 runs. The second panel compares remedies. Under the strongest disturbances, a policy
-# trained on disturbed demonstrations does best. Without disturbances that policy is worse, though: about seven runs in
-# ten pass, where the others nearly all do.
+# Under disturbances of 50 mm, executing two steps is best by a small margin. With disturbances of 20 mm, executing one,
+# two or four steps makes no measurable difference in 1,000 runs. The second panel compares remedies. Under the
+# strongest disturbances, a policy trained on disturbed demonstrations does best. Without disturbances that policy is
+# worse, though: about seven runs in ten pass, where the others nearly all do.
 #
 # The lower panels show the two effects. A policy that observes often changes sides more often. A policy that observes
 # rarely drifts further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the
@@ -984,9 +989,9 @@ show("react_less")
 # action is the weighted mean of all predictions for this step. The weights are $e^{-m i}$, with $i = 0$ for the
 # oldest chunk. This smooths the motion. It also averages, so it is safe only if the chunks agree on the mode.
 #
-# How many demonstrations does all this need? At least so many that the rarest way you want occurs in them; the
-# checkpoint asks how probable it is that one is missing. And look for pauses: a person who waits shows one state with
-# two labels, *wait* and *go*.
+# How many demonstrations does all this need? Enough that even the rarest way of doing the task is shown; in the
+# checkpoint you compute the chance that it is missing. And look for pauses: a person who waits shows one state with two
+# labels, *wait* and *go*.
 
 # %%
 more_claims("pauses")
@@ -996,8 +1001,9 @@ more_claims("pauses")
 #
 # ### One table, its numbers tested
 #
-# A test compares each number with its measurement. We did not run ACT: the numbers in its line are those of our small
-# autoencoder (code at zero) and of replaying the nearest demonstration (pauses).
+# Each number in the table was measured, and a test of the course checks that they agree. We did not run ACT: the
+# numbers in its line are those of our small autoencoder (code at zero) and of replaying the nearest demonstration
+# (pauses).
 
 # %% tags=["hide-code"]
 f = figure
@@ -1025,7 +1031,7 @@ methods = (
      "drifts like any clone",
      min(passed["diffusion"], passed["flow"]) > 0.7 and f("diffusion_mends_drift", "lost") > 0.9),
     ("ACT", "long smooth motions, demonstrators who pause", "the same demonstrations",
-     f"a chunk longer than a pause gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
+     f"executing more steps than a pause lasts gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
      f"{f('pauses', 'stuck'):.0%})",
      f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; a whole chunk reacts late",
      f("pauses", "through") == 0.0 and passed["autoencoder, z = 0"] < passed["autoencoder"]
@@ -1065,10 +1071,9 @@ table(
 # On other tasks these matter: normalised observations if the observations are far from zero, the clip if the step size
 # and the number of epochs are large, and perhaps rescaled rewards if the prize is 10 (there the intervals overlap). In
 # the fourth task, staying near the goal is paid more than entering the disc. A learner that treats the time limit as a
-# termination believes that nothing is paid after it. So waiting looks like a small loss, and it enters.
+# termination underestimates what further waiting earns. So the immediate prize looks better, and it enters.
 #
-# Normalising has a trap in vectorised environments (many copies stepped by one call, chapter 8), where each one could
-# keep its own statistics:
+# Normalising has a trap where many environments run side by side and each keeps its own statistics:
 
 # %%
 show("own_normaliser")
@@ -1077,8 +1082,8 @@ show("own_normaliser")
 # ### Many seeds, many machines
 #
 # Two seeds of one learner can differ more than two methods do, so the curves of this chapter have a band over several
-# seeds. `sweep` runs a function with many arguments. Its argument `executor` takes any pool of workers, so it can run
-# on several processors or machines.
+# seeds. `sweep` calls a function once for each of many sets of arguments. Its argument `executor` takes any pool of
+# workers, so it can run on several processors or machines.
 
 
 # %% tags=["show-code"]
@@ -1127,7 +1132,7 @@ print("mean actions for 64 observations:", report.policy(train.reset(seed=5)[0])
 source(learning.clipped_objective, "free = ratio")
 
 # %% [markdown]
-# Invalid input is rejected with the name of the argument and the rule:
+# Invalid input is rejected by name:
 
 # %% tags=["show-code"]
 for attempt in (
@@ -1142,9 +1147,8 @@ for attempt in (
         print(problem)
 
 # %% [markdown]
-# Now break the learner. The presets of the simulation *A point learns to reach a disc* at the top remove one thing
-# each: *One epoch*, *Discount 0.9*, *No reward scaling*, *Hovering*, *First to finish*. Before you select one, say what
-# return and success rate will do.
+# Now break the learner. Presets of the simulation remove one thing each: *One epoch*, *Discount 0.9*, *No reward
+# scaling*, *Hovering*, *First to finish*. Before you select one, say what return and success rate will do.
 
 # %%
 simulation("point")
@@ -1168,10 +1172,11 @@ table(("method", "share of the optimum", "interval", "processor time [s]"),
         for a, b in zip(steps_.series, time_.series, strict=True)))  # fmt: skip
 
 # %% [markdown]
-# With the same network, ours and the library learn equally well from the same steps, within their intervals. They
-# differ in what a step costs. The search is the fastest by far but ends lower. *What to choose?* For a point: two gains
-# of the right form, which the claims of section 2 find with fewer steps than any of these. Where nobody knows the form,
-# try both a search and PPO, ours or the library's: on the point PPO ends higher, on the arm below the search does.
+# With the same network, ours and the library end equally well after the same number of steps, within their intervals.
+# They differ in what a step costs. The search is the fastest by far but ends lower. *What to choose?* For a point: a PD
+# law, whose two gains a random search finds with fewer steps than any of these (a folded claim in section 2). Where
+# nobody knows the form, try both a search and PPO, ours or the library's: on the point PPO ends higher; on the arm
+# (next chart) the search does.
 #
 # Where does the time go, when networks are this small? A natural guess is the arithmetic of the gradient. Count the
 # multiplications: a forward pass through $d$ inputs, two hidden layers of $h$ units and $m$ outputs takes $dh + h^2 +
@@ -1197,10 +1202,10 @@ show("gradient_cost")
 #
 # ![Reward and success of the arm over its training](../docs/charts/learning_curve_reach.png)
 #
-# The second way is to clone that hand-written law. (The test here uses other targets than the one above, so the law
-# itself reaches 73 %.) At the same number of labels DAgger gains a little over plain cloning, and a wider network with
-# longer training gains more. PPO, with the settings that solve the point, is far below after half a million steps. This
-# page therefore does not show that PPO solves a hard task.
+# Besides searching, one can clone the hand-written law. (The test here uses other targets than the one above, so the
+# law itself reaches 73 %.) At the same number of labels DAgger gains a little over plain cloning, and a wider network
+# with longer training gains more. PPO, with the settings that solve the point, is far below after half a million steps.
+# This page therefore does not show that PPO solves a hard task.
 #
 # ![Targets reached by clones of a hand-written law, and by PPO](../docs/charts/arm_learned.png)
 
@@ -1268,15 +1273,15 @@ table(("runs at 80 % or above", "their divergence per iteration [nats]", "runs b
 predict("curve_at_one")
 
 # %% [markdown]
-# The two tests below use the same policies. Each policy goes to its goal, except that it stands still if the goal lies
-# left of a limit. The column "one episode per environment" counts one episode in each of 128 environments. The last
-# column takes the first 128 episodes that finish.
+# The two tests below use the same policies. Each policy goes to its goal, except that it doesn't accelerate while the
+# goal's x, seen from the point, is below a limit. The column "one episode per environment" counts one episode in each
+# of 128 environments. The last column takes the first 128 episodes that finish.
 
 # %% tags=["hide-code"]
 rows = [
-    ("policy stands still if the goal is", "one episode per environment", "first 128 to finish")
+    ("no acceleration while the goal's x is", "one episode per environment", "first 128 to finish")
 ]
-for edge, name in ((0.1, "left of +0.1 m"), (-0.5, "left of -0.5 m")):
+for edge, name in ((0.1, "below +0.1 m"), (-0.5, "below -0.5 m")):
 
     def lame(observed, edge=edge):
         return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
@@ -1481,9 +1486,9 @@ check(training_round)
 # %% [markdown]
 # ### A formula: the first to finish
 #
-# An environment that succeeds quickly starts again at once and can succeed again. All $N$ environments run until the
-# first failure ends. How many successes has each had by then, on average, if the true success rate is $p$, successes
-# take no time and failures very long?
+# An environment that succeeds quickly starts again at once and can succeed again. Each environment therefore repeats
+# episodes until one fails. How many successes come before its first failure, on average, if the true success rate is
+# $p$? (Successes take no time here, failures very long.)
 
 # %%
 answer("first_to_finish", "p")
@@ -1493,8 +1498,8 @@ answer("first_to_finish", "p")
 #
 # ### Foundation policies
 #
-# <table> <tr><th>work</th> <th>year</th> <th>what it is</th> <th>size and data, as stated</th> <th>a common
-# statement</th></tr> <tr><td>RT-2 (Brohan and others, arXiv 2307.15818)</td> <td>2023</td> <td>a
+# <table> <tr><th>work</th> <th>year</th> <th>what it is</th> <th>size and data, as stated</th> <th>often
+# said, and whether it is right</th></tr> <tr><td>RT-2 (Brohan and others, arXiv 2307.15818)</td> <td>2023</td> <td>a
 # **vision-language-action model**: images and words in, actions out, written as text tokens</td> <td>built on the
 # vision-language models PaLI-X (5 and 55 billion parameters) and PaLM-E (12 billion); web data and robot data
 # together; about 6,000 trials</td> <td>"a 55B model": the largest of three, running at 1 to 3 Hz</td></tr>
@@ -1514,8 +1519,8 @@ answer("first_to_finish", "p")
 # ### Why do chunks help? Three explanations on three tasks
 #
 # A chunk could help because it keeps one mode, because it makes fewer decisions, or merely because its later actions
-# are based on an *older* observation. The last explanation can be isolated: a delayed policy acts at every step, but
-# on the observation from one or three steps ago.
+# are based on an *older* observation (we don't know why that should help). The last explanation can be isolated: a
+# delayed policy acts at every step, but on the observation from one or three steps ago.
 #
 # The table compares both on three tasks: the two routes; the unstable regulator, trained with and without disturbances;
 # and a third task, whose numbers follow from a formula. Each of its 40 steps brings a new random situation with its own
@@ -1584,10 +1589,10 @@ table(*rows)
 # brings something new. So on none of these tasks do chunks gain more than a few percentage points over a new chunk at
 # each step, and what they gain, a mere delay gains too.
 #
-# The second task fits a theory by Zhang and others (arXiv 2507.09061, 2025, read as an abstract): errors of a clone can
-# grow exponentially. On a stable plant chunks prevent that, which we did not test; on an unstable plant only disturbed
-# demonstrations do. So ask three things about your task. Does it have several modes? Is its loop unstable? Does every
-# step bring something new?
+# The second task fits a theory by Zhang and others (arXiv 2507.09061, 2025, read as an abstract): the errors of a clone
+# can grow exponentially, also where the plant itself is stable. There chunks prevent it, which we did not test. On an
+# unstable plant only disturbed demonstrations do. So ask three things about your task. Does it have several modes? Is
+# its loop unstable? Does every step bring something new?
 #
 # ## 11 · Interview
 #

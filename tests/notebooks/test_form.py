@@ -25,6 +25,7 @@ BUILT = {
 CHAPTER = {f"{chapter.number:02d}_{chapter.topic}": chapter.topic for chapter in CHAPTERS}
 WRITTEN = sorted(set(BUILT) & set(CHAPTER))
 REWRITTEN: set[str] = {
+    "role",
     "rigid_body",
     "contact",
     "kinematics",
@@ -43,7 +44,9 @@ BOXES = {
 
 def limits(name: str) -> form.Limits:
     """The limits of a notebook; one that is no chapter has those of the earlier form."""
-    return form.LIMITS if CHAPTER.get(name) in REWRITTEN else form.EARLIER
+    if CHAPTER.get(name) not in REWRITTEN:
+        return form.EARLIER
+    return form.SHORT if CHAPTER[name] in ("role", "interview") else form.LIMITS
 
 
 def visible_text(name: str) -> list[str]:

@@ -122,12 +122,13 @@ def frame(pen, state, controls):
 PRESETS = {
     "Ten thousand grasps": Preset(
         {},
-        "One robot, resets by hand, and one body of MuJoCo a step on two cores. Slide the cost "
-        "of a step to where your scene is: contacts and cameras cost a hundred times as much.",
+        "One robot that is reset by hand, and on two cores a MuJoCo scene with a single body. Move "
+        "the cost of a step to that of your scene: with contacts and cameras a step costs a "
+        "hundred times as much.",
     ),
     "A million, with cameras": Preset(
         {"tries": 6.0, "step": 1000.0, "cores": 16},
-        "Rendering in every step: the computer needs days, the robot decades.",
+        "A picture is rendered in every step. The computer needs days, the robot decades.",
     ),
 }
 

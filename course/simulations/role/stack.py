@@ -346,20 +346,22 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Comfortable": Preset(
-        {}, "Press play. Each dot is a picture's content and its age, ten times slower than in "
-        "truth. Click a box, or go on with the arrow keys. Dashed: least, mean and bound."),
+        {}, "Press play. Each dot is the content of a picture, with its age in milliseconds. Time "
+        "runs ten times slower than in reality. Click a box, or use the arrow keys. Dashed lines: "
+        "the predicted least age, mean and bound."),
     "Slow perception": Preset(
-        {"seeing": 120.0, "parallel": False}, "One worker needs four periods of the camera: "
-        "three pictures of four are lost. Then let several workers see."),
+        {"seeing": 120.0, "parallel": False}, "One worker needs four periods of the camera "
+        "for a picture, so three pictures of four are lost. Then let several workers see."),
     "Deep queue": Preset(
         {"depth": 10, "rate": 5.0}, "The queue before the planner keeps ten poses and hands out "
-        "the oldest. Slide its depth to one."),
+        "the oldest. Move its depth down to one."),
     "Locked clocks": Preset(
-        {"locked": True, "phase": 0.95}, "Camera and planner are counted down from one clock. The "
-        "mean of the run stays off the prediction; slide the planner's phase."),
+        {"locked": True, "phase": 0.95}, "Camera and planner run from the same clock, so the phase "
+        "between them never changes. The mean of the run differs from the prediction. Move the "
+        "planner's phase."),
     "Overload": Preset(
-        {"trigger": "on arrival", "depth": 10}, "Started by each pose, the planner needs 60 ms "
-        "where 33 pass: it is always busy and its queue always full."),
+        {"trigger": "on arrival", "depth": 10}, "Each pose starts the planner. It needs 60 ms, but "
+        "poses come every 33 ms: it is always busy, and its queue is always full."),
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)
