@@ -1170,7 +1170,8 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# With the same compiled edge check, the two are close. Part of our lead in the small planar scenes is that OMPL has to
+# With the same compiled edge check, the two are within a factor of about two of each other. Part of our lead in the
+# small planar scenes is that OMPL has to
 # call back into Python for each edge; without these calls, OMPL's own part is the faster one in most of them. For the
 # seven-joint arm nearly all the time is edge checking, and the two are equal. With a collision check in Python,
 # planning is many times slower, and at OMPL's default spacing some of the returned paths are in collision.
@@ -1476,8 +1477,8 @@ check(rrt_star)
 #
 # Check points are a distance $s$ apart on a straight edge, and an obstacle is a disc of radius $r > s/2$. How deep can
 # the edge enter the disc while none of the points is inside? Look at the triangle in section 2: half the spacing, the
-# distance from the centre, and the radius. Enter a formula in `s` and `r`; any equivalent form is accepted. <span
-# class="kernel-only">Replace the text in quotation marks.</span>
+# distance from the centre, and the radius. Enter a formula in `s` and `r`; any equivalent form is accepted.
+# <span class="kernel-only">Replace the text in quotation marks.</span>
 
 # %%
 answer("edge_by_ten_points", "s^2/(8*r)")
