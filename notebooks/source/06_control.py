@@ -1558,7 +1558,7 @@ card("hybrid")
 # %%
 def hybrid_torque(J, frame, forced, error, velocity, force, wanted, gains):
     """Return joint torques that control force along some axes of a surface, position along others."""
-    # Impedance along all axes: no force is controlled.
+    # Impedance control along all axes: no force is controlled.
     return np.asarray(J).T @ (gains[0] * np.asarray(error) - gains[1] * np.asarray(velocity))
 
 
