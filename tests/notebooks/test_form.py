@@ -31,6 +31,7 @@ REWRITTEN: set[str] = {
     "planning",
     "control",
     "learning",
+    "pipeline",
 }
 AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
