@@ -32,6 +32,7 @@ REWRITTEN: set[str] = {
     "planning",
     "control",
     "learning",
+    "pipeline",
 }
 AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
