@@ -536,7 +536,7 @@ plt.show()
 more_claims("goal_bias_in_passages", "bridge_test")
 
 # %% [markdown]
-# ### RRT*: paths that keep getting better
+# ### Rewiring: paths that keep getting better
 #
 # RRT never revisits a decision. Once a node has a parent, its path from the start stays as crooked as it is. **RRT\***
 # (Karaman and Frazzoli 2011) adds two steps when a node is inserted. *Choose parent*: among all nodes within a certain
