@@ -549,7 +549,9 @@ ends = response_times(1e-3 * C, 1e-3 * T)
 figure_, axis = plt.subplots(figsize=(8.4, 2.2), layout="constrained")
 timeline(axis, merged)
 _ = axis.axvline(1e3 * ends[2], color=RED, ls="--")
-_ = axis.text(1e3 * ends[2] + 0.6, -1.0, f"planner done\nat {1e3 * ends[2]:.2f} ms", color=RED)
+_ = axis.text(
+    1e3 * ends[2] + 0.6, -2.0, f"planner done\nat {1e3 * ends[2]:.2f} ms", color=RED, va="center"
+)
 _ = axis.set_xlim(0, 90)
 plt.show()
 
@@ -976,7 +978,8 @@ table(
 )
 
 # %% [markdown]
-# The file below sets them. It is in the fold-out, and the table lists what it changes from the defaults:
+# The file below sets them. It is in the fold-out, and the table lists what differs
+# from the defaults:
 
 # %% tags=["hide-code"]
 Markdown(
@@ -1307,8 +1310,8 @@ predict("late_or_lost")
 #
 # The horizontal axis is the one-way delay of the link. On a fast link, the repaired command arrives before the next one
 # is due, and reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and
-# best effort is better. The curves cross where the trip there and back takes about as long as a few milliseconds, so
-# compare the round-trip time with the command period. A message that is sent *once* (a goal, a change of mode, a stop)
+# best effort is better. The curves cross where the
+# round trip takes somewhat less than one command period, so compare these two times. A message that is sent *once* (a goal, a change of mode, a stop)
 # has no successor, and needs reliable.
 
 # %% tags=["hide-code"]
@@ -1352,7 +1355,7 @@ table(*lines)
 
 # %% [markdown]
 # The last column translates lateness into control: the largest proportional gain with which the joint from chapter 6
-# is stable, if every cycle were as late as the 99th percentile. With the default scheduler, the joint has to be soft.
+# is stable, if every cycle were as late as the 99th percentile. With the default scheduler, only a much softer controller is stable.
 #
 # Requesting a priority does not mean that you get it: the request needs a permission. So read back what was granted.
 # For this process, now:
