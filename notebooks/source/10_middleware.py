@@ -1523,7 +1523,7 @@ def keep_last(stamps, arrivals, reads, depth, lifespan):
         (numbers of the messages of each read in the order of arrival, then -1, shape (m, depth);
         how many were pushed out by later ones).
     """
-    # Every read takes what has come since the one before, as far as there is room for it.
+    # Every read takes what has arrived since the previous read, as far as there is room.
     taken, edges = np.full((len(reads), depth), -1), [-np.inf, *reads]
     for row in range(len(reads)):
         new = [k for k, at in enumerate(arrivals) if edges[row] < at <= edges[row + 1]][:depth]
@@ -1580,7 +1580,7 @@ def response_times(executions, periods, deadlines, blocking):
     Returns:
         Of each task, -1 where it can miss its deadline, shape (n,) [us].
     """
-    # As if everybody ran once.
+    # As if every task ran once.
     responses = np.cumsum(executions) + np.asarray(blocking)
     return np.where(responses <= np.asarray(deadlines), responses, -1)
 
