@@ -22,7 +22,8 @@ simulation("touch")
 # %% [markdown]
 # The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
 # perpendicular to the floor (*normal*) against its part along the floor (*tangential*). Each point is the contact force
-# on one box. While it lies inside the V, friction is strong enough to hold that box. Section 2 explains *ω h*.
+# on one box. The two slanted lines are the largest friction. Between them friction can hold the box. Section 2 explains
+# *ω h*.
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
@@ -31,10 +32,11 @@ simulation("touch")
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart. On
-# the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded away.
-# You can rerun all checks of this page with `python -m course.derivations 2`. The code is the package `course.contact`.
-# Five exercises wait in section 8:
+# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
+# Some cards show a statement, which you judge: true, false, or true only under a condition. Statements about engines
+# often use **MuJoCo**, a widely used free simulator of robots. Derivations are folded away. You can rerun all checks of
+# this page with `python -m course.derivations 2`. The code is the package `course.contact`. Five exercises wait in
+# section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -86,11 +88,11 @@ def source(*functions):
 # %%
 show("aabb_all_axes")
 # %% [markdown]
-# Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes
-# by their lower end along one axis and walks through the sorted list. Each box is tested only against the later
-# boxes in the list that begin before it ends. A **uniform grid** divides space into cells and tests only boxes that
-# share a cell. A **bounding-volume tree**, as in Bullet, Box2D and Coal, nests boxes in larger boxes and skips
-# whole groups.
+# Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes by
+# their lower end along one axis and walks through the sorted list. From each box it goes on down the list until a box
+# begins beyond the upper end of the first one, and tests only the boxes up to there. A **uniform grid** divides space
+# into cells and tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D and
+# in the collision library Coal, nests boxes in larger boxes and skips whole groups.
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
@@ -111,10 +113,10 @@ for kind, name in names.items():
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
-# Reusing the sorted order of the last step saves only the sorting. For the dashed line, every box has moved by 1 % of
-# its size, and we count the swaps that sort the list again. (An *incremental* sweep also keeps the list of overlapping
-# pairs, so it saves tests too.) The left chart fits its exponents to the counts, the right one to measured times,
-# MuJoCo's among them:
+# Reusing the sorted order of the last step saves only the sorting. (An *incremental* sweep also keeps the list of
+# overlapping pairs, so it saves tests too.) The left chart counts tests. Its dashed line counts the swaps that sort the
+# list again after every box has moved by 1 % of its size. The right chart shows measured times, also MuJoCo's. The
+# powers of $N$ are fitted slopes:
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -156,13 +158,15 @@ show("gjk_minkowski")
 # 4. If $w$ lies no farther in that direction than $c$, stop. No point of the set is nearer to the origin, so the
 #    shapes are apart by $\lVert c\rVert$, and the normal is $-c/\lVert c\rVert$. Otherwise add $w$ to the simplex.
 #
-# Step 4 compares positions *along* $-c$: the new point $w$ can be farther from the origin than $c$ and still help.
+# The new point $w$ may be farther from the origin than $c$. It helps nevertheless, because the line from $c$ to $w$
+# passes nearer to the origin.
 #
-# For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found. It
-# takes the face nearest to the origin (in the plane, the edge) and computes the support point in the direction of its
-# outward normal. It removes every face that is visible from this point and closes the hole with faces through it.
-# When the support point already lies on the nearest face, EPA stops: the distance of that face from the origin is the
-# depth, and its normal is the contact normal. Step through both:
+# For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found, which it
+# first completes to a triangle or tetrahedron around the origin. It takes the face nearest to the origin (in the plane,
+# the edge) and computes the support point in the direction of its outward normal. It removes the faces that this point
+# can see, and joins the point to the rim of the hole. When the support point already lies on the nearest face, EPA
+# stops: the distance of that face from the origin is the depth, and its normal is the contact normal. Step through
+# both:
 # %%
 simulation("simplex")
 # %% [markdown]
@@ -173,9 +177,9 @@ show("epa_gives_the_contact")
 # %% [markdown]
 # In code, all of this is one call. A shape in this course is a **core and a radius**: all points that are at most the
 # radius away from the core. A sphere is a point with a radius. A **capsule**, a rod with round ends, is a segment with
-# a radius. GJK and EPA work on the cores, which are **polytopes**, solids with flat faces, and the radii are subtracted
-# afterwards. A polytope has finitely many corners, so both algorithms end by themselves and need no tolerance. The code
-# only needs a guard that stops it when rounding prevents further progress.
+# a radius. GJK and EPA work on the cores, and the radii are subtracted afterwards. A core is a **polytope**: a point, a
+# segment, a polygon or a solid with flat faces. It has finitely many corners, so in exact arithmetic both algorithms
+# end. With rounding, the code also stops when nothing improves any more.
 # %% tags=["show-code"]
 triangle = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]])
 brick = contact.box([0.5, 0.3])  # half sides [m]
@@ -186,13 +190,17 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
         f"{result.iterations} iterations"
     )
 # %% [markdown]
+# <details><summary>An independent check: separating axes</summary>
+#
 # An independent check is the **separating axis** test. Two solid convex polytopes are apart exactly if their
 # projections onto one of a few axes are apart. The axes are the face normals of both and, in space, the cross
 # products of an edge of one and an edge of the other.
 #
+# </details>
+#
 # ### Contact points, and shapes that are not convex
 #
-# A box on a table touches it with a whole face. With a single contact point it would tip or rock, unless that lay
+# A box on a table touches it with a whole face. With a single contact point it would tip or rock, unless this point lay
 # exactly under the centre of mass. So the solver needs a **manifold**, a set of points that spans the touching area.
 # The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
 # other. Each corner of the polygon that remains becomes a contact point.
@@ -221,15 +229,17 @@ simulation("touch", "Tunnelling")
 # A shorter step cures the first kind of tunnelling, and so does computing the **time of impact**: the moment at which
 # two moving shapes first touch. For two balls that is the root of a quadratic. For other convex shapes there is
 # **conservative advancement** (Mirtich 1996). The shapes cannot meet sooner than their distance divided by an upper
-# bound on their approach speed. So advance time by that much, measure the distance again, and repeat. No impact is
-# skipped, however long the step.
+# bound on their approach speed. So advance time by that much, measure the distance again, and repeat until the distance
+# is within a tolerance. No impact is skipped, however long the step.
 #
 # The second kind hardly depends on the step, as long as the step is short compared with the contact's time constant.
-# You need a stiffer contact or a thicker wall. In the chart, a ball that is *checked once a step* follows the sloping
-# geometric limit $(2r+w)/h$. *MuJoCo, default* follows the level line, the limit of its softness. *MuJoCo, speculative*
-# creates the contact one step before the shapes touch. At long steps the ball never passed (triangles at the top
-# right); at short steps the look-ahead is too short to help. A ball that is *advanced to the impact* never passed at
-# any step (triangles at the top):
+# You need a stiffer contact or a thicker wall.
+#
+# In the chart, a ball that is *checked once a step* follows the sloping geometric limit $(2r+w)/h$. *MuJoCo, default*
+# lets the ball pass at nearly the same speed at every step, near the level line, above which the soft contact is pushed
+# past the middle of the wall. *MuJoCo, speculative* creates the contact one step before the shapes touch. At long steps
+# the ball never passed (triangles at the top right); at short steps the look-ahead is too short to help. A ball that is
+# *advanced to the impact* never passed at any step (triangles at the top):
 #
 # ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %%
@@ -237,9 +247,9 @@ more_claims("circles_once_a_step", "soft_wall")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The narrow phase knows shapes at one moment. The bounding boxes decide which pairs it sees. A shape
-# that is not convex is replaced by its **convex hull**, the smallest convex shape around it, so the normals are those
-# of the hull. What happens between two steps is not seen at all.
+# **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and only at one moment: what happens
+# between two steps it does not see. In place of a shape that is not convex it sees the **convex hull**, the smallest
+# convex shape around it, and returns the normals of the hull.
 #
 # </div>
 # %% [markdown]
@@ -263,8 +273,8 @@ more_claims("circles_once_a_step", "soft_wall")
 # %%
 simulation("penalty_spring")
 # %% [markdown]
-# Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. That is
-# harmless while the spring pushes harder than the damper pulls. The $\max$ acts only when the total would pull.
+# Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. As long
+# as the sum of both is a push, nothing is wrong. If the sum is a pull, the $\max$ sets it to zero.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
@@ -388,7 +398,8 @@ more_claims(
 # All three conditions fit in one line, $0 \le f \perp \phi \ge 0$, which reads: both are non-negative, and their
 # product is zero.
 #
-# Drawn in a plane, the allowed pairs lie on two half axes that meet in a corner. Try to drag the point off them:
+# Plot the force against the gap. The allowed points are the upper half of the vertical axis and the right half of the
+# horizontal axis. Try to drag the point off them:
 # %%
 simulation("half_axes")
 # %% [markdown]
@@ -446,7 +457,8 @@ answer("potential_of_contact", "k*c")
 # * $M$, the mass matrix, and $v$, the velocity of all bodies stacked into one vector;
 # * $v_f$, the **free velocity**: what $v$ would be after the step if there were no contact;
 # * $J$, the **contact Jacobian**: it turns $v$ into the contact velocities $u = J\,v$;
-# * $p$, the impulses at the contacts. They change the velocity by $M^{-1}J^{\mathsf T}p$.
+# * $p$, the impulses at the contacts. $J^{\mathsf T}$ turns them into impulses on the bodies, so they change the
+#   velocity by $M^{-1}J^{\mathsf T}p$.
 #
 # Insert the new velocity $v_f + M^{-1}J^{\mathsf T}p$ into $u = J\,v$:
 #
@@ -454,7 +466,8 @@ answer("potential_of_contact", "k*c")
 #
 # $A$ is the **Delassus** matrix. Each row of $J$ is one direction at one contact. Entry $A_{ij}$ is the velocity in row
 # $i$ that a unit impulse in row $j$ causes, and $1/A_{ii}$ is the mass that you feel when you push in that direction.
-# The last condition is Signorini's for one step: the gap after the step, $\phi + h\,u_n$, must not be negative.
+# The last condition is Signorini's for one step: the gap after the step, $\phi + h\,u_n$, must not be negative. (If
+# bodies overlap already, this would remove the whole overlap in one step. What engines do instead comes below.)
 # %% [markdown]
 # **Worked example: one block.** A block of 1 kg lies on the floor. It can move along $x$ and $z$, so $v = (v_x, v_z)$
 # and $M$ is the identity (in kg). The step is 10 ms. The contact has a normal row (velocity along $z$) and a
@@ -516,10 +529,10 @@ print("J v_f =", (step.rows @ step.free).round(4).tolist(), "m/s")
 print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # %% [markdown]
 # The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f +
-# \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. Everything in it is linear except the
-# complementarity. A bounce, called **restitution**, fits in as well. Let $s$ be the closing speed before the step. For
-# a contact that touches, replace the condition by $0 \le p_n \perp u_n - e\,s \ge 0$, with a coefficient $e$ between 0
-# (no bounce) and 1.
+# \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. The equations are linear. The hard part is to find
+# out which contacts are open. A bounce, called **restitution**, fits in as well: after the step, the bodies separate at
+# least at $e$ times the closing speed $s$ that they had before. For a contact that touches, replace the condition by $0
+# \le p_n \perp u_n - e\,s \ge 0$, with a coefficient $e$ between 0 (no bounce) and 1.
 #
 # Practise with one body. It touches the floor and moves downwards, so $v < 0$:
 # %%
@@ -541,7 +554,7 @@ for name, how in legs.items():
     print(f"{how:<26}{stored[name]}")
 # %% [markdown]
 # *Pivots* and *Newton's method*, both explained below, solve the rigid law. Many sets of leg forces satisfy the law.
-# Newton's method picks the one with the smallest sum of squared forces, and equal springs give the same.
+# Here Newton's method ends at the one with the smallest sum of squared forces, and equal springs give the same.
 # %%
 more_claims(
     "potential_of_contact",
@@ -571,12 +584,17 @@ simulation("friction_cone")
 # which one it is. There is no formula to evaluate, so the force has to be solved for. That is what makes contact harder
 # than a spring. When the block slides, the size of friction is fixed: it is $\mu f_n$, against the motion.
 #
-# **Worked example.** A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so
+# <details><summary>A worked example: a box of 3 kg</summary>
+#
+# A box of 3 kg lies on a floor with $\mu = 0.4$. The normal force is its weight, 29.4 N, so
 # friction can resist up to $0.4 \cdot 29.4 = 11.8$ N. Pull with 8 N: friction is 8 N and nothing moves. Pull with 20
 # N: friction is 11.8 N, and the box accelerates at $(20 - 11.8)/3 = 2.7$ m/s².
 #
-# Here the penalty box and the constraint box are pulled harder than the cone allows. While they slide, both forces
-# lie on the edge of the cone. Near the hand the pull gets weaker, the boxes stop, and both points move inside:
+# </details>
+#
+# Here the penalty box and the constraint box are pulled harder than the cone allows. While they slide, both forces lie
+# on the edge of the cone. Near the hand the pull gets weaker, the orange box stops (the blue one creeps on), and both
+# points move inside:
 # %%
 simulation("touch", "Slip", still=0.15)
 # %% [markdown]
@@ -585,10 +603,10 @@ simulation("touch", "Slip", still=0.15)
 # vectors along the edges with non-negative weights. Then everything is linear again. Seen from above, the circle
 # of radius $\mu f_n$ has become a square that stands on its corner.
 #
-# Two things follow from the drawing. Between two edges the square lies inside the circle, so friction is weaker there:
-# at 45 degrees by the factor $1/\sqrt 2$. And friction is chosen to brake as strongly as it can. On the circle, the
-# friction that brakes most points straight against the motion. On the square it is a corner, and that corner usually
-# does not point straight against the motion.
+# Two things follow. Between two of its corners the square lies inside the circle, so friction is weaker there: at 45
+# degrees by the factor $1/\sqrt 2$. And Coulomb's friction takes as much energy as the allowed forces permit; the
+# pyramid keeps this rule. On the circle, the friction that brakes most points straight against the motion. On the
+# square it is a corner, and that corner usually does not point straight against the motion.
 # %%
 predict("braking_between_edges")
 # %% [markdown]
@@ -609,8 +627,8 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # ### Solving it: projected Gauss-Seidel
 #
 # An engine has a millisecond to find the impulses of a hundred contacts. Projected **Gauss-Seidel** (PGS) does it one
-# contact at a time, always with the latest impulses of all the others. At each contact it takes steps 1 and 2 for the
-# normal row, then for the two tangential rows, and projects as step 3 says. For row $i$:
+# contact at a time, always with the latest impulses of all the others. At each contact it treats the normal row first,
+# then the two tangential rows. For row $i$:
 #
 # 1. Compute its velocity: $u_i = (J v_f)_i + \sum_j A_{ij}\,p_j$. In a normal row with an open gap, add $\phi/h$.
 # 2. Change its impulse so that this velocity would vanish: $p_i \leftarrow p_i - u_i/A_{ii}$.
@@ -629,36 +647,36 @@ for sweep in range(1, 9):
     if sweep in (1, 2, 4, 8):
         print(f"after {sweep} sweeps: p = {p.round(4)} N s  (solution 0.2943, 0.1962)")
 # %% [markdown]
-# Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now contact 2
-# notices that its lower block no longer falls, and pushes: $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower block
-# down again, but contact 1 will only find out in the next sweep. In this stack the error shrinks by a factor of $2/3$
-# per sweep. The simulation starts with a mass ratio of 4. Set it to 2 to see the numbers above:
+# Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now the lower
+# block stands still and the upper one still falls, so contact 2 gets $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower
+# block down again, and contact 1 can correct this only in the next sweep. In this stack the error shrinks by a factor
+# of $2/3$ per sweep. The simulation starts with a mass ratio of 4. Set it to 2 to see the numbers above:
 # %%
 simulation("sweeps")
 # %% [markdown]
-# Each contact is solved as if its neighbours were already right. When is that a bad assumption? Think of what the
-# lower contact must learn from the upper one.
+# Each contact is solved as if its neighbours were already right. When is that a bad assumption? The lower contact has
+# to carry both weights, and it learns of the upper one only through the motion of the lower block.
 # %%
 predict("heavy_on_light")
 # %% [markdown]
 # Started from zero, the number of sweeps grows in proportion to the mass ratio. For a tower of equal boxes it grows
-# with the square of the number of boxes. A warm start does not remove this work: the forces approach the solution over
-# many steps:
+# with the square of the number of boxes. A warm start spreads this work over many steps; once a pile is at rest, it
+# then needs few sweeps per step:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
-# Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly with pivots, like the simplex
-# method of linear programming.
+# Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly. It tries which contacts are
+# open, and exchanges one of them at a time; such an exchange is called a *pivot*.
 #
 # For the round cone there is an equation. Add $\mu\lVert u_t\rVert$ to the normal part of the contact velocity and call
-# the result $\tilde u$ (De Saxcé and Feng 1998). Then $p$ solves Coulomb's law exactly if stepping from $p$ against
-# $\tilde u$ and projecting onto the cone leads back to $p$: $p = \operatorname{proj}(p - \rho\,\tilde u)$. Any positive
-# $\rho$ will do, and $\operatorname{proj}$ returns the nearest point of the cone. The left side minus the right side is
-# the **natural map**, and Newton's method searches for its zero. Each iteration solves a linear system. On this
-# chapter's stacks it takes a few iterations at any mass ratio, without a guarantee elsewhere.
+# the result $\tilde u$ (De Saxcé and Feng 1998). Then there is a test for $p$: go from $p$ against $\tilde u$, and from
+# there to the nearest point of the cone. If you are back at $p$, it satisfies Coulomb's law: $p = \operatorname{proj}(p
+# - \rho\,\tilde u)$, with any positive $\rho$. The left side minus the right side is the **natural map**, and Newton's
+#   method searches for its zero. Each iteration solves a linear system. On this chapter's stacks it takes a few
+#   iterations at any mass ratio. Elsewhere it may need more, or fail.
 #
-# A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest
-# violation of the contact law, as a velocity. An iteration costs a different amount in each method:
+# A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest violation
+# of the contact law, as a velocity. (The iterations of different methods do not cost the same.)
 # %% tags=["hide-code"]
 pile = scenes.tower([1.0, 100.0]).problem(0.002)
 labels = {"pgs": "Gauss-Seidel", "lcp": "Lemke", "coulomb": "Newton on the cone"}
@@ -697,7 +715,7 @@ for dt in (1e-2, 1e-3, 1e-4):
 # %% [markdown]
 # Ten times shorter steps eject the block ten times as fast. This is why the advice "just reduce the step" can make
 # things worse, and why engines bound (cap) this speed. Here the bound, `max_recovery_speed`, is 1 m/s. MuJoCo's soft
-# contact, in purple, pushes the ball out at about the same low speed at every step:
+# contact, in purple, pushes the ball out at a low speed that depends little on the step:
 #
 # ![How fast a ball that starts 1 cm deep leaves the ground, against the step](../docs/charts/contact_recovery.png)
 #
@@ -707,10 +725,9 @@ for dt in (1e-2, 1e-3, 1e-4):
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) makes the constraint yield: under a force $f$ the contact may
-# still close at the speed CFM $\cdot f$. The unknowns above are impulses, $p = h f$, so CFM$/h$ is added to the
-# diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore stable
-# at every step:
+# the share $\beta$. **CFM** (constraint force mixing) is a speed per newton: under a force $f$ the contact yields at
+# CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$) $p$, so CFM$/h$ is added to the diagonal of $A$.
+# Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -724,11 +741,11 @@ for dt in (1e-2, 1e-3):
     )
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
-# steps. Macklin and colleagues (2019) found that this usually works better: half the length of a sub-step means a
-# quarter of its error. PhysX's **TGS** (temporal Gauss-Seidel) works like this. So does the sub-stepped form of
-# **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them out of the overlaps contact by
-# contact, and takes the velocity from the change of position. A stack of 100 kg on 1 kg, the same number of contact
-# solves for each row:
+# steps. Macklin and colleagues (2019) found that this usually works better: a sub-step of half the length makes a
+# quarter of the error, and there are twice as many, so half the error remains. PhysX's **TGS** (temporal Gauss-Seidel)
+# works like this. So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the
+# positions, moves them out of the overlaps contact by contact, and takes the velocity from the change of position. The
+# table is about 100 kg on 1 kg. Each row solves the same number of contacts:
 # %% tags=["hide-code"]
 heavy = scenes.tower([1.0, 100.0])
 print("100 kg on 1 kg for 0.5 s, XPBD: deepest penetration")
@@ -797,8 +814,8 @@ for name, height in heights.items():
 # $$\text{minimise}\quad \tfrac12\,(v - v_f)^{\mathsf T} M\,(v - v_f) \qquad\text{so that}\qquad
 # u_n \ge \mu\,\lVert u_t\rVert \text{ at every contact.}$$
 #
-# So the new velocity is the allowed one nearest to $v_f$. The problem is strictly convex, so $v$ is unique. The
-# impulses need not be: the four legs of a table can share the load in many ways.
+# So the new velocity is the allowed one nearest to $v_f$, if distance is weighted with the masses. The problem is
+# strictly convex, so $v$ is unique. The impulses need not be: the four legs of a table can share the load in many ways.
 # %%
 predict("block_that_hops")
 # %% [markdown]
@@ -809,11 +826,11 @@ show("mujoco_is_convex_and_unique")
 # %% [markdown]
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
-# In MuJoCo, each contact has several **rows**: one per direction of force, or with pyramids two for each direction of
-# friction. Each row has a reference acceleration $a_{\text{ref}}$, the one that a spring and a damper would cause, and
-# a compliance $R$. The contact does not reach the reference: under the force $f$ the actual acceleration is $a =
-# a_{\text{ref}} - R f$, so a large $R$ means a soft contact. With the row's velocity $u$ and its position error $r$
-# (the gap for a normal row, always 0 for friction):
+# In MuJoCo, each contact has several **rows**. With elliptic cones there is one per direction of force, with pyramids
+# two for each direction of friction. Each row aims at the acceleration $a_{\text{ref}}$ that a spring and a damper
+# would cause. It falls short of that by $R f$: under the force $f$ the actual acceleration is $a = a_{\text{ref}} - R
+# f$. A large compliance $R$ means a soft contact. With the row's velocity $u$ and its position error $r$ (the gap for a
+# normal row, always 0 for friction):
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R} \ \text{ within the cone}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
@@ -827,8 +844,8 @@ show("mujoco_is_convex_and_unique")
 #   critically damped spring that settles in about a tenth of a second.
 # * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. By default it rises
 #   from 0.9 to 0.95 over the first millimetre.
-# * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction is harder than the normal
-#   direction. (The manual advises against large values with pyramids.)
+# * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction yields less than the normal
+#   direction. (With pyramids there are no separate friction rows, and the manual advises against large values.)
 # * **condim** is the number of directions in which the contact has a force: 1 is the normal alone, 3 adds sliding
 #   friction, 4 adds friction against spinning, 6 adds rolling friction. With elliptic cones that is the number of
 #   rows. With pyramids there are two rows for each direction of friction.
@@ -837,9 +854,9 @@ show("mujoco_is_convex_and_unique")
 # %%
 simulation("soft_contact")
 # %% [markdown]
-# The course's own implementation, `course.contact.soft`, adds the exact curve of solimp and both kinds of cone to these
-# lines. In the next cell MuJoCo simulates a box that slides on four corners. At selected steps the cell passes the
-# state and MuJoCo's own $\hat A$ to the course's implementation, and compares all contact forces:
+# The course's own implementation, `course.contact.soft`, consists of these formulas, the exact curve of solimp and both
+# kinds of cone. In the next cell MuJoCo simulates a box that slides on four corners. At selected steps the cell passes
+# the state and MuJoCo's own $\hat A$ to the course's implementation, and compares all contact forces:
 # %% tags=["show-code"]
 options = Options(cone="elliptic")
 runner, worst, largest = mujoco_contact.box(options, (0.5, 0.2)), 0.0, 0.0
@@ -864,8 +881,8 @@ show("condim_4_is_the_full_cone")
 # %% [markdown]
 # MuJoCo's spring, like any spring whose force is evaluated before the step, has a largest stable step: for one contact
 # $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag *refsafe*, on by default, raises $T$ to at least two steps. This makes
-# stiff settings softer than you asked for. Insert $T = 2h$ into the limit, and a single contact turns out to be stable
-# if $\zeta > 1/\sqrt 8 \approx 0.35$. Bodies that touch at several points need more. At the default, $\zeta = 1$, all
+# stiff settings softer than you asked for. With $T = 2h$ a single contact is stable if $\zeta > 1/\sqrt 8 \approx
+# 0.35$: insert it into the limit. Bodies that touch at several points need more. At the default, $\zeta = 1$, all
 # scenes of this chapter are stable.
 #
 # ### Creep and sinking: the price of softness
@@ -890,8 +907,7 @@ for label, changed in (
     print(f"{label:<22} {1e3 * ours:7.4f} mm/s, in MuJoCo {1e3 * theirs:7.4f} mm/s")
 # %% [markdown]
 # The compliance $R$ has a second consequence. It is scaled with $\hat A$, roughly one over the *lighter* body's mass.
-# So between a light and a heavy body, the contact is as soft as suits the light one, but it has to carry the weight of
-# the heavy one.
+# So the softness is chosen for the light body's weight. If a heavy body lies on it, the contact sinks in.
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
@@ -928,12 +944,13 @@ predict("push_that_starts_too_slow")
 # %% [markdown]
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
-# Two remedies make a contact felt before touch. **Randomised smoothing** averages over runs with noise on the parameter
+# Two remedies give a derivative before touch. **Randomised smoothing** averages over runs with noise on the parameter
 # and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead of
-# zero, so that a little force acts at a distance. Both give a slightly biased but useful derivative.
+# zero, so that a little force acts at a distance. (At the setting in the chart this reaches too short a way to be
+# seen.) Both derivatives are slightly biased.
 #
 # The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, the
-# derivative has the wrong sign, at every step size. Check a gradient against finite differences over a range of widths.
+# derivative has the wrong sign. Check a gradient against finite differences over a range of widths.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -961,9 +978,12 @@ plt.show()
 # | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster than $N$; use a grid for many equal bodies |
 # | filters | pairs | pairs that may collide (no parent and child, no sleeping bodies) | almost none |
 # | narrow phase | shapes and poses | points, normals, depths | little for spheres, far more for polytopes and meshes |
-# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | $A$ links contacts that share a moving body or mechanism; each **island** of connected bodies is solved on its own |
+# | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | grows with the largest **island**, a group of
+# bodies that contacts connect; each island is solved on its own |
 # | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton iterations that factor a matrix |
 # | integration | impulses | new state | almost none |
+#
+# <details><summary>Four decisions that are made in this loop</summary>
 #
 # Four decisions are made here:
 #
@@ -974,12 +994,14 @@ plt.show()
 # 3. **Order.** Process contacts in a fixed order. Otherwise two runs of the same simulation differ.
 # 4. **Memory.** Match contacts to those of the last step, so that the solver can start warm.
 #
-# How do you judge a contact solver that is not your own? Five numbers need only the step itself ($J$, velocities,
-# gaps, $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's**
-# conditions; how far friction lies outside its **cone**; the missing **dissipation**, which is the largest that the
-# cone allows minus the actual one; and **energy** that appeared from nowhere. The cell prints three of them for one
-# step of a block that slides between two edges of the pyramid. The models are `lcp` (pyramid, pivots), `pgs` (cone,
-# sweeps), `coulomb` (cone, Newton) and `convex`:
+# </details>
+#
+# How do you judge a contact solver that is not your own? Five numbers need only the step itself ($J$, velocities, gaps,
+# $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's** conditions; how far
+# friction lies outside its **cone**; the missing **dissipation**, energy that friction should have taken and did not;
+# and **energy** that appeared from nowhere. The cell prints three of them for one step of a block that slides between
+# two edges of the pyramid. The models are `lcp` (pyramid, pivots), `pgs` (cone, sweeps), `coulomb` (cone, Newton) and
+# `convex`:
 # %% tags=["hide-code"]
 sliding = scenes.block(0.0, 0.5, (0.6, 0.8)).problem(0.01)
 print(f"{'model':<9} {'Signorini':>14} {'outside cone':>14} {'not dissipated':>16}")
@@ -1011,9 +1033,9 @@ more_claims("brute_force_pairs")
 source(penalty_force)
 # %% [markdown]
 # In the package, a `Problem` describes one step: masses, Jacobian, velocities, gaps and friction. `solve` returns the
-# impulses with one of six models and reports whether it solved the problem. Four of them are those of section 3. The
-# other two are `penalty` and `soft`, MuJoCo's soft contact. A block that brakes from 1 m/s with $\mu = 0.5$ should
-# stop after $v^2/(2\mu g) = 0.1019$ m. The second column shows by how much the block leaves the ground on the way:
+# impulses with one of six models (`lcp`, `pgs`, `coulomb`, `convex`, `penalty`, and `soft`, MuJoCo's soft contact) and
+# reports whether it solved the problem. A block that brakes from 1 m/s with $\mu = 0.5$ should stop after $v^2/(2\mu g)
+# = 0.1019$ m. The second column shows by how much the block leaves the ground on the way:
 # %% tags=["show-code"]
 braking = scenes.block(angle=0.0, friction=0.5, velocity=(1.0, 0.0))
 for model in contact.MODELS:
@@ -1022,12 +1044,22 @@ for model in contact.MODELS:
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# The same spring connects both boxes to the hand; only the contact differs. Depth, forces and normal are printed for
-# both, the penalty first. Drag the hand, or move it with the arrow keys. Before you choose a preset, predict:
+# The same spring connects both boxes to the hand; only the contact differs. Depth and forces are printed for both, the
+# penalty first; *normal* is one vector. Drag the hand, or move it with the arrow keys. Before you choose a preset,
+# predict:
 #
 # 1. *Stick*: which of the two boxes moves, and how fast?
 # 2. *Explosion*: at which step does the penalty box calm down? Compare *ω h* with the limit of section 2.
 # 3. Raise the stiffness from 3,000 to 50,000 N/m. What happens to the depth, and to the largest stable step?
+#
+# <details><summary>Answers</summary>
+#
+# (1) The blue one. It slides at the slip speed times the pull's share of $\mu f_n$. (2) Once $\omega h$ is below 2,
+# because the preset has no damping. (3) The depth, $mg/k$, falls to a seventeenth; the largest stable step, which goes
+# as $1/\sqrt k$, to a quarter.
+#
+# </details>
+
 # %%
 simulation("touch", "Stick")
 # %% [markdown]
@@ -1090,7 +1122,7 @@ TradeOff(mine)
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
 # A held glass. By default it creeps in MuJoCo. At long steps it creeps faster; at short steps the speed no longer
-# depends on the step. Hardened, it creeps too, but within the tolerance:
+# depends on the step. Hardened, it creeps too, but stays within the tolerance except at the longest steps:
 #
 # ![How far a held glass slips, error against cost](../docs/charts/contact_glass.png)
 #
@@ -1121,10 +1153,10 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # whose step is a few lines of NumPy. Iterations are the mean per step. In *heavy*, the compiled loop needs far
 # fewer sweeps than section 2 predicts, because it starts warm.
 #
-# **The narrow phase compared with Coal**, the collision library that Pinocchio uses, pair by pair in one process. The
-# bars show Coal's time divided by the course's; *poses in the loop* includes creating Coal's pose objects. The lower
-# chart compares error and time for two boxes whose faces are aligned, almost aligned, or turned at random. *Points*
-# means the convex hull of a few points:
+# **The narrow phase compared with Coal**, the collision library that Pinocchio uses, one pair at a time. The bars show
+# Coal's time divided by the course's; for the light bars (*poses in the loop*), Coal's time includes building its pose
+# objects. The lower chart compares error and time for two boxes whose faces are aligned, almost aligned, or turned at
+# random. *Points* means the convex hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
 # %%
@@ -1158,7 +1190,7 @@ predict("chalk_on_the_board")
 # This is **Painlevé**'s rod (1895), here at an angle $\theta$ to the ground. A normal force at the end brings friction
 # $\mu f_n$ with it. Friction turns the rod so that its end moves *into* the ground. Above $\mu = (1 +
 # 3\cos^2\theta)/(3\sin\theta\cos\theta)$ this turning is faster than the lifting by the normal force. More force makes
-# it worse, so while the rod does not rotate, no finite force holds the end out.
+# it worse, so for a rod that is not rotating yet, no finite force holds the end out.
 #
 # A time-stepping method still returns an answer: an impulse that does not shrink with the step. The rod stops at
 # once, although nothing collided. Compare one step of 1 ms with one of 1 µs, at 60 degrees:
@@ -1172,7 +1204,7 @@ for mu in (1.0, 2.0):
     print(f"mu {mu:.0f}: normal impulse {one:.1e} N s in a step of 1 ms, {other:.1e} in 1 us")
 # %% [markdown]
 # Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return nearly the same
-# impulse. The convex model always has an answer, but it makes the rod hop.
+# impulse. The convex model always has an answer.
 #
 # ### Debugging table
 #
@@ -1180,8 +1212,8 @@ for mu in (1.0, 2.0):
 #
 # **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
 # pulling: clip the force at zero. If it is positive, look for a margin, for adhesion that somebody set, or for a second
-# contact. If it is zero and the bodies still stick, friction was computed from something other than this step's normal
-# force.
+# contact. If it is zero and the bodies still stick, there is friction without a normal force: the code used an old or
+# wrong one.
 #
 # </div>
 #

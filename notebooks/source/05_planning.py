@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 5 · Motion planning
 #
-# *From the green spot to the yellow one without touching red. Answer first<span class="kernel-only">, run the
-# cells</span>, then press* Play. About {open minutes} minutes of reading, cards and charts. The folded parts add
-# {folded minutes} minutes, the exercises {exercise minutes} minutes.
+# *A robot has to get from the green start to the yellow goal without touching anything red. Answer the question first,
+# then press* Play. About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes}
+# minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict
@@ -18,179 +18,462 @@ predict("unseen_wall")
 simulation("growing")
 
 # %% [markdown]
-# **You will be able to** say what a planner has proved when it hands you a path, and what it has not when it hands you
-# none; choose between growing, caching and optimising; make a motion of a path within the joints' limits; and bring a
-# search of seconds down to milliseconds, knowing which idea did it. **Know first:** chapter 4's arms; chapter 2's
-# distances help.
+# **You will be able to** write the planner above and its faster relatives on a whiteboard; say what a returned path
+# guarantees, and what it means when no path comes back; choose between growing a tree, reusing a stored graph and
+# optimising a trajectory; turn a path into a motion that respects the joint limits; and bring a search of seconds down
+# to milliseconds. **Know first:** the arms of chapter 4. The distances of chapter 2 help.
 #
-# ## How this chapter works
-#
-# Most scenes begin with a card: answer first; a click says whether you are right, and **Explanation** says why.
-# Derivations are folded away. A number in the text comes from the cell above it, or from a check that `python -m
-# course.derivations 5` runs again. Every path on this page went through one judge, `check_path`, which shares no code
-# with the planners. These exercises wait in section 8:
+# The planner in the simulation connects random points by straight segments. The points are **nodes** and the segments
+# **edges**. A **tree** is a set of nodes in which each node except the first, the root, is connected to one earlier
+# node, its **parent**. Every path on this page is also validated by `check_path`, a separate function that shares no
+# code with the planners.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(5)
 
-# %%
-import inspect
+# %% tags=["hide-code"]
+import re
 
 import matplotlib.pyplot as plt
 import numpy as np
 from IPython.display import Markdown
 
 from course import planning
-from course.cards import figures, interview
+from course.cards import interview
 from course.charts import read
 from course.derivations import more_claims, show
-from course.planning import check_path, length, plan, scenes, time_parameterise, trees
+from course.kinematics import compose, frames, panda, tip
+from course.planning import check_path, length, plan, scenes, time_parameterise
+from course.planning.worlds import DISC, LAST_SIDE
+
+BLUE, ORANGE, GREY, GREEN, RED, ROSE = (
+    "#0072b2", "#d55e00", "#8a8a8a", "#009e73", "#c0392b", "#e9a3a0",
+)  # fmt: skip
+HALO = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8}
+
+
+def table(*rows):
+    """Return rows of text as a table; the first one is the head."""
+    lines = [f"| {' | '.join(map(str, row))} |" for row in rows]
+    return Markdown("\n".join([lines[0], "|---" * len(rows[0]) + "|", *lines[1:]]))
+
+
+def key(chart, pattern):
+    """Return the groups of each line of a chart's key figures that matches a pattern."""
+    return [found.groups() for found in re.finditer(pattern, read(chart), re.M)]
+
+
+def obstacles(axis, world):
+    """Draw the discs and polygons of a planar world."""
+    corners = []
+    for kind, x, y, *rest in world.obstacles:
+        if kind == DISC:
+            axis.add_patch(plt.Circle((x, y), rest[0], color=ROSE))
+            continue
+        corners.append((x, y))
+        if kind == LAST_SIDE:
+            axis.add_patch(plt.Polygon(corners, color=ROSE))
+            corners = []
+
+
+def branches(axis, nodes, parents, ink, width=0.9):
+    """Draw the edges of a tree, nodes (2, m), each from its parent."""
+    for i, parent in enumerate(parents):
+        if parent >= 0:
+            _ = axis.plot(*nodes[:, [parent, i]], color=ink, lw=width)
+
+
+def ends(axis, start, goal):
+    """Mark start and goal."""
+    _ = axis.plot(*start, "o", color=GREEN, mec="black", ms=8, zorder=5)
+    _ = axis.plot(*goal, "o", color="#e8b700", mec="black", ms=8, zorder=5)
+
+
+def bare(axis, title, low=0.0, high=10.0):
+    """Give a sketch a title and no ticks."""
+    _ = axis.set(xlim=(low, high), ylim=(low, high), aspect="equal", xticks=(), yticks=())
+    _ = axis.set_title(title, fontsize=9)
+
 
 # %% [markdown]
-# ## 1 · Concept: a space in which the robot is a point
+# ## 1 · Concept: configuration space
+#
+# ### The whole arm becomes a point
+#
+# An arm reaches around a post for a cup. Its hand moves through free air all the way, and still there is a crash: the
+# elbow has hit the post. Planning has to consider every part of the robot, and the most useful trick in this chapter
+# does that by changing the space in which we plan.
+#
+# A **configuration** is a list of numbers that fixes the position of every part of the robot. For an arm these are the
+# joint angles. The set of all configurations is the **configuration space**. It has one dimension per joint. The
+# ordinary space in which the robot and the obstacles stand is called the **workspace**. In configuration space the
+# robot has no width and no elbow: it is a single point, and a motion is a curve.
+#
+# The price is the shape of the obstacles. A configuration is blocked when any part of the arm touches anything, and the
+# set of blocked configurations has no simple formula. But one operation is always possible: take a single
+# configuration, place the arm accordingly, and test whether it touches something. This is a **collision check**. The
+# planners of this chapter need nothing else.
 
 # %%
 predict("shape_of_a_disc")
 
-# %% [markdown]
-# A **configuration** is a list of numbers that says where every part of the robot is: for an arm its joint angles. All
-# of them together are the **configuration space**, one dimension a joint. In it the robot is a point, without width,
-# without an elbow, and a motion is a curve. The price: obstacles there have shapes that nobody can write down. One can
-# only *ask*: does the arm, at these angles, touch something?
-
-# %%
+# %% tags=["hide-code"]
 two = planning.planar_arm([1.0, 1.0], 0.06, discs=[[1.2, 0.9, 0.35], [-1.0, 1.2, 0.4]])
 angles = np.linspace(-np.pi, np.pi, 151)
 hit = [[not planning.state_free(two, (a, b)) for a in angles] for b in angles]
 here, other = np.array([-0.4, 0.6]), np.array([2.9, -0.5])
 result = plan(two, here, other, rng=2, step=0.5)
+assert check_path(two, result.path, here, other)
 figure_, (left, right) = plt.subplots(1, 2, figsize=(8, 3.8), layout="constrained")
-for _, x, y, r, _ in two.obstacles:
-    _ = left.add_patch(plt.Circle((x, y), r, color="#e9a3a0"))
+obstacles(left, two)
+
+
+def links(q):
+    """Return base, elbow and tip of the two-link arm, (2, 3)."""
+    directions = np.cumsum(q)
+    return np.hstack(
+        (np.zeros((2, 1)), np.cumsum([np.cos(directions), np.sin(directions)], axis=1))
+    )
+
+
 states = time_parameterise(result.path, (1.0, 4.0)).waypoints(0.25)
-for k, (a, b) in enumerate(states.T):
-    elbow = np.array([np.cos(a), np.sin(a)])
-    xy = np.column_stack(([0, 0], elbow, elbow + [np.cos(a + b), np.sin(a + b)]))
-    _ = left.plot(*xy, color=plt.cm.viridis(k / states.shape[1]), lw=2)
-_ = left.set(xlim=(-2.1, 2.1), ylim=(-2.1, 2.1), aspect="equal", title="the room [m]")
-_ = right.contourf(angles, angles, np.array(hit, float), levels=[0.5, 1.5], colors=["#e9a3a0"])
-_ = right.plot(*result.path, "o-", ms=3)
-_ = right.set(xlabel="shoulder [rad]", ylabel="elbow [rad]", title="the joints", aspect="equal")
+for k, q in enumerate(states.T):
+    _ = left.plot(*links(q), color=plt.cm.viridis(k / states.shape[1]), lw=2)
+_ = left.set(xlim=(-2.1, 2.1), ylim=(-2.1, 2.1), aspect="equal", title="workspace [m]")
+_ = right.contourf(angles, angles, np.array(hit, float), levels=[0.5, 1.5], colors=[ROSE])
+_ = right.plot(*result.path, "-", color=GREY)
+_ = right.scatter(*states, c=np.arange(states.shape[1]), s=14, zorder=3)
+_ = right.set(
+    xlabel="shoulder [rad]", ylabel="elbow [rad]", title="configuration space", aspect="equal"
+)
 plt.show()
-print(f"{np.mean(hit):.0%} of the square of angles collides; {result.samples} samples;")
-print("judged:", "free" if check_path(two, result.path, here, other) else "in collision")
 
 # %% [markdown]
-# Left, what happens in the room, dark first; right, the same as a point between two islands (the patch at the left edge
-# is the right one, come round). Why not plan for the tip?
+# Left: the arm at successive times, dark colours first. Right: the same motion as a curve in configuration space, with
+# the same colours. Each disc on the left becomes one curved region on the right. The narrow region at the left border
+# belongs to the big one at the right border: at $\pm\pi$ the shoulder angle wraps around, and the two borders are the
+# same place.
+#
+# ### Why not plan a path for the tip?
+#
+# It is tempting to plan in the workspace, where we can see the obstacles: find a free path for the tip, then compute
+# joint angles for each point of it. That last step is inverse kinematics from chapter 4. The two-link arm shows what
+# can go wrong. Most tip positions can be reached with the elbow on either side, and the path of the tip does not say
+# which one is free.
+
+# %% tags=["hide-code"]
+figure_, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2), layout="constrained")
+left.add_patch(plt.Circle((0.35, 1.0), 0.3, color=ROSE))
+for q, ink, name in ((( 0.95, -1.25), RED, "collides"), ((-0.3, 1.25), GREEN, "free")):  # fmt: skip
+    x, y = links(q)
+    _ = left.plot(
+        x, y, "o-", color=ink, lw=3, label=f"elbow {'up' if q[0] > 0 else 'down'}: {name}"
+    )
+_ = left.set(xlim=(-0.4, 2.2), ylim=(-0.8, 1.6), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+_ = left.set_title("one tip position, two configurations", fontsize=9)
+_ = left.legend(fontsize=8, loc="lower right")
+start_, end_ = 170.0, -170.0
+_ = right.axhspan(-180, 180, color="#f2f2f2")
+_ = right.plot([0, 1], [start_, end_], color=RED, label="angles as plain numbers: 340°")
+_ = right.plot([0, 0.5], [start_, 180], color=GREEN, label="through the wrap: 20°")
+_ = right.plot([0.5, 1], [-180, end_], color=GREEN)
+_ = right.set(
+    xlabel="share of the motion", ylabel="joint angle [°]", yticks=(-180, -90, 0, 90, 180)
+)
+_ = right.set_title("a joint without limits wraps around", fontsize=9)
+_ = right.legend(fontsize=8, loc=(0.36, 0.7))
+plt.show()
+
+# %% [markdown]
+# There is a second problem. From one point of the tip's path to the next, the inverse kinematics may switch to the
+# other elbow side, and the arm would have to swing through space that nobody has checked.
 
 # %%
 show("tip_path_then_ik")
+
+# %% [markdown]
+# How many dimensions does the space have? Count the joints, not the coordinates of the hand. A hand pose has six
+# coordinates, and an arm with seven joints can hold one pose with a whole family of configurations. The right-hand
+# picture shows that the space is not simply a box: a joint without limits needs a distance that knows about wrapping,
+# or the planner takes the long way round.
 
 # %%
 show("one_dimension_a_joint")
 
 # %% [markdown]
-# ## 2 · Concept: grow, connect, remember
+# ## 2 · Concept: planners that sample
 #
-# ### A tree
+# ### RRT: a tree that grows into empty space
 #
-# **RRT**, the rapidly-exploring random tree (LaValle 1998), is a loop of five lines. Draw a state anywhere; now and
-# then the goal itself, that share is the **goal bias**. Find the node of the tree nearest to it. Go from there towards
-# it, by a **step size** at most. Is that edge free? Keep the new node. Is the goal reached, by a free edge? Then read
-# the path backwards.
+# A grid is the obvious way to search a space, and it fails quickly. With 100 values per joint, a seven-joint arm has
+# $100^7 = 10^{14}$ cells. Sampling-based planners avoid the grid: they try random configurations and connect those that
+# work.
+#
+# The **RRT**, the rapidly-exploring random tree (LaValle 1998), starts with a tree that has one node, the start. Then
+# it repeats five steps:
+#
+# 1. *Sample* a random configuration. With a small probability, the **goal bias**, use the goal itself.
+# 2. Find the *nearest* node of the tree.
+# 3. *Steer*: go from that node straight towards the sample, at most by the **step size**. If the sample is closer than
+#    that, go exactly to the sample.
+# 4. *Check* the new edge for collisions. If it is free, add the new node and store the nearest node as its parent.
+# 5. If the goal has become a node, follow the parents back to the start. This is the path.
+#
+# Nothing in this loop knows the shape of an obstacle. The two collision checks, of a configuration and of an edge, are
+# its only contact with the world.
 
-# %%
-show("rrt_loop")
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 4, figsize=(10, 2.8), layout="constrained")
+nodes = np.array([[1.5, 3.2, 4.6, 3.6], [2.0, 3.0, 4.6, 6.0]])
+sample, new = np.array([8.6, 7.4]), np.array([6.35, 5.8])
+branches(axes[0], nodes, [-1, 0, 1, 1], BLUE, 1.5)
+_ = axes[0].plot(*nodes, "o", color=BLUE, ms=4)
+_ = axes[0].plot(*zip(nodes[:, 2], sample, strict=True), ":", color=GREY)
+_ = axes[0].plot(*zip(nodes[:, 2], new, strict=True), color=ORANGE, lw=2.5)
+_ = axes[0].plot(*sample, "x", color="black", ms=8)
+_ = axes[0].plot(*new, "o", color=ORANGE, ms=6)
+for spot, word in (
+    ((7.0, 8.0), "1 sample"),
+    ((3.9, 3.4), "2 nearest"),
+    ((5.0, 4.7), "3, 4 new node"),
+):
+    _ = axes[0].text(*spot, word, fontsize=8)
+bare(axes[0], "one round")
+few = plan(scenes.empty().world, [5.0, 5.0], [9.5, 9.5], method="rrt", budget=18, rng=4, step=1.2,
+           goal_bias=0.0)  # fmt: skip
+across = np.linspace(0.0, 10.0, 120)
+grid = np.stack(np.meshgrid(across, across)).reshape(2, -1)
+owner = np.argmin(np.linalg.norm(grid[:, :, None] - few.nodes[:, None], axis=0), axis=1)
+_ = axes[1].imshow(
+    owner.reshape(120, 120) % 10, extent=(0, 10, 0, 10), origin="lower", cmap="Pastel1"
+)
+branches(axes[1], few.nodes, few.parents, BLUE, 1.5)
+_ = axes[1].plot(*few.nodes, "o", color=BLUE, ms=3)
+bare(axes[1], "points nearest to each node")
+trap = scenes.bug_trap()
+for axis, count in zip(axes[2:], (60, 600), strict=True):
+    grown = plan(trap.world, trap.start, trap.goal, method="rrt", budget=count, rng=1, step=1.0)
+    obstacles(axis, trap.world)
+    branches(axis, grown.nodes, grown.parents, BLUE)
+    ends(axis, trap.start, trap.goal)
+    bare(axis, f"{count} samples in a bug trap")
+plt.show()
 
 # %% [markdown]
-# Why does it spread? The node that borders the largest unexplored region is nearest to most samples, and grows most.
+# Why does the tree spread instead of clumping? Look at the second picture. Each colour marks the points that are
+# nearest to one node. A node at the border of the tree owns a large empty region, so most samples fall there and pull
+# that node outwards. The right half shows a **bug trap**, a room whose only exit is a funnel that leads back inside.
+# The tree fills the room long before it finds the way out.
+#
+# **A worked example.** The nearest node is (2, 1), the sample is (5, 5), the step size 1 m. The sample is 5 m away, so
+# the new node lies a fifth of the way: (2.6, 1.8).
+#
+# ### What "probabilistically complete" promises
+#
+# A planner is **probabilistically complete** if the probability that it has found an existing path approaches one as
+# the number of samples grows. Two things must be true for RRT. Some path must have room on both sides, because a random
+# sample never lands exactly on a path of zero width. And samples must be able to fall everywhere, so they can't all be
+# the goal.
+#
+# Note what this does not promise. It gives no number of samples. It says nothing about your deadline. And if there is
+# no path, RRT will not tell you so: it uses up its budget and reports exactly what it reports when it was merely
+# unlucky.
 
 # %%
 show("rrt_complete")
 
-# %% [markdown]
-# That is what **probabilistically complete** means: the probability to have found a path goes to one with the number of
-# samples. It is a sentence about infinity. About your deadline it says nothing, and about a question without an answer
-# even less.
-#
-# ### An edge is not its ends
-#
-# Nodes are asked and free. What is between two of them? Most libraries try points along the edge, as in the first card.
-
 # %%
-show("edge_by_ten_points")
+more_claims("rrt_loop")
 
 # %% [markdown]
-# ![Collisions that points along an edge miss, and the closed form](../docs/charts/thin_obstacles.png)
+# ### Checking an edge, not only its end points
+#
+# Both ends of an edge are free. Is the segment between them free as well? Most libraries answer by checking points
+# along the edge. Whatever is thinner than the spacing of these points can be missed, and that is how the planner in the
+# first card walked through a wall.
 
-# %%
-figures(read("thin_obstacles"), "wall, points", "disc, points", "our", summary="And OMPL's points")
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.0), layout="constrained")
+axes[0].add_patch(plt.Rectangle((5.2, 0), 0.5, 10, color=ROSE))
+_ = axes[0].plot([1, 9], [3, 7], color=GREY)
+_ = axes[0].plot(np.linspace(1, 9, 6), np.linspace(3, 7, 6), "o", color=GREEN)
+bare(axes[0], "six free points, one wall between")
+axes[1].add_patch(plt.Circle((5, 3.2), 3.2, color=ROSE))
+axes[1].add_patch(plt.Circle((5, 3.2), 3.9, fill=False, ls="--", color=GREY))
+high = 3.2 + np.sqrt(3.9**2 - 2.6**2)
+_ = axes[1].plot([0.5, 9.5], [high, high], color=GREY)
+_ = axes[1].plot([2.4, 7.6], [high, high], "o", color=GREEN)
+_ = axes[1].plot([5, 7.6, 5, 5], [3.2, high, high, 3.2], color="black", lw=1)
+for spot, word in (((5.8, 6.5), "s/2"), ((3.9, 4.6), "h"), ((6.5, 4.2), r"$\sqrt{h^2 + s^2/4}$")):
+    _ = axes[1].text(*spot, word, fontsize=9)
+bare(axes[1], "enlarged disc (dashed): nothing missed")
+axes[2].add_patch(plt.Circle((6.0, 7.4), 2.2, color=ROSE))
+here_ = np.array([0.8, 3.0])
+while here_[0] < 9.3:
+    gap_ = np.hypot(*(here_ - [6.0, 7.4])) - 2.2
+    axes[2].add_patch(plt.Circle(here_, gap_, fill=False, color=BLUE, lw=0.9))
+    _ = axes[2].plot(*here_, "o", color=BLUE, ms=4)
+    here_ = here_ + gap_ * np.array([0.97, 0.12]) / np.hypot(0.97, 0.12)
+_ = axes[2].plot([0.8, 9.6], [3.0, 3.0 + 8.8 * 0.12 / 0.97], color=GREY)
+bare(axes[2], "conservative advancement")
+plt.show()
 
 # %% [markdown]
-# For a point among discs and polygons this test has a closed form. For an arm it has none, but there is a proof:
-# **conservative advancement**. If nothing is nearer to the arm than $g$, and no point of it can move more than $g$
-# during the next stretch, the stretch is free.
+# If you have to use points, enlarge the obstacles first. The middle picture shows why. Two check points are a distance
+# $s$ apart, and the edge passes the centre of a disc of radius $r$ at a distance $h$. If the edge touches the disc,
+# $h \le r$. The point of the edge that is nearest to the centre is at most $s/2$ away from a check point, so that check
+# point is at most $\sqrt{h^2 + s^2/4} \le \sqrt{r^2 + s^2/4}$ away from the centre. Enlarge the disc to this radius,
+# and
+# a check point lies inside it whenever an edge touches the original disc.
+#
+# **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
+# 0.04} = 0.36$ m. So the points cost 6 cm of free space around each post.
+#
+# For a point robot among discs and polygons, checking points is unnecessary. The distance from a disc's centre to a
+# segment has a closed form, costs about as much as one point, and misses nothing. The chart compares both:
+#
+# ![Share of colliding edges that points along the edge miss, and the closed form](../docs/charts/thin_obstacles.png)
+#
+# ### Conservative advancement: an edge check that proves
+#
+# An arm that turns has no such closed form, but there is a method with a guarantee, **conservative advancement**, drawn
+# on the right of the sketch above. Measure the distance $g$ between the arm and the nearest obstacle. If no point of
+# the arm can move farther than $g$ during the next stretch of the motion, that stretch is free. Go there, measure
+# again, and repeat.
+#
+# How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$. From here on, $s$ is the share of
+# the edge that is done, from 0 to 1, and no longer a spacing. When joint $i$ turns by $\Delta q_i$, a point at a
+# distance $r$ from that joint moves at most
+# $r\,|\Delta q_i|$. With $r_i$ for the largest such distance, the safe step is
 #
 # $$\boxed{\;\Delta s = \frac{g(q)}{\sum_i r_i\,|\Delta q_i|}\;}$$
 #
-# Here $r_i$ is the farthest reach of what joint $i$ carries. Large steps in the open, small ones near a board, and at
-# some micrometres it gives up and says *collides*. It errs on one side only. You will write it in section 8.
+# **A worked example.** Two links of 1 m, both joints turn by 0.5 rad. Then $r_1 = 2$ m, $r_2 = 1$ m, and no point moves
+# farther than $2 \cdot 0.5 + 1 \cdot 0.5 = 1.5$ m along the whole edge. With a gap of 0.3 m, the first $0.3/1.5 = 20$ %
+# of the edge are free.
 #
+# The steps are long in open space and short near obstacles. When the gap has shrunk to a few micrometres, the check
+# stops and reports a collision. So its errors are on one side only: it may reject an edge that barely passes, but it
+# never accepts one that collides. You will write this check in section 8.
+
+# %%
+simulation("growing", "Tunnelling edge check")
+
+# %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A planner is a search around one question: is this edge free? Its speed is how often it asks times
-# what an answer costs. Its honesty is what "yes" means.
+# **Key insight.** A planner is a search around one question: is this edge free? Planning time is mostly the number of
+# edge checks times the cost of one check. How far you can trust the path depends on what the checker means by "free".
 #
 # </div>
+
+# %%
+more_claims("edge_by_ten_points")
+
+# %% [markdown]
+# ### Connecting the goal
 #
-# ### Is it there yet?
+# When is the search finished? Many listings stop as soon as a node is within one step of the goal. That saves a line
+# and returns a path that ends somewhere near the goal. It can be worse: a node may be close to the goal and on the
+# other side of a wall. The goal has to become a node of its own, connected by an edge that was checked.
 
 # %%
 show("near_the_goal")
 
 # %% [markdown]
-# <details><summary>The listing that one often sees</summary>
+# <details><summary>The class RRT that you will find in many tutorials (a fragment, not to be run)</summary>
 #
-# A class with `sample`, `nearest`, `steer`, `collision_free` and `plan`; a tenth of its targets is the goal; ten points
-# along an edge; success as soon as a node is within a step of the goal.
+# It has the methods `sample`, `nearest`, `steer`, `collision_free` and `plan`; a tenth of its samples is the goal; it
+# checks ten points along an edge and stops within one step of the goal:
 #
-# It runs, and what it returns is a path to a *neighbour* of the goal: the goal itself is never appended, and the last
-# stretch is never asked about. Its nearest neighbour is a loop over a list, so $m$ samples cost $m^2/2$ distances; the
-# chapter uses a k-d tree as soon as that measures faster. The exercise `rrt` is its repaired form.
+# ```python
+# for _ in range(self.max_samples):
+#     target = self.sample()  # the goal with probability 0.1
+#     near = self.nearest(target)
+#     new = self.steer(near, target)
+#     if self.collision_free(near, new):  # ten points along the edge
+#         self.nodes.append(new)
+#         if np.linalg.norm(new - self.goal) < self.step:
+#             return self.path_to(new)  # ends at a neighbour of the goal
+# ```
+#
+# It runs. The path that it returns ends at a *neighbour* of the goal, and nobody has checked the last stretch. Its
+# nearest-neighbour search is a loop over a list, so $m$ samples need about $m^2/2$ distances; the planners here use a
+# spatial tree once it is faster. The drill `rrt` asks for the repaired version.
 #
 # </details>
 #
-# ### From both ends
+# ### RRT-Connect: a tree from each end
 #
-# **RRT-Connect** (Kuffner and LaValle 2000) is what most people should use first.
+# A single tree has to find a goal that is one small target in a large space. **RRT-Connect** (Kuffner and LaValle 2000)
+# grows a second tree from the goal and lets the two look for each other. Each round has two halves:
+#
+# 1. *Extend.* One tree takes a single step towards a random sample, exactly as in RRT.
+# 2. *Connect.* The other tree tries to reach this new node. It goes there step after step, without new samples, until
+#    it arrives or an edge collides.
+#
+# If the second tree arrives, the path is complete. If not, the trees swap roles and a new round begins. The greedy
+# second half is what makes the planner fast: it crosses open space in one round.
 
-# %%
-show("connect_is_two_rrts")
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.2), layout="constrained")
+nodes = np.array([[1.2, 2.6, 3.4], [1.5, 2.6, 4.2]])
+second = np.array([[8.8, 8.0], [8.6, 7.0]])
+new, sample = np.array([4.9, 4.9]), np.array([8.2, 6.2])
+for points, ink in ((nodes, BLUE), (second, "#8e44ad")):
+    _ = axes[0].plot(*points, "o-", color=ink, ms=4)
+_ = axes[0].plot(*sample, "x", color="black", ms=8)
+_ = axes[0].plot([3.4, 4.9], [4.2, 4.9], color=ORANGE, lw=2.5)
+chain = second[:, [1]] + np.linspace(0, 1, 4) * (new - second[:, 1])[:, None]
+_ = axes[0].plot(*chain, "o-", color=GREEN, lw=2, ms=4)
+_ = axes[0].plot(*new, "o", color=ORANGE, ms=7)
+for spot, word in (((0.6, 5.5), "1 extend: one step"), ((4.5, 4.0), "2 connect: until it arrives"),
+                   ((8.0, 5.3), "sample")):  # fmt: skip
+    _ = axes[0].text(*spot, word, fontsize=8)
+bare(axes[0], "one round of RRT-Connect")
+for axis, method in zip(axes[1:], ("rrt", "rrt_connect"), strict=True):
+    grown = plan(trap.world, trap.start, trap.goal, method=method, budget=20_000, rng=5, step=1.0)
+    assert check_path(trap.world, grown.path, trap.start, trap.goal)
+    obstacles(axis, trap.world)
+    branches(axis, grown.nodes, grown.parents, BLUE, 0.6)
+    _ = axis.plot(*grown.path, color=GREEN, lw=2.5)
+    ends(axis, trap.start, trap.goal)
+    bare(axis, f"{'RRT' if method == 'rrt' else 'RRT-Connect'}: {grown.samples} samples")
+plt.show()
 
 # %% [markdown]
-# Choose it as *Planner* on the first screen, in the preset *Narrow gap*, with some seeds. A **narrow passage** is a
-# part of the free space that most samples miss and that every path needs.
+# **A worked example.** Start and goal are 11.3 m apart, nothing is in the way, the step size is 1 m. In the first round
+# the tree of the start adds one node. The tree of the goal then walks all the way to it, about eleven nodes, and the
+# problem is solved with a single sample. Two ordinary RRTs that add one edge per sample would need at least six
+# samples, usually many more.
+#
+# What can the second tree not do? A **narrow passage** is a part of the free space that every path has to cross and
+# that random samples rarely hit. Both trees have to find it by chance.
 
 # %%
 predict("both_ends_of_a_slit")
 
-# %% [markdown]
-# One hears a planner, a gap and one number. It needs four things more: the room and the step (10 m, a wall of 0.5 m, a
-# step of 1 m), the spread, and what is left of the length after shortcuts (section 3). Medians of 100 seeds:
-
 # %%
+simulation("growing", "Narrow gap")
+
+# %% [markdown]
+# Try several seeds and both planners. The number of samples varies enormously from seed to seed, so comparing two
+# single runs shows nothing. A comparison is useful only with the size of the scene, the step size, the spread over many
+# seeds, and the path length before and after smoothing. Here is one with all four: a square of 10 m, a wall of 0.5 m, a
+# step size of 1 m, 100 seeds.
+
+# %% tags=["hide-code"]
 lines = [
-    "| planner | gap of the wall | samples (middle half) | length / shortest (shortened) |",
-    4 * "|---" + "|",
-]
-for name in ("rrt", "rrt_connect"):
+    ("planner", "open share of the wall", "samples: median (25th to 75th percentile)",
+     "path length / shortest length (after shortening)"),
+]  # fmt: skip
+for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
     for share in scenes.GAPS:
         requested = scenes.gap(share)
-        ends = requested.world, requested.start, requested.goal
-        runs = [plan(*ends, method=name, budget=200_000, rng=k, step=1.0) for k in range(100)]
+        ends_ = requested.world, requested.start, requested.goal
+        runs = [plan(*ends_, method=name, budget=200_000, rng=k, step=1.0) for k in range(100)]
         drawn = np.percentile([run.samples for run in runs], (50, 25, 75))
         corner = np.array([4.75, 5.0 - 5.0 * share])
         best = 2.0 * np.linalg.norm(corner - requested.start) + 0.5
@@ -202,281 +485,586 @@ for name in ("rrt", "rrt_connect"):
             check_path(requested.world, run.path, requested.start, requested.goal) for run in runs
         )
         lines.append(
-            f"| {name} | {share:.0%} | {drawn[0]:.0f} ({drawn[1]:.0f} to {drawn[2]:.0f}) | "
-            f"{np.median([run.cost for run in runs]) / best:.2f} ({np.median(cut):.2f}) |"
-        )
-Markdown("\n".join(lines))
+            (title, f"{share:.0%}", f"{drawn[0]:.0f} ({drawn[1]:.0f} to {drawn[2]:.0f})",
+             f"{np.median([run.cost for run in runs]) / best:.2f} ({np.median(cut):.2f})")
+        )  # fmt: skip
+table(*lines)
 
 # %% [markdown]
-# Read samples against lengths. A gap that is hard to find doesn't make RRT's path longer, and after shortcuts nobody
-# can tell the two apart. In the slit their middle halves overlap: one run of each shows nothing.
+# Read the last two columns together. A gap that is hard to find makes the search longer, but not the path. After
+# shortening (section 3) both planners return practically the shortest path, so nobody should choose between them by
+# path length. For the 2 % gap the ranges of the two planners overlap.
 
 # %%
-show("connect_in_narrow_passages")
+more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
 
 # %% [markdown]
-# ### Where to draw
+# ### Where to sample
+#
+# Since samples decide everything, it is natural to help them a little. The first idea is more goal bias. In an empty
+# room that works. Now think of the bug trap, where the goal lies behind the back wall.
 
 # %%
 predict("pull_of_the_goal")
 
 # %%
-show("goal_bias_in_passages")
+simulation("growing", "Bug trap")
 
 # %% [markdown]
-# Better samples can help where the passage is. A **bridge test** draws two states near each other and takes the middle
-# if both collide and it doesn't. The Gaussian sampler takes a free state beside one that collides.
+# The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
+# collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
+# **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
+# surface.
 
-# %%
-show("bridge_test")
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
+corridor = scenes.gap(0.05, 4.0)
+for axis, name in zip(axes, ("uniform", "gaussian", "bridge"), strict=True):
+    some = plan(corridor.world, scenes.START, scenes.GOAL, method="prm_star", sampler=name,
+                budget=250, rng=1, spread=0.5).nodes[:, 2:]  # fmt: skip
+    obstacles(axis, corridor.world)
+    _ = axis.plot(*some, ".", color=BLUE, ms=4)
+    inside = np.mean(np.abs(some[0] - 5.0) < 2.0)
+    bare(axis, f"{name}: {inside:.0%} of the samples in the corridor")
+plt.show()
 
 # %% [markdown]
-# Both cost extra questions for each sample, and in wide space they draw where nobody needs a node.
-#
-# ### Better with time
-#
-# **RRT\*** (Karaman and Frazzoli 2011) hangs each new node where its way from the root is shortest, and then its
-# neighbours under it where that is shorter. The best path's length never rises, and goes to the optimum if the
-# neighbourhood shrinks slowly enough. **Informed**
-# RRT\* (Gammell and others 2014) draws, once there is a path, only from the ellipsoid of states that could shorten it:
-#
-# $$\lVert q - q_a\rVert + \lVert q - q_b\rVert < c_{\text{best}} .$$
-#
-# How far above the shortest a path is, against time, where the shortest is known:
-#
-# ![Length above the shortest against time](../docs/charts/path_quality.png)
+# Both samplers pay for this with extra collision checks per sample. The bridge must also have the right length: shorter
+# than the passage is wide, it never spans it. In wide open space, neither helps.
 
 # %%
-figures(read("path_quality"), "pick", summary="Each planner: time, and how far above the shortest")
+more_claims("goal_bias_in_passages", "bridge_test")
+
+# %% [markdown]
+# ### RRT*: paths that keep getting better
+#
+# RRT never revisits a decision. Once a node has a parent, its path from the start stays as crooked as it is. **RRT\***
+# (Karaman and Frazzoli 2011) adds two steps when a node is inserted. *Choose parent*: among all nodes within a certain
+# radius, take the one that gives the shortest path from the start, which need not be the nearest. *Rewire*: for each
+# neighbour, test whether the path through the new node is shorter than its present one, and if so, make the new node
+# its parent.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.1), layout="constrained")
+spots = {"start": (0.8, 1.2), "a": (2.2, 4.0), "b": (4.6, 6.6), "c": (7.6, 7.2), "new": (4.95, 3.2)}
+before = [("start", "a"), ("a", "b"), ("b", "c")]
+after = [("start", "a"), ("a", "b"), ("start", "new"), ("new", "c")]
+for axis, pairs, title in ((axes[0], before, "before"), (axes[1], after, "after: c is rewired")):
+    for p, q in pairs:
+        ink = ORANGE if "new" in (p, q) else BLUE
+        _ = axis.plot(*zip(spots[p], spots[q], strict=True), "o-", color=ink, lw=2)
+    axis.add_patch(plt.Circle(spots["new"], 4.9, fill=False, ls=":", color=GREY))
+    _ = axis.plot(*spots["new"], "o", color=ORANGE, ms=8)
+    for name, (x, y) in spots.items():
+        _ = axis.text(x + 0.25, y - 0.75, name, fontsize=9)
+    bare(axis, title)
+around = planning.plane(scenes.SQUARE, [[5.0, 5.0, 2.0]])
+left_, right_ = np.array([1.0, 5.0]), np.array([9.0, 5.0])
+star = plan(around, left_, right_, method="informed_rrt_star", budget=700, rng=3, step=1.0)
+obstacles(axes[2], around)
+branches(axes[2], star.nodes, star.parents, BLUE, 0.4)
+_ = axes[2].plot(*star.path, color=GREEN, lw=2.5)
+turn = np.linspace(0.0, 2.0 * np.pi, 200)
+wide, tall = star.cost / 2.0, np.sqrt(star.cost**2 - 64.0) / 2.0
+_ = axes[2].plot(5.0 + wide * np.cos(turn), 5.0 + tall * np.sin(turn), "--", color=ORANGE)
+ends(axes[2], left_, right_)
+bare(axes[2], "informed: the ellipse that can still help")
+plt.show()
+
+# %% [markdown]
+# **A worked example.** The nearest node to the new one is *a*, but over *a* its path would be 6.0 m long; straight from
+# the start it is 4.6 m, so the start becomes its parent. Node *c* had a path of 9.7 m. It is 4.8 m from the new node,
+# and $4.6 + 4.8 = 9.4$ m is shorter, so *c* is rewired. Node *b* is not: it already has a path of 6.7 m.
+#
+# The length of the best path never increases, and it converges to the optimum provided that the radius does not shrink
+# too fast as the tree grows.
 
 # %%
 show("rrt_star_converges")
 
+# %% [markdown]
+# **Informed RRT\*** (Gammell and others 2014) adds one idea. Once a path of length $c_{\text{best}}$ is known, a
+# configuration $q$ can improve it only if the detour over $q$ is shorter. With start $q_a$ and goal $q_b$:
+#
+# $$\lVert q - q_a\rVert + \lVert q - q_b\rVert < c_{\text{best}} .$$
+#
+# These configurations fill an ellipse in the plane, drawn on the right above, and an ellipsoid in higher dimensions.
+# All further samples come from it. The chart shows the excess length over the shortest path as a function of computing
+# time, in two scenes whose shortest path is known exactly:
+#
+# ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
+#
+# The fastest way to a path within 5 % of the optimum is RRT-Connect with a few rounds of shortening. If you want the
+# last percent and have the time, compare the curves at their right ends: around the disc, shortening is as good as
+# Informed RRT\*; at the gap it levels off about 1 % above the optimum, while Informed RRT\* keeps improving.
+
 # %%
-show("informed_rrt_star")
+more_claims("informed_rrt_star")
 
 # %% [markdown]
-# To be quick use RRT-Connect and shorten it: with no or ten rounds of shortcuts it is first within a twentieth of the
-# shortest. Past the disc more rounds keep up with Informed RRT\*; at the gap they stay a per cent above, it goes on.
+# ### Roadmaps: reuse what you know
 #
-# ### Remember
+# A robot at a shelf solves the same kind of problem thousands of times a day, and a tree throws everything away after
+# each. A **roadmap** (PRM, probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free
+# configurations, and connect each to its nearest neighbours where the edge is free. To answer a query, connect start
+# and goal to nearby nodes, and search the graph.
 #
-# A **roadmap** (PRM, Kavraki and others 1996) draws free states without a question in mind and joins neighbours by free
-# edges. A question then joins its ends to it and searches a graph. A **lazy** roadmap leaves its edges unasked until a
-# search wants to use one: most edges of a roadmap are on nobody's way.
+# Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap assumes that all
+# edges are free and checks only when it has to:
+#
+# 1. Search the graph for the shortest path, treating unchecked edges as free.
+# 2. Check the edges of this path. If all are free, return it.
+# 3. Otherwise delete the edge that collides, and go back to step 1.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.1), layout="constrained")
+points = np.array([[0.8, 1.0], [2.6, 4.2], [3.6, 1.4], [5.4, 3.4], [5.2, 6.6], [7.4, 5.6],
+                   [7.0, 1.6], [2.2, 7.6], [9.2, 8.8]]).T  # fmt: skip
+graph = [(0, 1), (0, 2), (1, 3), (2, 3), (1, 4), (3, 5), (4, 5), (2, 6), (6, 5), (1, 7), (7, 4),
+         (5, 8), (4, 8), (3, 4)]  # fmt: skip
+states_ = (
+    ("first candidate: one edge collides", {(0, 2): GREEN, (2, 3): GREEN, (3, 5): RED}),
+    (
+        "second candidate: free",
+        {(0, 1): GREEN, (1, 4): GREEN, (4, 8): GREEN, (0, 2): BLUE, (2, 3): BLUE},
+    ),
+)
+for axis, (title, inks) in zip(axes[1:], states_, strict=True):
+    axis.add_patch(plt.Circle((6.6, 4.3), 0.75, color=ROSE))
+    for i, j in graph:
+        ink = inks.get((i, j), "#cfcfcf")
+        if title.startswith("second") and (i, j) == (3, 5):
+            continue
+        _ = axis.plot(*points[:, [i, j]], color=ink, lw=2.5 if (i, j) in inks else 1.2)
+    _ = axis.plot(*points, "o", color=GREY, ms=4)
+    ends(axis, points[:, 0], points[:, 8])
+    bare(axis, title)
+world_ = scenes.discs()
+road = planning.build_roadmap(world_.world, 150, 0)
+obstacles(axes[0], world_.world)
+for i, j in road.pairs[road.status == 1]:
+    _ = axes[0].plot(*road.nodes[[i, j]].T, color=BLUE, lw=0.4)
+_ = axes[0].plot(*road.nodes.T, ".", color=BLUE, ms=3)
+bare(axes[0], "a roadmap among discs")
+plt.show()
+
+# %% [markdown]
+# In the two sketches on the right, green edges were checked and are free, the red one was checked and collides, and
+# grey ones were never checked.
 
 # %%
 show("lazy_tests_the_final_path")
 
+# %% [markdown]
+# Being lazy pays most when something has moved. The scene for the rest of this chapter is a shelf with an arm of seven
+# joints in front of it. The arm reaches from one compartment into another.
+
+# %% tags=["hide-code"]
+requested = planning.shelf("open")
+rng = np.random.default_rng(1)
+query = requested.query(rng)
+figure_ = plt.figure(figsize=(8.5, 3.9), layout="constrained")
+for k, name in enumerate(("open", "tight")):
+    place = planning.shelf(name)
+    axis = figure_.add_subplot(1, 2, k + 1, projection="3d", proj_type="ortho")
+    for row in place.world.obstacles:
+        centre, half = row[1:4], row[4:7]
+        if half.max() < 0.9:
+            axis.bar3d(*(centre - half), *(2 * half), color=ROSE, alpha=0.18, shade=False)
+    for q, ink in zip(query if name == "open" else place.query(np.random.default_rng(3)),
+                      (BLUE, GREEN), strict=True):  # fmt: skip
+        flange = tip(panda(), q[:, None])
+        finger = compose(flange, np.array([0, 0, 0.145, 1, 0, 0, 0])[:, None])
+        joints = np.hstack(
+            (np.zeros((3, 1)), frames(panda(), q[:, None])[:3, :, 0], flange[:3], finger[:3])
+        )
+        _ = axis.plot(*joints, "o-", color=ink, lw=3, ms=4)
+    _ = axis.set(
+        xlim=(-0.1, 0.95), ylim=(-0.55, 0.55), zlim=(0, 1.1), title=f"the {name} shelf [m]"
+    )
+    axis.view_init(18, -125)
+    axis.set_box_aspect((1.05, 1.1, 1.1))
+    axis.tick_params(labelsize=7)
+plt.show()
+
+# %% [markdown]
+# Blue and green are a start and a goal configuration, each with the fingertip inside a compartment. The open shelf has
+# two rows of compartments, the tight one three lower ones. Now somebody places a ball of 8 cm radius in front of the
+# shelf before each query, and any edge of the stored roadmap might be blocked.
+
 # %%
 predict("after_the_ball")
 
-# %%
-requested = planning.shelf("open")
+# %% tags=["hide-code"]
 roadmap = planning.build_roadmap(requested.world, 1000, 0)
 rng = np.random.default_rng(1)
+rows = [("ball", "edges checked", "configurations on the path", "validated")]
 for k in range(5):
-    ends = requested.query(rng)
-    world = requested.disturbed(rng, *ends)
-    reply = plan(world, *ends, method="roadmap", roadmap=roadmap, budget=20_000, rng=k, step=1.0)
-    print(
-        f"ball {k + 1}: {reply.edge_checks:4d} edges asked, {reply.path.shape[1]:2d} states, "
-        f"judged {'free' if check_path(world, reply.path, *ends) else 'in collision'}"
-    )
-print(f"the roadmap: {len(roadmap.nodes)} nodes, {len(roadmap.pairs)} edges")
-
-# %%
-show("cached_roadmap")
+    pair = requested.query(rng)
+    world = requested.disturbed(rng, *pair)
+    reply = plan(world, *pair, method="roadmap", roadmap=roadmap, budget=20_000, rng=k, step=1.0)
+    passed = "free" if check_path(world, reply.path, *pair) else "in collision"
+    rows.append((k + 1, reply.edge_checks, reply.path.shape[1], passed))
+rows.append(("stored roadmap", f"{len(roadmap.pairs):,} edges", f"{len(roadmap.nodes)} nodes", ""))
+table(*rows)
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** What can be known before the question comes should be: the arm, the shelf, most of the free space.
-# What changes is a ball, and only edges that the answer uses have to be asked about it.
+# **Key insight.** Precompute what is known before the query arrives: the robot, the shelf, most of the free space. When
+# something has moved, check only the edges that the answer wants to use.
 #
 # </div>
-#
+
+# %%
+more_claims("cached_roadmap")
+
+# %% [markdown]
 # ## 3 · Concept: from a path to a motion
 #
-# ### Shorter
+# ### Shortcutting
 #
-# A tree's path zigzags. **Shortcutting** takes two places on the path and joins them by a straight edge, if that is
-# free. Between waypoints only, it can't take off a corner; between any two places it can.
+# The path of a tree zigzags, because it runs through random points. **Shortcutting** repairs that: pick two points on
+# the path at random, and if the straight edge between them is free, replace the part between them by this edge. Repeat
+# a few hundred times. If the two points may lie anywhere on the path, and not only at its waypoints, even a single
+# corner can be cut off.
 
 # %%
 show("shortcut_never_lengthens")
 
-# %%
+# %% tags=["hide-code"]
 scene = scenes.discs()
 walk = plan(scene.world, scene.start, scene.goal, method="rrt", rng=1, step=1.0).path
 cut = planning.shortcut(walk, scene.world, np.random.default_rng(0))
 round_ = planning.smooth(cut, scene.world)
-figure_, axes = plt.subplots(figsize=(6.0, 4.4), layout="constrained")
-for _, x, y, r, _ in scene.world.obstacles:
-    _ = axes.add_patch(plt.Circle((x, y), r, color="#e9a3a0"))
-for name, path in (("tree", walk), ("shortcuts", cut), ("rounded", round_)):
-    _ = axes.plot(*path, label=name, lw=4 if name == "shortcuts" else 1.5)
+figure_, axes = plt.subplots(1, 2, figsize=(8.5, 4.0), layout="constrained")
+corner = np.array([[0.8, 4.0, 7.6, 9.2], [1.2, 7.6, 6.9, 1.4]])
+axes[0].add_patch(plt.Circle((4.9, 3.2), 1.9, color=ROSE))
+_ = axes[0].plot(*corner, "o-", color=GREY, lw=1.5)
+_ = axes[0].plot([4.0, 9.2], [7.6, 1.4], ":", color=RED, lw=2)
+p_, q_ = (
+    corner[:, 0] + 0.62 * (corner[:, 1] - corner[:, 0]),
+    corner[:, 2] + 0.3 * (corner[:, 3] - corner[:, 2]),
+)
+_ = axes[0].plot(*np.stack((p_, q_), axis=1), "o-", color=GREEN, lw=2.5)
+_ = axes[0].text(5.9, 3.1, "between waypoints:\ncollides", fontsize=8, color=RED, bbox=HALO)
+_ = axes[0].text(4.1, 5.6, "between any two points: free", fontsize=8, color=GREEN, bbox=HALO)
+bare(axes[0], "two attempts to cut the same path")
+obstacles(axes[1], scene.world)
+rows = [
+    (
+        "path",
+        "length",
+        "waypoints",
+        "duration, stopping at each waypoint",
+        "duration, corners rounded in passing",
+    )
+]
+for name, path in (
+    ("from the tree", walk),
+    ("after shortcutting", cut),
+    ("smoothed", round_),
+):
+    _ = axes[1].plot(*path, label=name, lw=4 if path is cut else 1.5)
     assert check_path(scene.world, path, scene.start, scene.goal)
     stops = time_parameterise(path, (1.0, 1.0)).duration
     flows = time_parameterise(path, (1.0, 1.0), blend=0.5, free=scene.world).duration
-    print(
-        f"{name:<10} {length(path):6.2f} m, {path.shape[1]:3d} states; with a stop at each "
-        f"{stops:5.1f} s, corners rounded {flows:5.1f} s"
+    rows.append((name, f"{length(path):.2f} m", path.shape[1], f"{stops:.1f} s", f"{flows:.1f} s"))
+ends(axes[1], scene.start, scene.goal)
+_ = axes[1].set(xlim=(0, 10), ylim=(0, 10), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+_ = axes[1].legend(fontsize=8, loc="upper left")
+plt.show()
+
+# %% tags=["hide-code"]
+table(*rows)
+
+# %% [markdown]
+# The limits are 1 m/s and 1 m/s². The last row holds a lesson. The smoothed path has many waypoints, and a robot that
+# stops at each of them is slower than on the raw path of the tree. It is the *motion* that has to be smooth, not the
+# drawing of the path.
+#
+# ### Smoothing and trajectory optimisation
+#
+# Three kinds of smoothing are common. A **B-spline** replaces corners by short curves. The curves leave the edges that
+# were checked, so they have to be checked again; where a curve collides, the corner stays.
+#
+# An **optimiser** takes a whole trajectory and deforms it to reduce a cost. **CHOMP** (Zucker and others 2013) follows
+# the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
+# that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) solves a sequence of convex problems;
+# each lets the waypoints move a little and penalises those that come too close to an obstacle. **STOMP** (Kalakrishnan
+# and others 2011) needs no gradient: it samples noisy variations of the trajectory and averages them, weighted by their
+# cost.
+#
+# All of them start from an **initial guess**, and it decides a lot. Paths on different sides of an obstacle belong to
+# different **homotopy classes**: you can't deform one into the other without crossing the obstacle. A small deformation
+# usually stays in its class. If the initial guess runs through the obstacle, it is hard to predict which side it ends
+# on, or whether it gets out at all.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 2, figsize=(6.5, 3.0), layout="constrained")
+along = np.linspace(0.0, 1.0, 60)
+for axis, title in zip(axes, ("two homotopy classes", "a guess through the obstacle"), strict=True):
+    axis.add_patch(plt.Circle((5, 5), 1.9, color=ROSE))
+    ends(axis, (1, 5), (9, 5))
+    bare(axis, title)
+for lift, ink in ((3.1, BLUE), (4.2, BLUE), (-3.1, ORANGE), (-4.2, ORANGE)):
+    _ = axes[0].plot(1 + 8 * along, 5 + lift * np.sin(np.pi * along), color=ink)
+_ = axes[1].plot([1, 9], [5, 5], color=GREY, lw=2)
+for x, sign in ((3.6, 1), (4.3, -1), (5.0, 1), (5.7, -1), (6.4, 1)):
+    _ = axes[1].annotate(
+        "", (x, 5 + 1.4 * sign), (x, 5), arrowprops={"arrowstyle": "->", "color": RED}
     )
-_ = axes.set(xlim=(0, 10), ylim=(0, 10), aspect="equal", xlabel="x [m]", ylabel="y [m]")
-_ = axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+_ = axes[1].text(5, 1.6, "pushed to both sides at once", ha="center", fontsize=8)
 plt.show()
 
 # %% [markdown]
-# The limits are 1 m/s and 1 m/s². A stop at every corner of a finely rounded path is the worst of all: it is the
-# *motion* that has to be smooth, not the picture.
+# The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from
+# start to goal over one via point, and the colour at the via point shows where the optimiser ended:
 #
-# ### Smoother
-#
-# A **B-spline** near the corners leaves the free edges, so it has to be asked again; where it collides a corner stays.
-# An **optimiser** deforms a whole trajectory. **CHOMP** (Zucker and others 2013) goes down the gradient of smoothness
-# and obstacle cost, measured so that a pushed waypoint takes its neighbours along. **TrajOpt** (Schulman and
-# others 2014)
-# solves a sequence of convex problems with hinge costs. **STOMP** (Kalakrishnan and others 2011) needs no
-# gradient: it averages noisy tries.
-#
-# ![Where an optimiser ends, by the point that its first guess goes through](../docs/charts/optimiser_minima.png)
+# ![Result of two optimisers for 169 initial guesses, at the via point of each
+# guess](../docs/charts/optimiser_minima.png)
 
-# %%
-figures(read("optimiser_minima"), "CHOMP", "TrajOpt", summary="And a planner")
+# %% tags=["hide-code"]
+counted = {(a, b): n for a, b, n in key("optimiser_minima", r"^(CHOMP|TrajOpt) +(.*?) +(\d+) of")}
+table(
+    ("optimiser", "free, within 5 % of the shortest", "free, longer", "in collision"),
+    *((name, *(counted[name, x] for x in ("free, shortest", "free, longer", "collides")))
+      for name in ("CHOMP", "TrajOpt")),
+)  # fmt: skip
 
 # %% [markdown]
-# An optimiser mostly keeps the side of an obstacle on which it began, and inside one it has no side. Longer ways
-# are local minima, too. What helps is another beginning: a planner's path, or random ones. (16 discs above, 40 below.)
+# The weights matter too: with five times the obstacle weight, fewer of CHOMP's results collide. The remedy is a better
+# initial guess, such as a planner's path, or several guesses of which you keep the best valid result.
 
 # %%
 show("optimisers_get_stuck")
 
+# %%
+more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
+
 # %% [markdown]
-# ### In time
+# ### Time parameterisation: how fast along the path?
 #
-# A path says where, not when. **Time parameterisation** finds the fastest motion along it within the joints' limits of
-# rate and acceleration. With $\dot s$ the speed along the path,
+# A path says where, not when. **Time parameterisation** finds the fastest motion along a given path that respects the
+# velocity and acceleration limits of all joints. (For a joint, the page says *rate* for velocity.)
 #
-# $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 ,$$
+# Describe the path by its arc length $s$: $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its derivatives with
+# respect to $s$, and $\dot s$ is the speed along the path. The chain rule gives the joint accelerations:
 #
-# so at each place the limits leave an interval for $\ddot s$ that depends on $\dot s^2$ alone. Backward: from which
-# speeds can one still brake? Forward: as fast as that allows. On one straight line the answer is a **trapezoid** of the
-# rate, and a triangle when the way is short.
+# $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
+#
+# The left side is limited for every joint. So at each point of the path, once $\dot s^2$ is known, the path
+# acceleration $\ddot s$ must lie in a known interval. That turns a problem with many joints into one with a single
+# unknown function, the speed along the path. Two passes find it:
+#
+# 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow down
+#    in time.
+# 2. *Forward*, from the start at rest: accelerate as hard as the limits allow, but stay below the result of the first
+#    pass.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(10, 3.0), layout="constrained")
+place_ = np.linspace(0.0, 4.0, 801)
+cap = (
+    2.2
+    - 1.3 * np.exp(-(((place_ - 1.6) / 0.25) ** 2))
+    - 0.8 * np.exp(-(((place_ - 2.9) / 0.2) ** 2))
+)
+back, ahead = cap.copy(), cap.copy()
+back[-1] = ahead[0] = 0.0
+for k in range(len(place_) - 2, -1, -1):
+    back[k] = min(cap[k], np.sqrt(back[k + 1] ** 2 + 2 * 2.0 * 0.005))
+for k in range(1, len(place_)):
+    ahead[k] = min(back[k], np.sqrt(ahead[k - 1] ** 2 + 2 * 2.0 * 0.005))
+_ = axes[0].plot(place_, cap, ":", color=GREY, label="rate limits and corners")
+_ = axes[0].plot(place_, back, "--", color=ORANGE, label="backward pass")
+_ = axes[0].plot(place_, np.minimum(back, ahead), color=BLUE, lw=2, label="forward pass: result")
+_ = axes[0].set(xlabel="s [m]", ylabel="speed along the path [m/s]", ylim=(0, 3.4))
+_ = axes[0].legend(fontsize=7, loc="upper right")
+for distance, name in ((2.0, "2 rad: trapezoid"), (0.2, "0.2 rad: triangle")):
+    move = time_parameterise(np.array([[0.0, distance]]), (1.0, 2.0))
+    when = np.linspace(0.0, move.duration, 400)
+    _ = axes[1].plot(when, move(when)[1][0], label=name)
+_ = axes[1].set(xlabel="time [s]", ylabel="rate of one joint [rad/s]", ylim=(0, 1.35))
+_ = axes[1].legend(fontsize=7, loc="upper right")
+motion = time_parameterise(cut, (1.0, 1.0), blend=0.5, free=scene.world)
+times = np.linspace(0.0, motion.duration, 4001)
+q, rate, push = motion(times)
+assert max(np.abs(rate).max(), np.abs(push).max()) < 1.0 + 1e-9
+_ = axes[2].plot(times, rate.T, label=["rate of x [m/s]", "rate of y [m/s]"])
+_ = axes[2].plot(times, push.T, lw=0.7, label=["acceleration of x [m/s²]", "acceleration of y"])
+_ = axes[2].axhline(1.0, color=GREY, ls=":")
+_ = axes[2].axhline(-1.0, color=GREY, ls=":")
+_ = axes[2].set(xlabel="time [s]", ylim=(-1.1, 2.3))
+_ = axes[2].legend(fontsize=7, loc="upper right", ncols=2)
+for axis, title in zip(
+    axes, ("two passes", "a single straight line", "the path among discs"), strict=True
+):
+    _ = axis.set_title(title, fontsize=9)
+plt.show()
+
+# %% [markdown]
+# On a single straight line, the fastest rate over time is a **trapezoid**: accelerate, cruise, brake. If the line is
+# too short to reach full speed, it is a triangle. The plot on the right shows the motion for the path among the discs:
+# at nearly every moment one of the limits (dotted) is reached, and none is exceeded.
+#
+# **A worked example.** One joint moves 2 rad with at most 1 rad/s and 2 rad/s². Speeding up takes 0.5 s and covers 0.25
+# rad, braking the same. The remaining 1.5 rad take 1.5 s, so the motion lasts 2.5 s. For 0.2 rad the joint never
+# reaches full speed: it accelerates over 0.1 rad, which takes $\sqrt{2 \cdot 0.1/2} = 0.32$ s, and the motion lasts
+# 0.63 s.
 #
 # <details><summary>Derive: the trapezoid for several joints</summary>
 #
 # All joints stay on the line, $q = a + s\,(b - a)$ with $s$ from 0 to 1. Joint $i$ moves at $|b_i - a_i|\,\dot s$, so
 # $\dot s \le v = \min_i v_i/|b_i - a_i|$ and $|\ddot s| \le u = \min_i u_i/|b_i - a_i|$; the two minima may belong to
-# two joints. Speeding up to $v$ takes $v/u$ seconds and $v^2/(2u)$ of the line, braking as much. If $v^2/u < 1$ there
-# is a stretch at full speed and the motion lasts $1/v + v/u$, else the ramps meet half way, after $1/\sqrt{u}$.
+# two different joints. Speeding up to $v$ takes $v/u$ seconds and $v^2/(2u)$ of the line, braking the same. If $v^2/u <
+# 1$ there is a stretch at full speed and the motion lasts $1/v + v/u$. Otherwise the ramps meet in the middle and the
+# motion lasts $2/\sqrt{u}$.
 #
 # </details>
-
-# %% tags=["show-code"]
-motion = time_parameterise(cut, (1.0, 1.0), blend=0.5, free=scene.world)
-times = np.linspace(0.0, motion.duration, 4001)
-q, rate, push = motion(times)
-figure_, axes = plt.subplots(figsize=(8, 2.4), layout="constrained")
-_ = axes.plot(times, rate.T, label=["rate of x", "rate of y"])
-_ = axes.plot(times, push.T, lw=0.8, label=["acceleration of x", "acceleration of y"])
-_ = axes.set(xlabel="time [s]", ylabel="[m/s], [m/s²]")
-_ = axes.legend(ncols=4, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-plt.show()
-print(f"largest rate {np.abs(rate).max():.6f} of 1, acceleration {np.abs(push).max():.6f} of 1")
-
-# %% [markdown]
-# Do limits that hold at grid points hold between them? A drive that trips doesn't care about your grid.
+#
+# In a computer the two passes visit a grid of points along the path, and the usual implementation applies the limits at
+# the beginning of each grid interval. A motor drive shuts down when a limit is exceeded, whether or not that happens at
+# a grid point.
 
 # %%
 show("limits_between_grid_points")
 
 # %% [markdown]
-# ![How far a limit is exceeded between grid points, and what rounding a corner buys](../docs/charts/limits_between.png)
+# ![How far the acceleration limit is exceeded between grid points, and how much time rounding the corners
+# saves](../docs/charts/limits_between.png)
+#
+# The left plot shows by how much the limit is exceeded between grid points with either method. The right plot shows the
+# reward for rounding corners: the earlier the rounding begins, the shorter the motion. Timing every joint on its own,
+# with its own trapezoid, hardly saves time, and it makes the robot leave the checked path.
 
 # %%
-figures(read("limits_between"), "at grid", "time-optimal", summary="All key figures")
+more_claims("shortcut_share")
 
 # %% [markdown]
-# Right: the earlier a corner is rounded, the shorter the motion. Joints timed each by itself only leave the path.
-#
 # ## 4 · Design: where a planner sits
 #
-# | level | what it decides | takes | hands down |
+# A robot that fetches a cup decides four kinds of things, and each level passes its decision down. When a level fails,
+# the problem goes back up.
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(8.5, 3.2), layout="constrained")
+levels = (
+    ("task planning", "what to do", "grasp pose"),
+    ("motion planning", "which way", "waypoints"),
+    ("trajectory generation", "how fast", "q, q', q'' over time"),
+    ("control", "which torques", "torques at 1 kHz"),
+)
+failures = (
+    "no path: try another grasp",
+    "limits broken: ask for another path",
+    "cannot follow: slow down or replan",
+)
+for k, (name, what, down) in enumerate(levels):
+    y = 3.0 - k
+    axis.add_patch(plt.Rectangle((0.0, y), 3.0, 0.62, fc="#dbe9f4", ec=BLUE))
+    _ = axis.text(1.5, y + 0.31, f"{name}\n{what}", ha="center", va="center", fontsize=9)
+    arrow = {"arrowstyle": "->", "color": BLUE, "lw": 1.5}
+    _ = axis.annotate("", (0.8, y - 0.36 if k < 3 else y - 0.3), (0.8, y), arrowprops=arrow)
+    _ = axis.text(0.7, y - 0.2, down, ha="right", va="center", fontsize=8)
+    if k < 3:
+        _ = axis.annotate("", (2.2, y), (2.2, y - 0.36), arrowprops=arrow | {"color": RED})
+        _ = axis.text(2.35, y - 0.2, failures[k], va="center", fontsize=8, color=RED)
+_ = axis.set(xlim=(-1.5, 5.6), ylim=(-0.4, 3.8))
+axis.axis("off")
+plt.show()
+
+# %% [markdown]
+# | level | decides | takes | passes down |
 # |---|---|---|---|
 # | **Task planning** | *what*: pick up the cup, put it on the shelf | goals, objects | ↓ a grasp pose |
-# | **Motion planning** | *where along*: a free path from here to there | a world, two configurations | ↓ waypoints |
-# | **Trajectory optimisation** | *when*: smooth, within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
-# | **Control** | *how hard*: torques that follow it | a reference, a measurement | torques, at a kilohertz |
+# | **Motion planning** | *which way*: a collision-free path from here to there | a world, two configurations | ↓ waypoints |
+# | **Trajectory generation** | *how fast*: smooth, within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
+# | **Control** | *how hard*: torques that follow the trajectory | a reference, a measurement | torques, at a kilohertz |
 #
-# Failures go up the same stairs: no trajectory within the limits, another path; no path, another grasp; no grasp,
-# another task. Each level has to say *why* it failed, or the one above tries the same again. The planner's world is
-# older than its answer: what moves has to be asked again, along the path that is being driven, at the camera's rate.
+# A trajectory optimiser such as TrajOpt works on the second and third level at once: it bends the path and sets its
+# speed.
+#
+# Each level should report *why* it failed, or the level above will try the same again. And by the time a plan is
+# carried out, the scene that it was computed for is out of date. Keep checking the remaining path against moving
+# objects, at the rate of the camera.
+#
+# How long do the stages take? "200 ms for the planner, 50 ms for the smoothing" can't be checked, because it names no
+# arm, no shelf and no machine. This cell times the three stages for the arm at the open shelf, on your machine:
 
-# %% tags=["nbval-ignore-output"]
+# %% tags=["nbval-ignore-output", "show-code"]
 import time
 
-ends = requested.query(np.random.default_rng(3))
-result = plan(requested.world, *ends, rng=0, step=1.0)
+ends_ = requested.query(np.random.default_rng(3))
+result = plan(requested.world, *ends_, rng=0, step=1.0)
 begun = time.perf_counter()
 path = planning.shortcut(result.path, requested.world, np.random.default_rng(0), rounds=60)
 between = time.perf_counter()
 motion = time_parameterise(path, (2.0, 8.0), blend=0.2, free=requested.world)
 spent = 1e3 * np.array([result.seconds, between - begun, time.perf_counter() - between])
-print("plan {:.1f} ms, shorten {:.1f} ms, time {:.1f} ms".format(*spent))
-print(f"for a motion of {motion.duration:.2f} s between two bays of the open shelf")
+print("plan {:.1f} ms, shortcut {:.1f} ms, time parameterisation {:.1f} ms".format(*spent))
+print(f"for a motion of {motion.duration:.2f} s between two compartments of the open shelf")
 
 # %% [markdown]
-# "200 ms for the planner, 50 ms for the smoothing" can't be checked: it names no arm, no shelf and no machine. The cell
-# above has the share of each stage on yours. Two other numbers that one hears can be checked:
-
-# %%
-show("shortcut_share")
-
-# %% [markdown]
-# ## 5 · Code, and the simulation in full
+# Shortcutting takes longer here than planning. It tries 60 edges, and an edge of a seven-joint arm next to a shelf is
+# an expensive thing to check. If you want to save time after the planner has become fast, save it there.
 #
-# Two trees that take turns, as the module has it: turn 0 steps towards a sample, turn 1 connects. The same source runs
-# compiled, and as plain Python in a debugger.
+# ## 5 · Code: from your own collision check to a motion
+#
+# A planner needs one function from you: is this configuration free? The cell below plans around a ring that is defined
+# by nothing but such a function. Edges are checked at points 2 cm apart, because a yes-or-no function offers nothing
+# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring. The path is then shortened,
+# validated by `check_path`, and timed.
 
-# %%
-Markdown(f"```python\n{inspect.getsource(trees._connect)}```")
+
+# %% tags=["show-code"]
+def is_free(q):
+    """Return whether a point keeps 5 cm away from a ring with an opening on its right."""
+    radius, angle = np.hypot(*q), np.arctan2(q[1], q[0])
+    return not (0.95 < radius < 1.35 and abs(angle) > 0.25)
+
+
+bounds = [[-2.0, -2.0], [2.0, 2.0]]
+world = planning.from_function(is_free, bounds, resolution=0.02)
+start, goal = np.array([-0.5, 0.0]), np.array([-1.7, 0.0])
+answer_ = plan(world, start, goal, rng=0, budget=5000, step=0.5)
+path = planning.shortcut(answer_.path, world, np.random.default_rng(0))
+assert check_path(world, path, start, goal)
+motion = time_parameterise(path, (1.0, 2.0), blend=0.2, free=world)
+print(f"{answer_.status}: {answer_.samples} samples, {answer_.state_checks} collision checks")
+print(f"path {length(path):.2f} m, motion {motion.duration:.2f} s")
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(3.4, 3.2), layout="constrained")
+turn = np.linspace(0.3, 2 * np.pi - 0.3, 100)
+_ = axis.fill(np.append(np.cos(turn), 1.3 * np.cos(turn[::-1])),
+              np.append(np.sin(turn), 1.3 * np.sin(turn[::-1])), color=ROSE)  # fmt: skip
+branches(axis, answer_.nodes, answer_.parents, BLUE, 0.7)
+_ = axis.plot(*motion.waypoints(0.02), color=GREEN, lw=2.5)
+ends(axis, start, goal)
+bare(axis, "two trees, and the shortened path", -2.0, 2.0)
+plt.show()
 
 # %% [markdown]
-# A bad argument is refused; a start in collision is no mistake of the caller, and gets a status:
+# What should a planner do with bad input? A wrong *argument* is the caller's mistake and raises an error that names it.
+# A start in collision is a normal situation for a robot and gets a *status*, so that the level above can react:
 
-# %%
+# %% tags=["show-code"]
 gap = scenes.gap(0.1)
 for attempt in (
     lambda: plan(gap.world, [1.0, np.nan], gap.goal),
     lambda: plan(gap.world, gap.start, gap.goal, step=0.0),
     lambda: plan(gap.world, [1.0, 1.0, 1.0], gap.goal),
-    lambda: plan(gap.world, gap.start, gap.goal, budget=0),
 ):
     try:
         attempt()
     except ValueError as problem:
-        print(problem)
+        print("ValueError:", problem)
 for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start, [11.0, 1.0])):
-    print(plan(gap.world, start, goal).status)
+    print("status:", plan(gap.world, start, goal).status)
 
 # %% [markdown]
-# Drag start, goal and obstacles, drag a rim to resize, click on free ground for a new one; *Plan*, *Step*, *Shortcut*
-# and *Reset* are in the picture, and arrow keys move what *Keys move* says. Go through the presets. Before you choose
-# one, say what will happen:
-#
-# 1. *Narrow gap*: how many samples, and how many with the next seed?
-# 2. *Bug trap*: does more goal bias help?
-# 3. *Unreachable goal*: which of the four planners will say so?
-# 4. Among obstacles, a step of 0.1 m against one of 3 m: which one wins, and where does it turn?
-
-# %%
-simulation("growing", "Bug trap")
-
-# %% [markdown]
-# ## 6 · Speed
-#
-# ### The five-second question
+# ## 6 · Speed: from five seconds to a tenth
 #
 # <div class="alert alert-block alert-info">
 #
@@ -484,193 +1072,280 @@ simulation("growing", "Bug trap")
 # seconds. Get it under a tenth of a second.*
 #
 # </div>
+#
+# Take the seven-joint arm and its two shelves from section 2, and a single RRT in plain Python with a step size of 1
+# rad. Most of the space in front of the shelf is free, and the compartments are its narrow passages. A short step means
+# many nodes before the tree has crossed that open space.
 
 # %%
 predict("first_of_ten_ideas")
 
-# %%
-show("both_ends_first")
+# %% [markdown]
+# We added one idea at a time. Each version got the same 100 queries that are known to have a solution (fewer for the
+# slow versions 1 to 3), once with the shelf unchanged ("still") and once with a ball in front of it ("moved"). The
+# chart shows the median and the 99th percentile, which is the time that only the slowest 1 % of the queries exceed. A
+# triangle at the top edge means that too many queries stayed unsolved.
+#
+# ![Planning time of ten versions at two shelves, median and 99th percentile](../docs/charts/shelf_ladder.png)
+
+# %% tags=["hide-code"]
+VERSIONS = {
+    "RRT in Python": "RRT in plain Python, steps of 1 rad",
+    "compiled": "the same, compiled",
+    "edges proved": "conservative advancement for edges",
+    "longer steps": "steps of 2.6 rad",
+    "from both ends": "RRT-Connect",
+    "bridge sampler": "with bridge samples",
+    "lazy PRM": "lazy roadmap, built per query",
+    "cached, by a list": "stored roadmap, ends joined to neighbours",
+    "cached, by trees": "stored roadmap, ends joined by small trees",
+    "earlier paths too": "with earlier paths added to it",
+}
+ladder = {
+    (name.strip(), shelf): (f"{solved} of {asked}", *(x.replace("inf", "none") for x in spent))
+    for name, shelf, solved, asked, *spent in key(
+        "shelf_ladder",
+        r"^(.{17}) still (open|tight) +(\d+) of +(\d+), ms: median +(\S+), 99 % +(\S+);",
+    )
+}
+table(
+    ("version", "open shelf: solved", "median [ms]", "99th percentile [ms]",
+     "tight shelf: solved", "median [ms]", "99th percentile [ms]"),
+    *((f"{k}. {title}", *ladder[name, "open"], *ladder[name, "tight"])
+      for k, (name, title) in enumerate(VERSIONS.items(), 1)),
+)  # fmt: skip
 
 # %% [markdown]
-# Measured, one idea at a time: an arm of seven joints, from bay to bay of two shelves, the same hundred questions for
-# every rung (1 to 3 a few of them), each known to have an answer; once with the shelf as it was (*still*) and once with
-# a ball put before the bays (*moved*). A triangle at the top: no answer.
+# What each version contributed:
 #
-# ![Time of a plan, rung by rung, at two shelves](../docs/charts/shelf_ladder.png)
-
-# %%
-figures(
-    read("shelf_ladder"),
-    "compiled          still",
-    "longer steps      still",
-    "from both ends    still",
-    "bridge sampler    still",
-    "cached, by a list still",
-    "cached, by trees  still",
-    summary="Every rung, still and with a ball that has moved; memory and building",
-)
-
-# %% [markdown]
-# What each rung bought. *1 to 3*, one tree in Python, compiled, with proved edges, its steps a radian: faster by a
-# factor, and no path within its samples for about half of the questions. *4*, steps of 2.6 radians, which all others
-# take: nearly all. *5*, a tree from each end: the rest, and a smaller median, as the way out of a bay is easy.
-# (With short steps it answers all, too.) *6*, bridge samples: they cost more than they find. *7*, lazy: few edges, some
-# questions open.
-#
-# *8 and 9*, a cached roadmap: nothing at the median; a shorter tail with a tree from each end onto it (*8* joins them
-# to neighbours). *10*, earlier paths put into it: a longer tail. A ball before a bay makes a few questions hard.
+# * *1 to 3.* One tree with short steps. Compiling makes it faster by a large factor, and so do edge checks that take
+#   long steps in open space. But about half of the queries stay unsolved within the sample budget.
+# * *4. Longer steps.* One number changed, and nearly all queries are solved.
+# * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
+#   than finding the way into one.
+# * *6. Bridge samples.* They cost more than they find.
+# * *7. A lazy roadmap, built for the query.* Few edge checks, but some queries stay unsolved.
+# * *8 and 9. A stored roadmap.* The median hardly changes. What improves is the slow end, if start and goal are joined
+#   to the roadmap by small trees (9) instead of straight edges to neighbours (8).
+# * *10. Earlier paths added.* On the unchanged shelf the slowest queries got slower again.
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *How do you speed up planning?* Don't recite a menu, order it. (1) Measure: questions asked, times
-# what one costs. (2) Make the answer cheap: simple shapes, compiled, a distance in place of many samples. (3) Longer
-# steps; two trees. (4) Remember: a roadmap, asked lazily. (5) Replanning: what of the last path is still free? (6)
-# Samplers last, for a passage that you can name. *And what each costs.*
+# **Interview tip.** *How do you speed up planning?* Don't recite a menu, give an order. (1) Measure two numbers: how
+# many checks, and what one costs. (2) Reduce the number first, since that decides whether a query is solved at all:
+# longer steps, a second tree. (3) Make the check cheap: simple shapes, compiled or vectorised code, a distance instead
+# of many points. (4) Reuse: a stored roadmap, checked lazily. (5) When replanning, keep what is still free of the last
+# path. (6) Special samplers last, for a passage that you can name. *And say what each one costs.*
 #
 # </div>
-#
-# ### Beside OMPL
-#
-# The same world, step and goal rule; OMPL with states checked in Python, as most of its Python users have it, and with
-# our compiled edge check handed to it. A path that the judge refuses counts as none.
-#
-# ![The share of seeds with a free path against time, beside OMPL](../docs/charts/plan_times.png)
 
 # %%
-figures(
-    read("plan_times"),
-    *(
-        f"{place:<11} {name:<21}"
-        for place in ("discs", "gap 2%", "4-link arm")
-        for name in ("ours", "OMPL, our edge check", "OMPL, Python states")
-    ),
-    summary="All scenes; a finer resolution; edge checks left out on both sides",
-)
+more_claims("both_ends_first")
 
 # %% [markdown]
-# *0.2%*: states tried every 0.2 % of the diagonal, not every 1 %; *own part*: without the calls into Python. Is it the
-# same algorithm? *p* is the chance that two equal planners differ as much (a rank test):
+# ### Compared with OMPL
 #
-# ![Samples, lengths and success, ours and OMPL's](../docs/charts/sample_counts.png)
+# OMPL is the standard open-source library for sampling-based planning. We ran its RRT-Connect in two ways: with a
+# Python function that checks single configurations, as most of its Python users do, and with our compiled edge check
+# passed to it. World, step size and goal are the same on both sides. A path that `check_path` rejects counts as no
+# path.
+#
+# ![Share of seeds with a valid path against time, compared with OMPL, in four scenes](../docs/charts/plan_times.png)
+
+# %% tags=["hide-code"]
+SCENES = {"discs": "discs", "gap 10%": "wall with a 10 % gap", "gap 2%": "wall with a 2 % gap",
+          "4-link arm": "four-link arm", "7-R arm": "seven-joint arm at the shelf"}  # fmt: skip
+pattern = (
+    r"^(.*?) {2,}(ours|OMPL, our edge check|OMPL, Python states) +median +(\S+) ms, +(\S+) of ours; "
+    r"(\d+) of (\d+)"
+)
+measured = {
+    (a, b): rest for name in ("plan_times", "shelf_times") for a, b, *rest in key(name, pattern)
+}
+table(
+    ("scene", "this course [ms]", "OMPL, our edge check", "OMPL, Python function", "of those paths, in collision"),
+    *((title, measured[name, "ours"][0], f"{measured[name, 'OMPL, our edge check'][1]} times",
+       f"{measured[name, 'OMPL, Python states'][1]} times",
+       " of ".join(measured[name, "OMPL, Python states"][2:])) for name, title in SCENES.items()),
+)  # fmt: skip
+
+# %% [markdown]
+# With the same compiled edge check, the two are within a factor of about two of each other. Part of our lead in the
+# small planar scenes is that OMPL has to
+# call back into Python for each edge; without these calls, OMPL's own part is the faster one in most of them. For the
+# seven-joint arm nearly all the time is edge checking, and the two are equal. With a collision check in Python,
+# planning is many times slower, and at OMPL's default spacing some of the returned paths are in collision.
+#
+# So what should you pick? OMPL, with a compiled edge check that you trust. The choice of the library hardly matters;
+# the edge check does.
+#
+# <details><summary>Is it the same algorithm? Samples of both, and the seven-joint arm in detail</summary>
+#
+# Both planners were run with 500 seeds each. If they implement the same algorithm, the numbers of samples have the same
+# distribution. A rank test gives *p*, the probability that two identical planners would differ by at least this much by
+# chance. For RRT and RRT-Connect *p* is above 0.05 in all scenes. RRT\* differs among the discs as long as ours keeps
+# sampling the goal after it is in the tree, which OMPL stops doing; with the same rule the difference disappears.
+#
+# ![Samples, path lengths and success of both implementations](../docs/charts/sample_counts.png)
+#
+# ![The seven-joint arm at the shelf: share of queries with a valid path against time](../docs/charts/shelf_times.png)
+#
+# </details>
 
 # %%
-figures(
-    read("sample_counts"), "4-link", summary="The same algorithm? Samples, lengths, success, and p"
-)
+more_claims("ompl_defaults")
 
 # %% [markdown]
-# And the 7-R arm from bay to bay of the open shelf, each question once:
-#
-# ![The 7-R arm at the shelf: share of questions with a free path against time](../docs/charts/shelf_times.png)
-
-# %%
-figures(
-    read("shelf_times"),
-    *(f"7-R arm     {name}" for name in ("ours", "OMPL, our", "OMPL, Python states")),
-    summary="All of it",
-)
-
-# %% [markdown]
-# *What to pick.* With one compiled edge check ours was ahead in all four scenes, by little where a plan takes a tenth
-# of a millisecond: half of that is the call, and OMPL's own part is quicker; with seven joints nearly all is the edge
-# check, and neither is ahead. With states in Python one waits not for the planner but for the interpreter, asked
-# thousands of times. And at its own resolution some of those paths collide.
-
-# %% tags=["nbval-ignore-output"]
-show("ompl_defaults")
-
-# %% [markdown]
-# ## 7 · Debug: where it fails
+# ## 7 · Debug: where planning fails
 #
 # ### Narrow in how many directions?
 #
-# A slab is narrow in one direction, a tube in all but the one that leads through it, a cube is a tube as long as it is
-# wide. That two random states see each other through a thin wall has a closed form; what planners need, one has to try:
-#
-# ![Samples through a slab, a tube and a cube, by dimension](../docs/charts/narrow_passages.png)
+# "It has seven joints, so planning is hard" is a common excuse. What counts is in how many directions a passage is
+# narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *tube* is narrow in
+# every direction across the wall, like a letter box that you have to hit exactly. A *cube* is a tube that is as long as
+# it is wide.
 
-# %%
-figures(
-    read("narrow_passages"),
-    *("slab  ", "slab, OMPL", "tube  ", "tube, OMPL", "cube  "),
-    summary="All key figures",
+# %% tags=["hide-code"]
+figure_ = plt.figure(figsize=(8.5, 2.9), layout="constrained")
+hole = ((-1, -1, 2, 0.85), (-1, 0.15, 2, 0.85), (-1, -0.15, 0.85, 0.3), (0.15, -0.15, 0.85, 0.3))
+shapes = (
+    ("slab: narrow in one direction", 0.06, ((-1, -1, 0.85, 2), (0.15, -1, 0.85, 2))),
+    ("tube: narrow in both", 0.06, hole),
+    ("cube: narrow in both, and long", 0.3, hole),
 )
+for k, (title, thick, pieces) in enumerate(shapes):
+    axis = figure_.add_subplot(1, 3, k + 1, projection="3d", proj_type="ortho")
+    for y, z, wide, tall in pieces:
+        axis.bar3d(-thick / 2, y, z, thick, wide, tall, color=ROSE, alpha=0.6, shade=False)
+    _ = axis.plot([-1, 1], [0, 0], [0, 0], color=GREEN, lw=2.5)
+    _ = axis.set_title(title, fontsize=9)
+    _ = axis.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xticks=(), yticks=(), zticks=())
+    axis.view_init(18, -55)
+plt.show()
 
 # %% [markdown]
-# A number for each dimension from two on; *inf*: half of the runs or more ran out. So dimension is no excuse by itself.
-# Count the directions in which your passage is narrow, and give up some of them: a posture before the slot.
-
-# %%
-more_claims("gap_table")
-
-# %% [markdown]
-# ### Debugging
+# On the left, the chart shows the probability that two random points, one on each side of the wall, see each other
+# through the opening. On the right, it shows how many samples RRT-Connect needs. Every opening is a tenth of the wall
+# wide.
+#
+# ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
+# dimension](../docs/charts/narrow_passages.png)
+#
+# The bands are quartiles over 100 seeds; those of this course's planner and OMPL's overlap. The slab is about as easy
+# in seven dimensions as in two. The tube gets harder by a large factor with each dimension. So count the directions in
+# which your passage is narrow, and remove some of them: plan first to a configuration in front of the slot in which the
+# gripper is already aligned with it, then move straight in.
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The planner finds no path.* In this order: Is the start free, is the goal, with the planner's own
-# shapes? (A gripper that holds the cup *touches* the cup.) Is there a path at all: make the obstacles smaller until one
-# appears; where it squeezes through is the passage. Another step, longer and shorter. Then two trees, more samples
-# there, and only then another planner.
+# **Debugging tip.** *The planner finds no path.* Check in this order. (1) Is the start free, is the goal, with the
+# planner's own shapes? A gripper that holds a cup *touches* the cup. (2) Is there a path at all? Shrink the obstacles
+# until one appears; where it squeezes through is your passage. (3) Try other step sizes, longer and shorter. (4) Use
+# two trees. (5) Allow more samples, and place some in the passage. (6) Only then try another planner.
 #
-# <details><summary>What people get wrong there</summary>
+# <details><summary>What people get wrong</summary>
 #
-# They raise the goal bias, which pulls the tree against the wall. They raise the time limit of a question that has no
-# answer. And they plan for the tip in three dimensions and lose the elbow.
+# They raise the goal bias, which pulls the tree against the wall. They raise the time limit of a query that has no
+# solution. And they plan for the tip in three dimensions and lose the elbow.
 #
 # </details>
 #
 # </div>
 #
-# <div class="alert alert-block alert-danger">
-#
-# **Debugging tip.** *The path is jerky.* Which of three? Corners where nothing is: shortcuts. Stops at each waypoint:
-# the timing; round corners in passing. Detours that no obstacle asks for: the wrong side of an obstacle (another
-# *homotopy class*), and no smoothing gets out of it; plan again, or RRT\*. After each repair ask the judge again, a
-# rounded corner is a new path, a spline through the waypoints all the more.
-#
-# </div>
-
-# %%
-show("blocked_ends_are_named")
+# Step 3 sounds odd: surely a narrow passage needs a *small* step? Think about what the step size limits. The edge check
+# is exact, so a long edge is as safe as a short one. A long step lets a lucky sample reach straight through the
+# opening; a short one needs many nodes to get there.
 
 # %%
 show("step_through_a_passage")
+
+# %% [markdown]
+# ### Slow only sometimes
+#
+# Planning times have a heavy tail: a few runs take far longer than the median. Is that bad luck of the random numbers,
+# or are some queries simply harder? The answer decides the remedy. If it is luck, restart with another seed. If it is
+# the query, look at that query. Solving 36 queries with five seeds each separates the two.
 
 # %%
 show("slow_plans_are_slow_questions")
 
 # %% [markdown]
-# And what the planner's world leaves out, nobody asks about:
-
-# %%
-show("limits_keep_an_arm_from_itself")
-
-# %%
-show("shortcut_leaves_corners")
-
-# %%
-show("trajopt_minimises_jerk")
-
-# %% [markdown]
+# <div class="alert alert-block alert-danger">
+#
+# **Debugging tip.** *The path is jerky.* Find out which of three it is. Corners in free space: use shortcuts. Stops at
+# each waypoint: that is the timing; round the corners in passing. A detour around nothing: the path passes an obstacle
+# on the wrong side, in another homotopy class, and no smoothing changes that; plan again, or use RRT\*. After each fix
+# run the collision check again. A rounded corner, or a spline through the waypoints, is a new path that nobody has
+# checked.
+#
+# </div>
+#
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>hits something thin</td> <td>edges tried at points</td> <td><code>check_path</code>; halve the
-# spacing</td> <td>prove
-# edges; grow obstacles by what is missed</td></tr>
-# <tr><td>ends near the goal, not at it</td> <td>a tolerance called success</td> <td>last state against the goal</td>
-# <td>join the goal by an edge that is asked</td></tr>
-# <tr><td>quick on average, late on Fridays</td> <td>a heavy tail</td> <td>the 99th percentile, failures as
-# infinite; which questions</td> <td>samples near the ends, a roadmap</td></tr>
-# <tr><td>other answers each run</td> <td>a seed or a limit from the clock</td> <td>the same call twice</td> <td>hand in
-# a seed, limit samples</td></tr>
+# <tr><td>the path hits something thin</td> <td>edges are checked at points</td> <td><code>check_path</code>; halve the
+# spacing</td> <td>use an exact edge check, or enlarge the obstacles by the depth that points can miss</td></tr>
+# <tr><td>the path ends near the goal, not at it</td> <td>success is declared within a tolerance</td> <td>compare the
+# last configuration with the goal</td> <td>connect the goal by a checked edge</td></tr>
+# <tr><td>fast on average, sometimes far too slow</td> <td>a heavy tail</td> <td>look at the 99th percentile, counting
+# failures as infinite; find out which queries are slow</td> <td>help at the ends of those queries: longer steps, small
+# trees onto a stored roadmap</td></tr>
+# <tr><td>a different result in each run</td> <td>the seed or the time limit comes from the clock</td> <td>make the same
+# call twice</td> <td>pass a seed; limit the number of samples instead of seconds</td></tr>
 # </table>
+
+# %%
+more_claims("blocked_ends_are_named")
+
+# %% [markdown]
+# ### What the model leaves out
 #
+# A planner can't avoid a collision that its model doesn't contain. Four omissions come up again and again:
+#
+# * *Self-collision.* The arm of this chapter may pass through itself. Real planners also check each pair of links that
+#   can meet.
+# * *The object in the hand.* Once the gripper holds a cup, the cup is part of the robot. Attach its shape to the hand
+#   and allow the contact between hand and cup; every stored edge has to be checked again.
+# * *Constraints on the motion.* Carrying the cup upright removes two degrees of freedom. The allowed configurations
+#   form a thin curved surface, a **constraint manifold**, and a random sample never lies on it. Planners project each
+#   sample onto the surface (CBiRRT, Berenson and others 2009).
+# * *Dynamics.* A car can't move sideways, and a fast arm can't turn a corner at full speed. **Kinodynamic** planning
+#   samples controls instead of positions and simulates them forward (LaValle and Kuffner 2001).
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9, 2.8), layout="constrained")
+for q_, ink, axis in ((np.array([0.2, 0.4]), BLUE, axes[0]),):
+    x, y = links(q_)
+    _ = axis.plot(4 * x + 1, 4 * y + 1, "o-", color=ink, lw=4)
+    end_ = np.array([4 * x[-1] + 1, 4 * y[-1] + 1])
+    axis.add_patch(plt.Rectangle(end_ - [0.5, 0.9], 1.0, 1.8, fc="#f5d76e", ec="black"))
+    axis.add_patch(plt.Rectangle((5.5, 7.2), 4.2, 0.6, color=ROSE))
+    bare(axis, "a held object is part of the robot")
+turn = np.linspace(0.3, 2.6, 80)
+curve = np.array([5 + 4.2 * np.cos(turn), 1.5 + 5.5 * np.sin(turn)])
+_ = axes[1].plot(*curve, color=GREEN, lw=2.5)
+rng = np.random.default_rng(5)
+for p in rng.uniform(1, 9, (9, 2)):
+    near_ = curve[:, np.argmin(np.linalg.norm(curve - p[:, None], axis=0))]
+    _ = axes[1].annotate("", near_, p, arrowprops={"arrowstyle": "->", "color": GREY})
+    _ = axes[1].plot(*p, "o", color=BLUE, ms=4)
+bare(axes[1], "samples projected onto a constraint manifold")
+for bend in (-0.5, -0.25, 0.0, 0.25, 0.5):
+    heading = np.pi / 4 + bend * np.linspace(0, 3, 40)
+    steps_ = 0.14 * np.cumsum([np.cos(heading), np.sin(heading)], axis=1)
+    _ = axes[2].plot(*(np.array([[2.0], [2.0]]) + steps_), color=BLUE)
+_ = axes[2].plot(2.0, 2.0, "o", color=GREEN, mec="black", ms=8)
+bare(axes[2], "kinodynamic: edges come from controls")
+plt.show()
+
+# %%
+more_claims("limits_keep_an_arm_from_itself")
+
+# %% [markdown]
 # ## 8 · Exercises
 #
-# Graded exercises; the drill `rrt` (`drills start rrt`) comes before them. `check` runs what your cell defines in a
-# process of its own, on cases drawn afresh, and says what is right, what is wrong and, where it recognises the mistake,
-# why.
+# There are graded exercises for the ideas of this chapter. As a warm-up, write the RRT of section 2: `drills start rrt`
+# in a terminal. The `check` cells run your function in a separate process, on cases that are generated each time. They
+# report what is right, what is wrong and, if they recognise the mistake, its cause.
 #
 # ### An edge, with a guarantee
 
@@ -750,7 +1425,7 @@ check(trapezoid)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# Its paths are free, and get shorter with every sample. It is wrong all the same.
+# The following RRT\* returns collision-free paths that get shorter as samples are added. It still contains a bug.
 
 # %%
 card("rrt_star")
@@ -800,68 +1475,175 @@ check(rrt_star)
 # %% [markdown]
 # ### A formula: what points miss
 #
-# Half a chord, its depth, the radius: a right triangle. Any equivalent form is right, and a wrong one is named.
-# <span class="kernel-only">Change the text.</span>
+# Check points are a distance $s$ apart on a straight edge, and an obstacle is a disc of radius $r > s/2$. How deep can
+# the edge enter the disc while none of the points is inside? Look at the triangle in section 2: half the spacing, the
+# distance from the centre, and the radius. Enter a formula in `s` and `r`; any equivalent form is accepted.
+# <span class="kernel-only">Replace the text in quotation marks.</span>
 
 # %%
 answer("edge_by_ten_points", "s^2/(8*r)")
 
 # %% [markdown]
-# ## 9 · Frontier: planners that have learned
+# ## 9 · Frontier: planners that learn, and planners in microseconds
 #
-# Two of them, small enough to be trained here in a minute each, on questions that RRT-Connect has answered. The first
-# only says where to draw: a network sees which places of a world are free, the start and the goal, and colours the
-# places where answers went.
+# ### A learned sampler
 #
-# ![A learned sampler and paths out of noise, beside what has learned nothing](../docs/charts/learned_planners.png)
+# Random samples ignore everything that earlier queries taught us. A network can do better: show it many solved
+# problems, and let it predict where solutions run. The network here is small enough to train in half a minute. Its
+# input is an **occupancy grid**, an image that marks which cells are free, together with start and goal. Its output is
+# a map of the cells through which solution paths are likely to pass. The planner then samples from this map, plus a
+# share of uniform samples so that it stays probabilistically complete.
+#
+# The test worlds have three walls with one slit each. In the chart below, the first panel shows one of them with the
+# proposed samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The last
+# panel belongs to the diffusion model, which comes next.
+#
+# ![A learned sampler and a diffusion planner, compared with methods without
+# learning](../docs/charts/learned_planners.png)
 
-# %%
-figures(
-    read("learned_planners"),
-    *("uniform", "learned  ", "turned", "noise, checked", "noise, pushed", "RRT-Connect"),
-    summary="All key figures, time of training",
+# %% tags=["hide-code"]
+NAMES = {
+    "uniform": "uniform samples",
+    "learned": "learned sampler",
+    "search of the picture": "samples along a plain grid search",
+    "learned, picture counted": "learned sampler, checks to fill the grid included",
+    "turned: uniform": "uniform samples, worlds rotated by 90°",
+    "turned: learned": "learned sampler, worlds rotated by 90°",
+}
+checks = {a.strip(): rest for a, *rest in key(
+    "learned_planners", r"^(.{24,32}?) median +(\d+) checks .*90 % within (\d+)"
+)}  # fmt: skip
+table(
+    ("where samples come from", "collision checks, median", "90 % of the queries within"),
+    *((title, *(f"{int(n):,}" for n in checks[name])) for name, title in NAMES.items()),
 )
 
+# %% [markdown]
+# So ask three questions about a learned sampler. What does its *input* cost? A camera delivers the grid for free;
+# filling it with collision checks can cost more than the planning that it saves. What would a *simple* method make of
+# the same input, such as a grid search? And how far is your world from those of the training? A bad sampler can't make
+# a path collide, because every edge is still checked. It can only make the planner slow.
+
 # %%
-show("learned_sampler_speeds_up")
+more_claims("learned_sampler_speeds_up")
 
 # %% [markdown]
-# So ask three things of a learned sampler. What does its *input* cost: a camera's picture is free, one that has to be
-# asked state by state is not. What would a *simple* method make of the same input? And how far is your world from those
-# it has seen? It can't be wrong, only slow: a share of uniform samples keeps completeness, and every edge is asked.
+# ### Diffusion: whole paths from noise
 #
-# The second network makes a whole path out of noise, in forty steps, told start and goal. It has one world in its
-# weights.
+# A **diffusion model** learns to remove noise. Take solved paths, add random noise in many small steps, and train a
+# network to undo one step. Run backwards from pure noise, it produces new paths. Ours receives start and goal, takes
+# forty denoising steps, and was trained in a single world of discs, the only one that it knows. Nothing in the training
+# ever says "collision": the network imitates the shape of paths that happened to be free.
+
+# %% tags=["hide-code"]
+rng = np.random.default_rng(2)
+figure_, axes = plt.subplots(1, 4, figsize=(10, 2.7), layout="constrained")
+t = np.linspace(0.0, 1.0, 32)
+clean = plan(scene.world, scene.start, scene.goal, rng=4, step=1.0).path
+clean = planning.smooth(planning.shortcut(clean, scene.world, rng), scene.world)
+at_ = np.insert(np.cumsum(np.linalg.norm(np.diff(clean), axis=0)), 0, 0.0)
+clean = np.array([np.interp(t, at_ / at_[-1], row) for row in clean])
+noise = rng.standard_normal(clean.shape)
+noise[:, [0, -1]] = 0.0
+for axis, keep in zip(axes, (0.1, 0.6, 0.95, 1.0), strict=True):
+    obstacles(axis, scene.world)
+    mixed = np.sqrt(keep) * (clean - 5.0) + np.sqrt(1.0 - keep) * 2.5 * noise + 5.0
+    mixed[:, [0, -1]] = clean[:, [0, -1]]
+    _ = axis.plot(*mixed, ".-", color=BLUE, lw=0.8, ms=3)
+    ends(axis, scene.start, scene.goal)
+    bare(axis, f"{1 - keep:.0%} of the variance is noise" if keep < 1 else "no noise left")
+plt.show()
+
+# %% [markdown]
+# The sketch shows what training uses: one solved path with less and less noise (a drawing of the principle, not the
+# output of the network). Are the paths that come out of the network collision-free?
 
 # %%
 show("diffusion_is_collision_free")
 
 # %% [markdown]
+# The table lists learned planners that are often cited. For each of them, ask what guarantees that the result is free:
+# was a collision check passed, or was only a cost low?
+#
 # <table>
-# <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what decides</th></tr>
+# <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
 # <tr><td>MPNet (Qureshi and others, arXiv 1806.05767)</td> <td>2018</td> <td>a network predicts the next configuration
-# from a point cloud's code, from both ends; no sampler of an RRT</td> <td>a check; a classical planner where it
-# fails</td></tr>
+# from an encoded point cloud, from start and goal in turn; it replaces the planner, not only its sampler</td> <td>a
+# check; a classical planner where it fails</td></tr>
 # <tr><td>Learned sampling distributions (Ichter, Harrison and Pavone, ICRA)</td> <td>2018</td> <td>a conditional
-# autoencoder draws samples where solutions were</td> <td>the planner's check; uniform samples are mixed in</td></tr>
-# <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>rollouts of the
-# joints are sampled on a GPU at each control step and averaged</td> <td>its costs, some of them learned</td></tr>
-# <tr><td>Diffuser (Janner and others, ICML)</td> <td>2022</td> <td>denoises a whole trajectory, guided by a
-# reward</td> <td>nothing: a reward is no proof</td></tr>
+# autoencoder proposes samples where solutions were</td> <td>the planner's check; uniform samples are mixed in</td></tr>
+# <tr><td>Diffuser (Janner and others, ICML)</td> <td>2022</td> <td>denoises a whole trajectory, guided by a reward</td>
+# <td>nothing</td></tr>
 # <tr><td>Diffusion Policy (Chi and others, RSS)</td> <td>2023</td> <td>denoises short chunks of actions from
-# pictures</td> <td>nothing; it is a policy, not a planner</td></tr>
-# <tr><td>Motion Planning Diffusion (Carvalho and others, arXiv 2308.01557)</td> <td>2023</td> <td>a diffusion over
-# trajectories as a prior, its samples pushed by the gradients of costs</td> <td>its costs</td></tr>
-# <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many
-# optimisations at once on a GPU, with a geometric planner beside them</td> <td>its costs, collision among
-# them</td></tr>
+# images</td> <td>nothing; it is a policy, not a planner</td></tr>
+# <tr><td>Motion Planning Diffusion (Carvalho and others, arXiv 2308.01557)</td> <td>2023</td> <td>a diffusion model of
+# trajectories as a prior, its samples pushed by gradients of costs</td> <td>only its costs</td></tr>
 # </table>
 #
-# *Collision-free* by whom: a cost that was low, or a check that passed? *Faster* than what: Python, or section 6?
+# ### What the field uses now
+#
+# "Under 100 ms" is no longer the frontier on a desktop computer. Vectorised planners check many configurations at once
+# with ordinary CPU instructions and report times in microseconds. Optimisers start from many guesses at once on a
+# graphics card. Convex formulations plan through regions that were proved free in advance. When one of them is called
+# *faster*, ask what the baseline was.
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(9.5, 2.9), layout="constrained")
+for axis, batch, title in (
+    (axes[0], 1, "one point at a time"),
+    (axes[1], 4, "four points per instruction"),
+):
+    axis.add_patch(plt.Circle((6.5, 5.6), 1.1, color=ROSE))
+    spots_ = np.linspace([1, 4.2], [9, 6.6], 12)
+    _ = axis.plot(*spots_.T, color=GREY, lw=1)
+    for k, p in enumerate(spots_):
+        order = k if batch == 1 else k % 3
+        _ = axis.plot(*p, "o", color=plt.cm.viridis(order / (11 if batch == 1 else 2)), ms=7)
+        _ = axis.text(p[0], p[1] + 0.4, str(order + 1), fontsize=7, ha="center")
+    bare(axis, title)
+for x, y, wide, tall in ((2.3, 4.4, 1.3, 5.0), (7.2, 0.5, 0.9, 5.4)):
+    axes[2].add_patch(plt.Rectangle((x, y), wide, tall, color=ROSE))
+for corners in (
+    [(0.3, 0.3), (7.0, 0.3), (7.0, 4.2), (0.3, 4.2)],
+    [(3.8, 0.8), (7.0, 0.8), (7.0, 9.5), (3.8, 9.5)],
+    [(4.2, 6.1), (9.7, 6.1), (9.7, 9.5), (4.2, 9.5)],
+):
+    axes[2].add_patch(plt.Polygon(corners, fc=BLUE, alpha=0.15, ec=BLUE))
+_ = axes[2].plot([1.0, 4.2, 6.2, 9.0], [1.5, 3.6, 6.7, 8.8], color=GREEN, lw=2.5)
+ends(axes[2], (1.0, 1.5), (9.0, 8.8))
+bare(axes[2], "convex regions, proved free in advance")
+plt.show()
+
+# %% [markdown]
+# The numbers at the points give the order in which they are checked. With four points per instruction, the first
+# instruction already looks at all parts of the edge, and three instructions do the work of twelve.
+#
+# <table>
+# <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
+# <tr><td>BIT* (Gammell, Srinivasa and Barfoot, arXiv 1405.5848); AIT* and EIT* (Strub and Gammell, arXiv
+# 2111.01877)</td> <td>2015; 2022</td> <td>asymptotically optimal like RRT*, but search batches of samples in the order
+# of estimated path cost; AIT* and EIT* improve the estimate with a search from the goal</td> <td>an edge check, made as
+# late as possible</td></tr>
+# <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples joint motions on a graphics
+# card at each control step and averages them</td> <td>only its costs, some of them learned</td></tr>
+# <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers free space with
+# convex regions; one convex program chooses the regions and the trajectory through them</td> <td>the regions, if they
+# are free</td></tr>
+# <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations
+# at once on a graphics card, with a geometric planner for their first guesses</td> <td>its costs, with collision among
+# them</td></tr>
+# <tr><td>VAMP (Thomason, Kingston and Kavraki, arXiv 2309.14545)</td> <td>2024</td> <td>nothing learned: RRT-Connect
+# and PRM with collision checks written for the vector instructions of a CPU, several configurations of an edge at
+# once</td> <td>a check at points along each edge</td></tr>
+# </table>
+#
+# VAMP confirms the lesson of section 6 in the extreme: the algorithm is the one from the year 2000, and what became
+# hundreds of times faster is the edge check. (We read the newer works as abstracts and documentation; none of them was
+# run here.)
 #
 # ## 10 · Interview
 #
-# Answer aloud, then open: first what one says in a minute, then the whole of it, then what comes next.
+# Answer each question aloud first. Then open the one-minute answer, the full answer, and the follow-up questions.
 
 # %%
 interview("planning")
@@ -869,7 +1651,7 @@ interview("planning")
 # %% [markdown]
 # ### Checkpoint
 #
-# Formulas that are not on this page; you can derive them from what is. The gate opens when all are right.
+# Three formulas that are not on this page; you can derive them from what is. The gate opens when all three are right.
 
 # %%
 checkpoint("planning", thin_wall_missed="", passage_in_more_dimensions="", informed_area="")

@@ -511,8 +511,8 @@ def damping_makes_things_stick(result):
     )
     result.statement_holds(
         bool(np.isnan(_hit(1.5, False))),
-        only_if="the damper may pull and is at least critical, and nothing pulls the bodies apart "
-        "faster than (zeta + sqrt(zeta^2 - 1)) omega times their depth",
+        only_if="the damper may pull, the damping ratio zeta is at least 1, and the bodies do not "
+        "part faster than (zeta + sqrt(zeta^2 - 1)) omega times their depth, where omega^2 = k/m",
         inside=[bool(np.isnan(_hit(z, True))) for z in zetas]
         + [bool(np.isnan(_hit(z, True, start=(-1e-3, 0.95 * tears(z))))) for z in zetas],
         # A force clipped at zero, and underdamped contacts: both must part.

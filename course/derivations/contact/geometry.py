@@ -458,10 +458,10 @@ def coal_is_the_truth(result):
 @claim(
     "When shapes overlap, EPA gives the depth and the normal of the contact.",
     "It gives the shortest way out. For a ball of {ball_mm:.0f} mm radius in a wall of "
-    "{wall_mm:.0f} mm, that is the way the ball came in only up to a depth of {middle_mm:.1f} mm, "
-    "the radius and half the wall. Beyond that, EPA pushes the ball out on the far side. And EPA "
-    "gives one point. Where faces meet, the contact is a polygon, with {corners:.0f} corners for "
-    "a cube on a cube.",
+    "{wall_mm:.0f} mm, that is the way back up to a depth of {middle_mm:.1f} mm, the radius plus "
+    "half the wall. Beyond that, EPA pushes the ball out on the far side. And EPA gives one "
+    "point. Where faces meet, the contact is a polygon, with {corners:.0f} corners for a cube on a "
+    "cube.",
 )
 def epa_gives_the_contact(result):
     from course import contact
@@ -486,8 +486,8 @@ def epa_gives_the_contact(result):
     result.statement = "A ball is pressed into a wall from above, to random depths."
     result.statement_holds(
         back(1.5 * middle),
-        only_if="in this scene, the ball is less than {middle_mm:.1f} mm deep, and less than its "
-        "way out at the wall's edges",
+        only_if="in this scene the ball is less than {middle_mm:.1f} mm deep and no edge of the "
+        "wall is nearer",
         inside=[back(share * middle) for share in result.rng.uniform(0.01, 0.999, 12)]
         + [back(share * middle, 0.9) for share in result.rng.uniform(0.01, 0.999, 4)],
         # From just beyond the middle: there the way in and the way out differ least.

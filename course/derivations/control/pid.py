@@ -6,16 +6,16 @@ from course.derivations import claim
 
 
 @claim(
-    "Clamping the integral to a fixed range is anti-windup.",
-    "A range of its own is a second limit beside the actuator's. Wide, it changes nothing: a joint "
-    "blocked for {blocked_s:.0f} s overshoots by {overshoot_wide_clamp_rad:.2f} rad as without it. "
-    "As wide as the actuator's, it still unwinds slowly where ki is small: with kp {kp:.0f} and ki "
-    "{ki:.0f} the overshoot is {slow_clamped_rad:.2f} rad clamped, {slow_free_rad:.2f} without, "
-    "and none with conditional integration. Narrower than the load, it leaves an error that never "
-    "goes: {error_left_by_narrow_clamp_rad:.2f} rad. To stop integrating while the command is at "
-    "its limit and the error pushes further needs no range, and a jam that holds it there adds "
-    "nothing; a jam with the command short of its limit still winds up, by {short_jam_rad:.2f} "
-    "rad.",
+    "Limiting the I term to a fixed range prevents windup.",
+    "Such a range is a second limit, independent of the motor's. A wide one changes nothing: "
+    "after a jam of {blocked_s:.0f} s the joint overshoots by {overshoot_wide_clamp_rad:.2f} "
+    "rad, as without it. One as wide as the motor's range still unwinds slowly where ki is "
+    "small: with kp {kp:.0f} and ki {ki:.0f} the overshoot is {slow_clamped_rad:.2f} rad "
+    "with it, {slow_free_rad:.2f} without, and none with conditional integration. One "
+    "narrower than the load leaves an error for ever: {error_left_by_narrow_clamp_rad:.2f} "
+    "rad. Conditional integration needs no range, and a jam that keeps the command at its "
+    "limit adds nothing to the integral. A jam with the command below its limit still winds "
+    "up, by {short_jam_rad:.2f} rad.",
     source="K. J. Astrom, T. Hagglund, Advanced PID Control, 2006, sec. 3.5",
 )
 def integral_clamp(result):

@@ -11,11 +11,12 @@ SYMBOLS = {
 
 
 @claim(
-    "MPC is better than a regulator whose command is clipped.",
-    "On a mass whose motor is weak it is where a limit begins to bind after the start, which only "
-    "a plan sees coming, as where it has to speed up and to brake: {far_m:g} m from its target "
-    "{gain:.2f} times cheaper. Where the limit binds from the start on or nowhere both cost the "
-    "same to {same:.0e}, and MPC plans {ahead:.0f} samples each time.",
+    "MPC achieves a lower cost than LQR with a clipped command.",
+    "A mass with a weak motor shows when. If a limit becomes active after the start, for "
+    "example because the mass has to speed up and then brake, only a plan sees it coming: "
+    "{far_m:g} m from the target LQR costs {gain:.2f} times as much as MPC. If the limit is "
+    "active from the start or never, both cost the same to {same:.0e}. MPC plans {ahead:.0f} "
+    "samples each time.",
 )
 def mpc_beats_clipping(result):
     from itertools import pairwise
@@ -42,7 +43,7 @@ def mpc_beats_clipping(result):
     result.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
     result.statement_holds(
         min(s for s, _ in draws) > 1e-9,
-        only_if="a limit begins to bind after the start",
+        only_if="a limit becomes active after the start",
         inside=[s > 1e-9 for s in coming],
         outside=[s > 1e-9 for s in less],
     )
@@ -50,11 +51,11 @@ def mpc_beats_clipping(result):
 
 
 @claim(
-    "Sampling control needs enough samples; with enough it finds the plan.",
-    "And a horizon in which the plan pays. To swing up with a third of the torque of gravity, "
-    "{few:.0f} tries succeed in {few_won:.0f} of {seeds:.0f} runs, {many:.0f} in {many_won:.0f}, "
-    "looking {ahead:.0f} samples ahead; looking {short:.0f} ahead, {many:.0f} tries succeed in "
-    "{short_won:.0f}.",
+    "Sampling-based control finds the plan if it has enough samples.",
+    "The horizon must also be long enough for the plan to pay off. For a swing-up with a "
+    "third of the torque of gravity and a horizon of {ahead:.0f} samples, {few:.0f} rollouts "
+    "succeed in {few_won:.0f} of {seeds:.0f} runs, and {many:.0f} in {many_won:.0f}. With a "
+    "horizon of {short:.0f} samples, {many:.0f} rollouts succeed in {short_won:.0f}.",
 )
 def samples_find_the_plan(result):
     from course.charts.control import plans
@@ -74,14 +75,14 @@ def samples_find_the_plan(result):
 
 
 @claim(
-    "The inertia is the torque over the acceleration, and that is the angle's second difference.",
-    "Second differences of an angle with noise s carry noise {formula}: at {noise:.0e} rad and "
-    "{rate:.0f} Hz {worst:.0f} rad/s^2, and the inertia of a log comes out {diff:.0%} too small. "
-    "The same equation multiplied with a bump and integrated, nothing differentiated, is off by "
-    "{integral:.1%}.",
+    "To get the inertia from a log, divide the torque by the second difference of the angle.",
+    "Second differences of an angle with noise s have the noise {formula}, which is "
+    "{worst:.0f} rad/s^2 for {noise:.0e} rad at {rate:.0f} Hz. The inertia from such a log "
+    "comes out {diff:.0%} too small. The same equation, multiplied with a test function and "
+    "integrated by parts, differentiates no measurement. It is off by at most {integral:.1%}.",
     ask=(
-        "Each angle has independent noise of standard deviation s. What has the second difference "
-        "(q[k+1] - 2 q[k] + q[k-1])/dt^2?",
+        "Each angle has independent noise of standard deviation s. What is the standard deviation "
+        "of the second difference (q[k+1] - 2 q[k] + q[k-1])/dt^2?",
         "s_a = sqrt(6)*s/h^2",
         {
             "2*s/h^2": "The three angles have weights 1, -2 and 1: add their squares.",
@@ -118,10 +119,11 @@ def inertia_by_differences(result):
 
 @claim(
     "An error that follows the acceleration means that the inertia in the model is wrong.",
-    "A motor constant does the same: it scales inertia, friction and gravity alike, so a log can "
-    "tell the two apart only by friction or gravity. On horizontal, frictionless logs both explain "
-    "all {flat:.0f} of {flat:.0f}; with gravity or friction each of seven causes is named alone, "
-    "in {named:.0f} of {drawn:.0f} logs.",
+    "A wrong torque constant of the motor looks the same. It scales inertia, friction and "
+    "gravity alike, so only friction or gravity in the log can tell the two apart. In logs "
+    "of a horizontal joint without friction, both explain all {flat:.0f} of {flat:.0f}. With "
+    "gravity or friction, {named:.0f} of {drawn:.0f} logs name their one cause alone, among "
+    "seven.",
 )
 def acceleration_means_inertia(result):
     from dataclasses import replace

@@ -7,7 +7,7 @@ from course.derivations import Symbol, claim
 SYMBOLS = {
     "J": Symbol("inertia [kg m^2]"),
     "b": Symbol("viscous friction [N m s/rad]"),
-    "w": Symbol("angular frequency of the swing [rad/s]"),
+    "w": Symbol("angular frequency of the oscillation [rad/s]"),
     "T": Symbol("delay [s]"),
     "kd": Symbol("rate gain [N m s/rad]"),
     "h": Symbol("sample time dt [s]"),
@@ -31,14 +31,14 @@ def _edge(kp, kd, **loop):
 
 
 @claim(
-    "A joint with friction is stable under P at any gain: too much of it only oscillates.",
-    "So says the continuous loop. A held command is half a sample late, and with w from w tan(w "
-    "(D + dt/2)) = b/J the largest gain is {formula}: {held_n_m_per_rad:.0f} N m/rad for J = "
-    "{inertia:g}, b = {damping:g} at {rate_hz:.0f} Hz, and {late_n_m_per_rad:.1f} with "
-    "{delay_ms:g} ms of delay. That is within {worst:.1e} of the loop's eigenvalue; without delay "
-    "it is {coarse:.0%} off where a sample is as long as J/b.",
+    "A joint with friction is stable under P control at any gain.",
+    "That is true in continuous time. A held command is half a sample late. With w from w "
+    "tan(w (D + dt/2)) = b/J the largest gain is {formula}: {held_n_m_per_rad:.0f} N m/rad "
+    "for J = {inertia:g}, b = {damping:g} at {rate_hz:.0f} Hz, and {late_n_m_per_rad:.1f} "
+    "with {delay_ms:g} ms of delay. The rule agrees with the eigenvalue of the exact loop to "
+    "{worst:.1e} here. Without delay it is {coarse:.0%} off where a sample is as long as J/b.",
     ask=(
-        "J q'' + b q' = -K q(t - T) swings for ever at the angular frequency w. What is K?",
+        "J q'' + b q' = -K q(t - T) oscillates for ever at the angular frequency w. What is K?",
         "K, gain = w*sqrt((J*w)^2 + b^2)",
         {
             "J*w^2": "That is without friction.",
@@ -109,11 +109,12 @@ def _held_inertia():
 
 @claim(
     "PD on an inertia is stable for all positive gains.",
-    "Held for dt, kp must stay below {formula}, and kd below twice J/dt, however exact angle and "
-    "speed are: the triangle's tip is at {tip:.0f} J/dt^2. A P loop alone is unstable at any gain.",
+    "With a command held for dt, kp must stay below {formula} and kd below twice J/dt, even "
+    "if angle and rate are exact. These gains form a triangle, whose tip is at kp = "
+    "{tip:.0f} J/dt^2. P alone is unstable at any gain.",
     ask=(
-        "Free inertia J, PD on the exact angle and speed, commands held for dt. Largest kp for a "
-        "given kd < 2 J/dt?",
+        "A free inertia J under PD with the exact angle and rate; each command is held for dt. "
+        "What is the largest stable kp for a given kd < 2 J/dt?",
         "kp < 2*kd/h",
         {
             "4*J/h^2": "That is the tip of the triangle, where kd = 2 J/dt.",
@@ -148,12 +149,13 @@ def pd_exact_rate(result):
 
 
 @claim(
-    "Taking the rate as the difference of the last two angles adds noise; the limits stay.",
-    "The difference is half a sample late. With c = kd dt/J/2 the limit is kp dt^2/J/2 < "
-    "{formula}, and the tip falls from {exact_tip:.0f} to {tip:.3f} J/dt^2.",
+    "Computing the rate as the difference of the last two angles adds noise, but leaves the "
+    "stability limits unchanged.",
+    "The difference is half a sample late. With c = kd dt/J/2, kp dt^2/J/2 must stay below "
+    "{formula}. The largest stable kp falls from {exact_tip:.0f} to {tip:.3f} J/dt^2.",
     ask=(
-        "The same with the rate as the difference of the last two angles over dt. Largest p = "
-        "kp dt^2/(2 J) in terms of c = kd dt/(2 J)?",
+        "The same joint, but the rate is the difference of the last two angles over dt. What is "
+        "the largest stable p = kp dt^2/(2 J) in terms of c = kd dt/(2 J)?",
         "p < 2*c*(1 - c)/(1 + c)",
         {
             "2*c": "That is with the exact rate.",
@@ -191,13 +193,13 @@ def pd_difference(result):
 
 
 @claim(
-    "A command that comes one sample late costs little at a kilohertz.",
-    "In units of J/dt^2 it costs the same at every rate: with V = kd dt/J, P = kp dt^2/J/2 must "
-    "stay below {formula}, so the tip falls from {exact_tip:.0f} to {tip:.2f}, and to {both:.3f} "
-    "if the rate is a difference too.",
+    "At a kilohertz, a command that comes one sample late costs little.",
+    "In units of J/dt^2 it costs the same at every rate. With V = kd dt/J, P = kp dt^2/J/2 "
+    "must stay below {formula}. The largest stable kp falls from {exact_tip:.0f} to "
+    "{tip:.2f} J/dt^2, and to {both:.3f} if the rate is a difference as well.",
     ask=(
-        "PD on the exact angle and speed, the command one sample late. Largest P = kp dt^2/(2 J) "
-        "in terms of V = kd dt/J?",
+        "PD with the exact angle and rate, but each command comes one sample late. What is the "
+        "largest stable P = kp dt^2/(2 J) in terms of V = kd dt/J?",
         "P < (2*V - 3 + sqrt(9 - 8*V))/2",
         {
             "V": "That is without the delay.",
@@ -250,12 +252,12 @@ def _largest_gain(growth, high, low=0.0):
 
 
 @claim(
-    "A first-order Pade approximation of the delay gives the stability limit of any loop well "
-    "enough.",
-    "Only where the swing turns little in the delay. On PD that is limited by its rate gain, where "
-    "the swing turns by {turned:.2f} rad in the delay, the first-order one allows {first:.0%} too "
-    "much gain and the second {second:.1%}. On P it is within {slow:.1e} where friction is small, "
-    "so that the swing is slow, and allows {heavy:.0%} too much where friction is large.",
+    "A first-order Pade approximation of the delay is good enough for any stability limit.",
+    "It is good only if the delay's phase lag is small at the limit. For a PD loop that is "
+    "limited by its rate gain, where this lag is {turned:.2f} rad, the first-order "
+    "approximation allows {first:.0%} too much gain and the second-order one {second:.1%}. "
+    "For P it is within {slow:.1e} where friction is small and the oscillation therefore "
+    "slow. It allows {heavy:.0%} too much where friction is large.",
 )
 def pade_is_enough(result):
     delay, turned = 1.0, result.input("turned", 1.55)
@@ -292,9 +294,10 @@ def pade_is_enough(result):
 
 @claim(
     "Too much D only makes a joint sluggish.",
-    "Sluggish first: with kd = {heavy:g} it takes {slow_s:.1f} s to settle, with {light:g} "
-    "{fast_s:.2f} s. Then it shakes: with the plain difference and {late_ms:g} ms of delay the "
-    "loop is unstable above a kd of {edge:.0f} N m s/rad, at {hertz:.0f} Hz.",
+    "At first it does: the settling time rises from {fast_s:.2f} s at kd = {light:g} to "
+    "{slow_s:.1f} s at kd = {heavy:g}. Then the joint shakes. With a backward difference for "
+    "the rate and {late_ms:g} ms of delay the loop is unstable above kd = {edge:.0f} N m "
+    "s/rad, where it oscillates at {hertz:.0f} Hz.",
 )
 def too_much_d(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
@@ -336,11 +339,12 @@ def too_much_d(result):
 
 
 @claim(
-    "A quantised angle makes a torque ripple of kp times the encoder's line.",
-    "The rate makes most of it. A line that flickers moves the command by at most 2 kd line/(tau + "
-    "dt) from peak to peak beside kp line: {bound_n_m:.2f} N m with {bits:.0f} bits, a "
-    "difference at {rate_hz:.0f} Hz and kd = {kd:g}; a joint at rest shows {measured_n_m:.2f}, "
-    "and {filtered_n_m:.3f} with a filter of {tau_ms:.0f} ms.",
+    "An encoder makes the torque ripple by kp times one count.",
+    "The rate contributes most of the ripple. A count that flickers moves the D torque by at "
+    "most 2 kd count/(tau + dt) from peak to peak, in addition to kp times the count. For "
+    "{bits:.0f} bits, a difference at {rate_hz:.0f} Hz and kd = {kd:g} the D torque moves by "
+    "up to {bound_n_m:.2f} N m. A joint at rest shows {measured_n_m:.2f} N m in all, and "
+    "{filtered_n_m:.3f} N m with a filter of {tau_ms:.0f} ms.",
 )
 def encoder_ripple(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint

@@ -6,11 +6,11 @@ from course.derivations import claim
 
 
 @claim(
-    "Gains that hold in the simulator at the robot's rate hold on the robot.",
-    "A simulator's step is part of the hold: semi-implicit Euler with n steps in a sample dt "
-    "waits (1 - 1/n) dt/2, the robot dt/2. At {rate_hz:.0f} Hz the limit of P is {robot:.0f} "
-    "N m/rad; MuJoCo reads {one:.0f} with one step a sample, {ten:.0f} with ten, and both are the "
-    "limits of its own steps as a matrix, to {same:.0e}.",
+    "Gains that are stable in the simulator at the robot's rate are stable on the robot.",
+    "The simulator's step changes the hold. Semi-implicit Euler with n steps per sample dt "
+    "delays the torque by (1 - 1/n) dt/2, the robot by dt/2. At {rate_hz:.0f} Hz the robot's "
+    "largest P gain is {robot:.0f} N m/rad. MuJoCo gives {one:.0f} with one step per sample "
+    "and {ten:.0f} with ten. Both are the limits of its own update matrix, to {same:.0e}.",
 )
 def simulator_hold(result):
     from course.charts.control import limits
@@ -47,11 +47,12 @@ def simulator_hold(result):
 
 
 @claim(
-    "MuJoCo's position servo shows how stiff a PD loop at that rate may be.",
-    "The servo is a force of the model, not a sampled loop. On an inertia, in units of J/dt^2, it "
-    "is stable below {at_rest:.0f} - 2 kv with Euler, {at_rest:.0f} + 2 kv with implicitfast and "
-    "at any gain with the discrete integrator. A sampled PD goes up to 2 kd, and only while kd is "
-    "below {edge:.0f}.",
+    "MuJoCo's position servo shows how stiff a PD loop may be at that rate.",
+    "The servo is computed inside the physics step. It is not a sampled loop. On an inertia, "
+    "with kp in units of J/dt^2 and kv in units of J/dt, it is stable below {at_rest:.0f} - "
+    "2 kv with Euler, below {at_rest:.0f} + 2 kv with implicitfast, and at any gain with the "
+    "integrator called discrete. A sampled PD loop is stable up to kp = 2 kd, and only while "
+    "kd is below {edge:.0f}.",
 )
 def servo_is_a_sampled_loop(result):
     from course.charts.control import limits
@@ -80,10 +81,11 @@ def servo_is_a_sampled_loop(result):
 
 
 @claim(
-    "The attribute delay of a position actuator is the delay of its loop.",
-    "It delays the set-point. At {delay_ms:.0f} ms and kp = {kp:g} the servo settles "
-    "{servo_rad:.0e} rad from its target; a motor with the same delay and the same gains outside "
-    "has reached {motor_rad:.0e} rad after {seconds:.0f} s, as the loop's matrix says.",
+    "The attribute delay of MuJoCo's position actuator is the delay of its feedback loop.",
+    "It delays the set-point only. With {delay_ms:.0f} ms and kp = {kp:g} the servo settles "
+    "to within {servo_rad:.0e} rad of its target. A motor with the same delay and the same "
+    "gains computed outside has reached {motor_rad:.0e} rad after {seconds:.0f} s: this loop "
+    "is unstable, as its matrix says.",
 )
 def delay_delays_the_loop(result):
     from course.control import sampled
@@ -116,11 +118,11 @@ def delay_delays_the_loop(result):
 
 
 @claim(
-    "MuJoCo's pid actuator guards against windup.",
-    "Only if imax is set to little more than the load needs: by itself a jam of {jam_s:.0f} s "
-    "leaves {bare_rad:.2f} rad of overshoot, as with no guard at all; with imax {tight:g} "
-    "{clamped_rad:.3f}, with {wide:g} {wide_rad:.2f}, and with conditional integration, which "
-    "needs no range to be known, {conditional_rad:.3f}.",
+    "MuJoCo's pid actuator prevents windup.",
+    "Only if imax is set to little more than the load needs. Without it, a jam of "
+    "{jam_s:.0f} s leaves {bare_rad:.2f} rad of overshoot, as with no anti-windup at all. "
+    "With imax {tight:g} it leaves {clamped_rad:.3f} rad, and with {wide:g} {wide_rad:.2f} "
+    "rad. Conditional integration needs no range and leaves {conditional_rad:.3f} rad.",
 )
 def pid_actuator_guards(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint
@@ -154,10 +156,11 @@ def pid_actuator_guards(result):
 
 
 @claim(
-    "A joint with frictionloss stays where it is below that torque.",
-    "It creeps. Under {share:.0%} of its friction an inertia of {inertia:g} kg m^2 moves by "
-    "{creep_mrad_s:.2f} mrad/s with the defaults, the faster the lighter it is; the largest "
-    "impedance makes that {stiff_mrad_s:.5f}. Exact Coulomb friction holds.",
+    "In MuJoCo, a joint with frictionloss stays where it is below that torque.",
+    "It creeps. Under {share:.0%} of its friction an inertia of {inertia:g} kg m^2 moves at "
+    "{creep_mrad_s:.2f} mrad/s with the default settings, and a lighter one faster. The "
+    "largest constraint impedance reduces this to {stiff_mrad_s:.5f} mrad/s. Under exact "
+    "Coulomb friction the joint stays.",
 )
 def friction_loss_holds(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint
@@ -190,12 +193,13 @@ def friction_loss_holds(result):
 
 @claim(
     "A force loop that is stable on a simulated contact is stable on that wall.",
-    "A contact of impedance d moves a mass m like m/(1 - d) and hands the fraction d of the "
-    "command straight to the force. While ke (D + dt/2) (1 - d)/d/2 is below the arm's friction, a "
-    "loop is stable there up to about 1/d, whatever the wall. At {ke:.0e} N/m with {delay_ms:.0f} "
-    "ms the wall's limit is {wall:.3f}; MuJoCo's spring reads "
-    "{spring:.3f}, a contact whose d is {soft_d:g} reads {soft:.3f}, with the default "
-    "of {default_d:g} it reads {default:.2f}, {hopeful:.0f} times too hopeful.",
+    "In a MuJoCo contact with constraint impedance d (from solimp), a mass m moves like m/(1 "
+    "- d), and the fraction d of the command goes straight to the contact force. While ke (D "
+    "+ dt/2) (1 - d)/d/2 is below the arm's friction, a loop is stable there up to a gain of "
+    "about 1/d, whatever the wall. At {ke:.0e} N/m with {delay_ms:.0f} ms of delay the "
+    "wall's limit is {wall:.3f}. MuJoCo gives {spring:.3f} for a spring, {soft:.3f} for a "
+    "contact with d = {soft_d:g}, and {default:.2f} with the default of {default_d:g}: "
+    "{hopeful:.0f} times too high.",
 )
 def contact_is_the_wall(result):
     from course.charts.control import touch

@@ -6,7 +6,7 @@ from course.derivations import Symbol, claim
 
 SYMBOLS = {
     "d": Symbol("depth of the set-point [m]"),
-    "K": Symbol("stiffness of the law [N/m]"),
+    "K": Symbol("stiffness of the controller [N/m]"),
     "ke": Symbol("stiffness of the wall [N/m]"),
     "F": Symbol("dry friction [N m]"),
     "kp": Symbol("gain [N m/rad]"),
@@ -15,9 +15,10 @@ SYMBOLS = {
 
 @claim(
     "A command that is held for a sample is late by half a sample.",
-    "On an inertia the phase says so exactly; on a joint with friction it is {off_rad:.1e} rad "
-    "away where the swing turns by {turn:g} rad a sample, the worst of {draws:.0f} drawn joints. "
-    "At {fast:g} rad a sample, near the fastest swing there is, it is {fast_rad:.1f} rad.",
+    "For a pure inertia the phase lag is exactly that. With friction it is {off_rad:.1e} rad "
+    "away at {turn:g} rad per sample, the worst of {draws:.0f} random joints. At {fast:g} "
+    "rad per sample, near the highest frequency there is, it is {fast_rad:.1f} rad away for "
+    "a joint whose J/b is one sample.",
 )
 def hold_is_half_a_sample(result):
     from course.control import sampled
@@ -43,9 +44,9 @@ def hold_is_half_a_sample(result):
 
 @claim(
     "A rate that is low-passed with a time constant tau is late by tau.",
-    "By tau and the half sample of the difference: {filtered_ms:.2f} ms with "
-    "{tau_ms:g} ms at {rate_hz:.0f} Hz. A tracking observer with that time constant is late by "
-    "{observer_ms:.2f} ms, and passes {share:.0%} of the filter's noise.",
+    "By tau and the half sample of the difference: {filtered_ms:.2f} ms with {tau_ms:g} ms "
+    "at {rate_hz:.0f} Hz. A tracking observer with the same time constant is late by "
+    "{observer_ms:.2f} ms, and its noise is {share:.0%} of the filter's.",
 )
 def filtered_rate_is_late(result):
     from course.control.pid import rates
@@ -72,8 +73,9 @@ def filtered_rate_is_late(result):
 
 @claim(
     "Half of the ultimate gain leaves a gain margin of two.",
-    "And little else: over delays of {low:g} to {high:g} times J/b the phase margin is "
-    "{phase_deg:.0f} degrees at its least, and a step overshoots by {least:.0%} to {most:.0%}.",
+    "But it leaves little phase margin. For delays of {low:g} to {high:g} times J/b the "
+    "smallest phase margin is {phase_deg:.0f} degrees, and a step overshoots by {least:.0%} "
+    "to {most:.0%}.",
 )
 def half_the_ultimate_gain(result):
     from course.charts.control.limits import ziegler_nichols
@@ -91,12 +93,12 @@ def half_the_ultimate_gain(result):
 
 
 @claim(
-    "Without an integral, dry friction leaves an error of up to the friction over kp.",
-    "Anywhere up to {formula}: of {runs:.0f} drawn steps none came to rest farther off, the worst "
-    "at {worst:.1%} of it and the median at {median:.0%}.",
+    "Without an I term, dry friction leaves an error of up to the friction over kp.",
+    "The error can be anything up to {formula}. In {runs:.0f} random steps the largest was "
+    "{worst:.1%} of that, and the median {median:.0%}.",
     ask=(
-        "A joint with the dry friction F rests under PD with the gain kp. Up to which angle can it "
-        "be away from its target?",
+        "A joint with the dry friction F comes to rest under PD with the gain kp. How far can it "
+        "be from its target?",
         "e, error < F/kp",
         {
             "F*kp": "More gain pulls it nearer.",
@@ -128,18 +130,19 @@ def friction_leaves_an_error(result):
 
 
 @claim(
-    "A set-point inside a wall presses as two springs in series would: the law's and the wall's.",
-    "At rest, with {formula}: {deep_mm:g} mm deep in a wall of {ke:.0e} N/m that is "
-    "{soft_n:.2f} N for a stiffness of {soft:g} N/m and {stiff_n:.1f} N for {stiff:g}. The "
-    "runs agree to {worst:.0e}.",
+    "With its set-point inside a wall, an impedance controller presses as two springs in "
+    "series would: its own and the wall's.",
+    "At rest the force is {formula}. A set-point {deep_mm:g} mm deep in a wall of {ke:.0e} "
+    "N/m presses with {soft_n:.2f} N at a stiffness of {soft:g} N/m, and with {stiff_n:.1f} "
+    "N at {stiff:g} N/m. The simulated runs agree to {worst:.0e}.",
     ask=(
-        "An impedance law of stiffness K has its set-point d inside a wall of stiffness ke. With "
-        "which force does it press at rest?",
+        "An impedance controller of stiffness K has its set-point at the depth d in a wall of "
+        "stiffness ke. With which force does it press at rest?",
         "F, force = d*K*ke/(K + ke)",
         {
             "d*K": "The wall gives way as well.",
             "d*(K + ke)": "They are in series, not side by side.",
-            "d*ke": "That is without the law's own give.",
+            "d*ke": "That is without the give of the controller's own spring.",
         },
     ),
 )

@@ -8,7 +8,7 @@ SYMBOLS = {
     "m": Symbol("mass of the arm [kg]"),
     "b": Symbol("the arm's own friction [N s/m]"),
     "ke": Symbol("stiffness of the wall [N/m]"),
-    "K": Symbol("stiffness of the law [N/m]"),
+    "K": Symbol("stiffness of the controller [N/m]"),
     "D": Symbol("delay [s]"),
     "h": Symbol("sample time dt [s]"),
     "v": Symbol("speed at touch [m/s]"),
@@ -30,15 +30,16 @@ def _damping_ratio(stiffness, damping, wall, mass=4.0):
 
 
 @claim(
-    "A force loop needs no more care than a position loop: raise its gain until it is quick.",
-    "The wall multiplies it. With P on the measured force the loop's stiffness is gain times ke, "
-    "and only the arm's own friction damps it: while the delay is short beside the swing the "
-    "limit is {formula}. At {ke:.0e} N/m it is {hard:.3f} for an arm with b = {b:g} N s/m, "
-    "{delay_ms:.0f} ms late; at {stiff:.0e} N/m, where the swing is fast, the formula is "
-    "{off:.0%} too careful.",
+    "A force loop needs no more care than a position loop: raise its gain until it is fast.",
+    "The wall's stiffness multiplies its gain. With P on the measured force the loop's "
+    "stiffness is the gain times ke, and only the arm's own friction damps it. While the "
+    "delay is short compared with the oscillation, the largest gain is {formula}. At "
+    "{ke:.0e} N/m it is {hard:.3f} for an arm with b = {b:g} N s/m and {delay_ms:.0f} ms of "
+    "delay. At {stiff:.0e} N/m, where the oscillation is fast, the formula is {off:.0%} too "
+    "low.",
     ask=(
-        "m x'' + b x' + ke x = -g ke x(t - D), held for dt, the delay short beside the swing. "
-        "Largest g?",
+        "m x'' + b x' + ke x = -g ke x(t - D), held for dt, and the delay is short compared with "
+        "the oscillation. What is the largest stable g?",
         "g < b/(ke*(D + h/2))",
         {
             "b/(ke*D)": "The hold is half a sample of delay more.",
@@ -75,14 +76,14 @@ def force_gain_is_free(result):
 
 
 @claim(
-    "Without damping in its law, how stiff an arm may be commanded at a wall depends on the wall.",
-    "It does not: stiffness up to {formula} holds at every wall, and "
-    "where b (dt + D) is small beside the mass a little more fails at soft ones. For a friction b "
-    "of {b:g} N s/m at {rate_hz:.0f} Hz that is {bound:.0f} N/m, with {delay_ms:.0f} ms of delay "
-    "{late:.0f}.",
+    "For an impedance controller without damping, the largest stable stiffness depends on "
+    "the wall.",
+    "Hardly. Any stiffness up to {formula} is stable at every wall, and a few per cent more "
+    "is unstable at soft ones. For a friction b of {b:g} N s/m at {rate_hz:.0f} Hz that "
+    "bound is {bound:.0f} N/m, and {late:.0f} N/m with {delay_ms:.0f} ms of delay.",
     ask=(
-        "An arm with friction b shows a stiffness K by a command held for dt and D late, without "
-        "damping in the law. Up to which K at every wall?",
+        "An arm with friction b renders a stiffness K with commands that are held for dt and come "
+        "D late. The controller has no damping. Up to which K is it stable at every wall?",
         "K < 2*b/(h + 2*D)",
         {
             "2*b/h": "The delay counts as well, and double: a hold is half a sample.",
@@ -121,11 +122,12 @@ def stiffness_depends_on_the_wall(result):
 
 
 @claim(
-    "More damping in the law always makes contact safer.",
-    "Up to a point, and less with delay. The best active damping lifts the stiffness from "
-    "{own:.0f} to {active:.1e} N/m; with {delay_ms:.0f} ms of delay to {late_soft:.1e} at "
-    "{soft:.0e} N/m and {late_hard:.1e} at {hard:.0e}, and a damping of {too_much:.0f} N s/m is "
-    "unstable at any stiffness.",
+    "More damping in an impedance controller always makes contact safer.",
+    "Only up to a point, and less with a delay. At a wall of {soft:.0e} N/m the best active "
+    "damping raises the largest stable stiffness from {own:.0f} to {active:.1e} N/m. With "
+    "{delay_ms:.0f} ms of delay it reaches {late_soft:.1e} N/m there and {late_hard:.1e} N/m "
+    "at a wall of {hard:.0e} N/m. With that delay, a damping of {too_much:.0f} N s/m is "
+    "unstable even with next to no stiffness.",
 )
 def damping_is_safe(result):
     from course.charts.control import touch
@@ -152,12 +154,12 @@ def damping_is_safe(result):
 
 
 @claim(
-    "Admittance control can make an arm feel as light as one likes.",
-    "In free space. At a wall the least virtual mass grows with its stiffness: {soft:.1e} kg at "
-    "{soft_wall:.0e} N/m, {middle:.2f} at {middle_wall:.0e}, and {hard:.1f} at {hard_wall:.0e}, "
-    "nearly the arm's own {own:.0f}, for a virtual body with little damping. Ten times the "
-    "damping, which a hand feels as well, makes that {damped:.1f}. Impedance has it the other way "
-    "round: soft is easy, stiff is not.",
+    "Admittance control can make an arm feel as light as you like.",
+    "In free space it can. At a wall, the smallest stable virtual mass grows with the wall's "
+    "stiffness: {soft:.1e} kg at {soft_wall:.0e} N/m, {middle:.2f} kg at {middle_wall:.0e} "
+    "N/m, and {hard:.1f} kg at {hard_wall:.0e} N/m, nearly the arm's own {own:.0f} kg. The "
+    "virtual damping is low here. Ten times that damping, which a hand also feels, reduces "
+    "the last value to {damped:.1f} kg.",
 )
 def admittance_is_light(result):
     from course.charts.control import touch
@@ -181,9 +183,10 @@ def admittance_is_light(result):
 
 @claim(
     "Vibration at contact: reduce the stiffness.",
-    "That mends a loop whose stiffness is what is too high, an impedance's or an admittance's "
-    "inner one. A force loop vibrates by its gain on the force, which a lower stiffness does not "
-    "touch, and admittance by too little virtual mass as well.",
+    "This fixes a loop whose stiffness is too high: that of an impedance controller, or of "
+    "the inner loop of admittance control. A force loop vibrates because of its gain on the "
+    "force, which a lower stiffness does not touch. Admittance control also vibrates if its "
+    "virtual mass is too small.",
 )
 def vibration_needs_softness(result):
     from course.charts.control import touch
@@ -210,7 +213,8 @@ def vibration_needs_softness(result):
     )
     result.statement_holds(
         calmed(force) and calmed(give),
-        only_if="what is too high is the stiffness, an impedance's or an inner loop's",
+        only_if="what is too high is a stiffness, that of an impedance controller or of an inner "
+        "loop",
         inside=[
             calmed(TouchLaw(x * edge), k)
             for x, k in zip(
@@ -233,15 +237,16 @@ def vibration_needs_softness(result):
 
 @claim(
     "B = 2 sqrt(K M) gives critical damping in contact.",
-    "In free space. In contact the wall's stiffness adds: that B gives the damping ratio "
-    "{formula}, {ratio:.2f} for K = {K:g} at {ke:.0e} N/m. Critical damping there takes "
-    "B = 2 sqrt((K + ke) M), {needed:.0f} N s/m in place of {said:.0f}, and what the delay allows.",
+    "In free space it does. In contact, the wall's stiffness adds to the controller's, and "
+    "the damping ratio is {formula}, {ratio:.2f} for K = {K:g} at {ke:.0e} N/m. Critical "
+    "damping there needs B = 2 sqrt((K + ke) M), {needed:.0f} N s/m instead of {said:.0f}, "
+    "if the delay allows it.",
     ask=(
         "M x'' + B x' + (K + ke) x = 0 with B = 2 sqrt(K M): what is the damping ratio?",
         "zeta = sqrt(K/(K + ke))",
         {
             "1": "That is in free space, without ke.",
-            "K/(K + ke)": "The ratio goes with the root of the stiffness.",
+            "K/(K + ke)": "The ratio scales with the square root of the stiffness.",
             "sqrt(K/ke)": "Both springs act at once.",
         },
     ),
@@ -271,12 +276,12 @@ def critical_in_contact(result):
 
 @claim(
     "A stiff controller hurts people; a compliant one gives way.",
-    "Not at the first blow into something harder than the law: before the law has moved anything "
-    "the arm's mass meets the body's stiffness, and the peak is {formula} however soft the law, "
-    "{peak_n:.0f} N for {mass:g} kg at {speed:g} m/s into {ke:.0e} N/m. A law of {soft_k:g} N/m "
-    "in place of {stiff_k:g} changes it by {change:.1%}; it is the force held afterwards that "
-    "falls, from {held_stiff:.0f} to {held_soft:.1f} N. Only a law stiffer than the body hits "
-    "harder, twice as stiff by {harder:.0%}.",
+    "Not at the first impact with something harder than the controller's spring. Before the "
+    "controller has moved anything, the arm's mass meets the body's stiffness, and the peak "
+    "is {formula}: {peak_n:.0f} N for {mass:g} kg at {speed:g} m/s into {ke:.0e} N/m. A "
+    "stiffness of {soft_k:g} instead of {stiff_k:g} N/m changes it by {change:.1%}. What "
+    "falls is the force held afterwards, from {held_stiff:.0f} to {held_soft:.1f} N. Only a "
+    "controller stiffer than the body hits harder: one twice as stiff by {harder:.0%}.",
     ask=(
         "A mass m meets a spring ke at the speed v, nothing else acts. The largest force?",
         "F, peak = v*sqrt(m*ke)",
@@ -328,10 +333,11 @@ def stiff_control_hurts(result):
 
 
 @claim(
-    "The impedance law commands F = M x'' + B x' + K (x - x0).",
-    "That is the force one must push with to move the arm, as a passive spring would ask. The "
-    "arm's command is its negative: as printed the stiffness pushes away from x0 and the loop "
-    "grows {wrong:.4f} times a sample, with the sign turned it decays, {right:.4f}.",
+    "The impedance controller commands F = M x'' + B x' + K (x - x0).",
+    "That is the external force that moves such an arm. The controller's command has the "
+    "opposite sign. With the printed sign the stiffness pushes away from x0, and the motion "
+    "grows {wrong:.4f} times per sample. With the sign reversed it decays, {right:.4f} times "
+    "per sample.",
 )
 def impedance_sign(result):
     from course.control import sampled

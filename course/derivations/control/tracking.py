@@ -12,11 +12,12 @@ SYMBOLS = {
 
 
 @claim(
-    "tau = M(q) (a_ref + Kd e' + Kp e) + C(q, q') q' + g(q) makes the error obey "
-    "e'' + Kd e' + Kp e = 0.",
-    "So it does at the instant of the measurement, with C and g of the measured state and the "
-    "gains inside M; a hold takes that away. With the gains outside, the error of one joint moves "
-    "the others: {outside:.0%} of its own acceleration in the median arm.",
+    "tau = M(q) (a_ref + Kd e' + Kp e) + C(q, q') q' + g(q) makes the error obey e'' + Kd e' "
+    "+ Kp e = 0.",
+    "True at the instant of the measurement, with C and g of the measured state and the "
+    "gains inside M. A hold breaks it. If the PD terms are added outside M, an error of one "
+    "joint also accelerates the others: by {outside:.0%} of its own acceleration, in the "
+    "median of some random arms.",
 )
 def computed_torque_law(result):
     from course.control import computed_torque, pd
@@ -46,10 +47,11 @@ def computed_torque_law(result):
 
 
 @claim(
-    "With a perfect model computed torque tracks perfectly.",
-    "Only without a hold. A held command is right at the beginning of its sample: {plain:.1e} rad"
-    " at {rate:.0f} Hz on the chapter's motion, of first order in dt. Model and reference taken "
-    "half a sample ahead leave {ahead:.1e}, of second order.",
+    "With a perfect model, computed torque tracks perfectly.",
+    "Only without a hold. A held command is right only at the beginning of its sample. This "
+    "leaves {plain:.1e} rad at {rate:.0f} Hz on the chapter's motion, of first order in dt. "
+    "With model and reference evaluated half a sample ahead, {ahead:.1e} rad are left, of "
+    "second order in dt.",
 )
 def perfect_model_perfect_tracking(result):
     from course.charts.control import tracking
@@ -81,14 +83,14 @@ def perfect_model_perfect_tracking(result):
 
 
 @claim(
-    "Computed torque undershoots and the error follows the acceleration: its slope over q'' is the "
-    "error of the inertia, over Kp.",
-    "The error obeys e'' + Kd e' + Kp e = (r - 1) q'', with r the true over the modelled inertia. "
-    "Only of a slow motion is the slope that: "
-    "at {w:g} rad/s with both poles at {p:g} rad/s it is {formula}, {share:.0%} of it.",
+    "If the inertia in the model is too small, the error of computed torque follows the "
+    "acceleration: its slope over q'' is the relative error of the inertia, over Kp.",
+    "The error obeys e'' + Kd e' + Kp e = (r - 1) q'', with r the true over the modelled "
+    "inertia. The slope is that only for slow motion. At {w:g} rad/s with both poles at "
+    "{p:g} rad/s it is {formula}, {share:.0%} of it.",
     ask=(
-        "e'' + 2 p e' + p^2 e = (r - 1) q'' and q = sin(w t). Which multiple of q'' is the part "
-        "of e in step with q''?",
+        "e'' + 2 p e' + p^2 e = (r - 1) q'' and q = sin(w t). Which multiple of q'' is the "
+        "component of e in phase with q''?",
         "slope = (r - 1)*(p^2 - w^2)/(p^2 + w^2)^2",
         {
             "(r - 1)/p^2": "That is for w = 0.",
@@ -151,8 +153,8 @@ def error_follows_acceleration(result):
     )
     result.statement_holds(
         abs(share(1.2, fast, pole) - 1) < 0.1,
-        only_if="the motion is ten times slower than the poles and nothing but the inertia of the "
-        "model is wrong",
+        only_if="the motion is ten times slower than the poles and only the inertia of the model "
+        "is wrong",
         inside=[abs(x - 1) < 0.1 for x in slow],
         outside=[abs(x - 1) < 0.1 for x in quick] + [abs(x - 1) < 0.1 for x in loaded],
     )
@@ -160,11 +162,12 @@ def error_follows_acceleration(result):
 
 
 @claim(
-    "An adaptive law finds the parameters of the arm.",
-    "It finds torques that track, and tracking does not need them. After {seconds:.0f} s at a "
-    "still target the angles are right and the parameters {still:.0%} off; on the chapter's "
-    "motion the error is down to {error_mrad:.1f} mrad, of {fixed_mrad:.0f} with the same start "
-    "and no adaptation, and they are {moving:.0%} off.",
+    "Adaptive control finds the true parameters of the arm.",
+    "It finds torques that track, and tracking does not need the true parameters. After "
+    "{seconds:.0f} s at a constant target the angles are right and the parameters "
+    "{still:.0%} off. On the chapter's motion the error falls to {error_mrad:.1f} mrad, "
+    "compared with {fixed_mrad:.0f} mrad without adaptation, and the parameters are "
+    "{moving:.0%} off.",
 )
 def adaptive_finds_parameters(result):
     from course.charts.control import tracking
@@ -194,14 +197,15 @@ def adaptive_finds_parameters(result):
 
 
 @claim(
-    "The adaptive law is proved stable: a sum of squares, of errors and of what is wrong with the "
-    "estimate, can only fall.",
-    "It is so in continuous time. Sampled, an estimate moves by what was wrong a sample ago. From "
-    "{far:.1f} rad off the motion, with the true numbers as a start, the sum grows {coarse:.1f} "
-    "times within the first second at {coarse_hz:.0f} Hz; at {fine_hz:.0f} Hz it falls, to "
-    "{fine:.2f} of its start. At {slow_hz:.0f} Hz {near:.1f} rad are enough to lose the arm. An "
-    "estimate that is kept between half and twice the true numbers loses it nowhere, and ends "
-    "within {kept_mrad:.1f} mrad of the motion.",
+    "Adaptive control is proved stable: a sum of squares, of the tracking error and of the "
+    "parameter error, can only fall.",
+    "In continuous time it can only fall. A sampled controller corrects its estimate with "
+    "the error of the last sample. From {far:.1f} rad off the motion, with the true "
+    "parameters as a start, the sum grows {coarse:.1f} times within the first second at "
+    "{coarse_hz:.0f} Hz. At {fine_hz:.0f} Hz it falls to {fine:.2f} of its start. At "
+    "{slow_hz:.0f} Hz an offset of {near:.1f} rad is enough to lose control of the arm. With "
+    "the estimate limited to between half and twice the true parameters, control is lost in "
+    "none of these cases, and the error ends within {kept_mrad:.1f} mrad.",
     source="Slotine and Li, On the adaptive control of robot manipulators, 1987; Ioannou and Sun, "
     "Robust adaptive control, 1996, section 3.10",
 )
@@ -285,7 +289,8 @@ def adaptive_sum_can_only_fall(result):
     fell, grew = ([start for good, _, start in draws if good == kind] for kind in (True, False))
     result.statement_holds(
         grown <= 1.0,
-        only_if="dt rate |Y|^2 stays below the damping all the way, not at the start alone",
+        only_if="dt times the adaptation gain times |Y|^2 stays below the damping during the whole "
+        "motion, not only at its start",
         inside=[good for good, way, _ in draws if way < 1.0],
         outside=[good for good, way, _ in draws if not way < 1.0],
     )
@@ -301,9 +306,10 @@ def adaptive_sum_can_only_fall(result):
 
 @claim(
     "A residual policy corrects the torque as a function of the state, tau = tau_0 + pi(q, q').",
-    "What an unknown payload lacks goes with the acceleration too. Fitted to (q, q') over "
-    "{seconds:.0f} s of a motion, {seen:.1%} of the torque is left there and {later:.0%} in its "
-    "next seconds; with the acceleration {whole:.1%}.",
+    "The torque that is missing for an unknown payload also depends on the acceleration. "
+    "Fitted to (q, q') over {seconds:.0f} s of a motion, {seen:.1%} of the missing torque is "
+    "left on these data and {later:.0%} in the following seconds. With the acceleration as a "
+    "further input, {whole:.1%} is left there.",
 )
 def residual_of_the_state(result):
     from course.charts.control import tracking
@@ -344,12 +350,13 @@ def residual_of_the_state(result):
 
 
 @claim(
-    "Learning what a model lacks converges much faster than learning the whole torque.",
-    "That depends on the model. Beside one without payload and friction it takes at most "
-    "{near:.0f} rounds until the error is below {bar:g} rad. Beside one with {light:.0%} of its "
-    "masses none of {draws:.0f} draws gets there in {rounds:.0f} rounds, and none does without a "
-    "model: the gains act through the model, so the arm falls and never shows the motion. Once "
-    "shown the motion by the better model, the whole torque takes at most {shown:.0f} rounds.",
+    "Learning a correction to a model converges much faster than learning the whole torque.",
+    "That depends on the model. With one that lacks payload and friction it takes at most "
+    "{near:.0f} rounds of data collection until the error is below {bar:g} rad. With "
+    "{light:.0%} of the masses none of {draws:.0f} runs gets there in {rounds:.0f} rounds, "
+    "and none does without a model: the gains act through the model, so the arm falls and "
+    "never visits the motion. With first data from the better model, learning the whole "
+    "torque takes at most {shown:.0f} rounds.",
 )
 def residual_learning_is_faster(result):
     from dataclasses import replace
@@ -386,11 +393,12 @@ def residual_learning_is_faster(result):
 
 
 @claim(
-    "On a surface: position control along the normal, force control along the tangent.",
-    "The other way round. A smooth surface takes the motion along its normal and gives no force "
-    "along its tangent, so force is what can be chosen in the normal and motion in the tangent: so "
-    "chosen both come out as asked to {right:.0e}. Swapped, the push is off by {swapped:.0f} N "
-    "and none of what was asked along the tangent is a motion.",
+    "On a surface, control position along the normal and force along the tangent.",
+    "The other way round. A rigid, smooth surface blocks motion along its normal and gives "
+    "no force along its tangent. So you can choose the force along the normal and the motion "
+    "along the tangent; both then come out as requested, to {right:.0e}. With the axes "
+    "swapped the normal force is {swapped:.0f} N off, and the motion along the tangent is "
+    "not the one requested.",
 )
 def axes_of_a_surface(result):
     from course.control import hybrid
@@ -427,10 +435,12 @@ def axes_of_a_surface(result):
 
 
 @claim(
-    "An impedance law holds a force as well as a force loop: set its target deeper into the wall.",
-    "While the wall is where it was thought. A surface {off_mm:g} mm nearer changes the force by "
-    "{soft:+.1f} N with K = {K:g} N/m and {stiff:+.1f} N with {K_stiff:g}, as two springs do; "
-    "a force loop and admittance are off by {loop:.0e} N at most.",
+    "An impedance controller holds a force as well as a force controller: set its target "
+    "deeper into the wall.",
+    "Only while the wall is where you expect it. A surface {off_mm:g} mm nearer changes the "
+    "force by {soft:+.1f} N with K = {K:g} N/m and by {stiff:+.1f} N with {K_stiff:g} N/m, "
+    "as two springs in series do. With force control and admittance control the change is at "
+    "most {loop:.0e} N.",
 )
 def impedance_holds_a_force(result):
     from course.charts.control import touch

@@ -44,9 +44,9 @@ def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
 
 @claim(
     "P alone overshoots.",
-    "From rest and without delay the friction alone damps it below {formula}: with J = {inertia:g} "
-    "and b = {damping:g} a gain of {low_n_m_per_rad:.3f} N m/rad goes to the target from one side, "
-    "and {high:.0f} overshoots by {over:.0%}.",
+    "From rest and without delay the friction alone prevents overshoot below {formula}. With "
+    "J = {inertia:g} and b = {damping:g} a gain of {low_n_m_per_rad:.3f} N m/rad approaches "
+    "the target from one side, and {high:.0f} overshoots by {over:.0%}.",
     ask=(
         "J q'' + b q' = kp (q_d - q), continuous. Up to which kp is there no overshoot?",
         "kp < b^2/(4*J)",
@@ -84,7 +84,8 @@ def p_alone_overshoots(result):
     above, below = (1.6, 1.8, 2, 4, 8, 20, 50, 90), np.linspace(0.2, 0.98, 8)
     result.statement_holds(
         over(J, B, 0.9) > 0,
-        only_if="kp is above b^2/(4*J), or above less with a delay or a speed at the start",
+        only_if="kp is above b^2/(4*J), or above a smaller gain with a delay or a speed at the "
+        "start",
         inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)]
         + [over(d[0], d[1], 0.95, late=1.0) > 0 for d in draws[:4]]
         + [over(d[0], d[1], 0.9, speed=2.0) > 0 for d in draws[:4]],
@@ -95,10 +96,11 @@ def p_alone_overshoots(result):
 
 @claim(
     "Integral action removes the steady error.",
-    "That of a constant load, while the loop is stable and the command has room: "
-    "{left_with_p:.3f} rad with P become {left_with_i:.0e} rad. A load that grows leaves "
-    "{ramp:.3f} rad, one above the torque limit {limited:.2f} rad, and dry friction makes it hunt "
-    "by {hunting:.3f} rad where static friction is twice Coulomb's.",
+    "It removes that of a constant load if the loop is stable and the command is not "
+    "limited: {left_with_p:.3f} rad with P become {left_with_i:.0e} rad. A load that grows "
+    "leaves {ramp:.3f} rad. A load above the torque limit drives the joint away, here by "
+    "{limited:.2f} rad. With static friction of twice the Coulomb friction the joint hunts "
+    "by {hunting:.3f} rad.",
 )
 def integral_removes_the_error(result):
     from dataclasses import replace
@@ -135,8 +137,8 @@ def integral_removes_the_error(result):
     ]
     result.statement_holds(
         remaining(extra=-0.1 * 2e-3 * np.arange(n)) < 1e-3,
-        only_if="the loop is stable, load and set-point stay constant, the command has room, "
-        "and friction is viscous",
+        only_if="the loop is stable, load and set-point are constant, the command stays within "
+        "its limits, and friction is viscous",
         inside=[remaining(g, Joint(J, B, x)) < 1e-4 for g, x in zip(sets, loads, strict=True)],
         outside=[remaining(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
         # The same loops with ki above Routh's limit.
@@ -175,9 +177,9 @@ def _as_printed(seconds, steps=1000):
 
 @claim(
     "Subtracting 0.5 omega from torque/inertia is viscous friction of 0.5 N m s/rad.",
-    "It acts on the acceleration, so the friction is that times the inertia: {friction:.3f} "
-    "N m s/rad for J = {inertia:g}. A joint with it follows the listing to {same:.0e} rad; one "
-    "with the number itself is {off:.3f} rad away.",
+    "This term acts on the acceleration, so the friction is that number times the inertia: "
+    "{friction:.3f} N m s/rad for J = {inertia:g}. A joint with this friction follows the "
+    "tutorial's code to {same:.0e} rad. One with the number itself is {off:.3f} rad away.",
 )
 def listing_friction(result):
     from course.control import sampled
@@ -206,10 +208,12 @@ def listing_friction(result):
 
 
 @claim(
-    "Three seconds of the usual listing (kp 20, ki 5, kd 8) settle at the target.",
-    "They end {error_mrad:.0f} mrad {side} it and creep: the slow pole of the integral decays in "
-    "{slow_s:.1f} s, and a fiftieth of the step is reached {settled}. The first command is "
-    "{first_n_m:.0f} N m, the limit, from the derivative of the error.",
+    "The PID code of many tutorials (kp 20, ki 5, kd 8) has settled at the target after "
+    "three seconds.",
+    "It is {error_mrad:.0f} mrad {side} the target and creeping back. The slow pole of the "
+    "integral has a time constant of {slow_s:.1f} s, and the joint is within a fiftieth of "
+    "the step only {settled}. The first command is {first_n_m:.0f} N m, the torque limit, "
+    "because of the derivative of the error.",
 )
 def listing_settles(result):
     from course.control import step_metrics
@@ -234,10 +238,12 @@ def listing_settles(result):
 
 
 @claim(
-    "Taking the derivative of the error, not of the measurement, avoids the set-point kick.",
-    "It makes it: a step r of the set-point adds kd r/(tau + dt) to the first command, "
-    "{kick_n_m:.0f} N m for kd = {kd:g} at {rate_hz:.0f} Hz without a filter; of the measurement, "
-    "{none_n_m:.0f}.",
+    "Taking the derivative of the error, not of the measurement, avoids a spike in the "
+    "torque when the set-point jumps.",
+    "It causes the spike. A set-point step r adds kd r/(tau + dt) to the first command, "
+    "where tau is the filter's time constant: {kick_n_m:.0f} N m for kd = {kd:g} at "
+    "{rate_hz:.0f} Hz and a step of one radian without a filter. The derivative of the "
+    "measurement adds {none_n_m:.0f}.",
 )
 def error_derivative_kick(result):
     from course.control import Controller, Gains
@@ -264,10 +270,10 @@ def error_derivative_kick(result):
 
 @claim(
     "Overshoot means that P is too high or D too low.",
-    "On PD, while delay is short, yes, at the torque limit too. With an integral a lower P makes "
-    "it worse: {low_p:.0%} at kp = {p_low:g} and {high_p:.0%} at {p_high:g}, all else the same; "
-    "the first with set-point weight 0 {weighted:.0%}. Where the delay limits kd, more D makes it "
-    "worse.",
+    "For PD with little delay that is true, at the torque limit too. With an I term, a lower "
+    "P makes the overshoot larger: {low_p:.0%} at kp = {p_low:g} and {high_p:.0%} at "
+    "{p_high:g}, all else equal. If P acts on the measurement only, the first case has "
+    "{weighted:.0%}. Where the delay limits kd, more D makes the overshoot larger.",
 )
 def overshoot_means_p(result):
     from course.control import Gains
@@ -293,7 +299,7 @@ def overshoot_means_p(result):
     result.statement = "Steps of the joint with the exact rate."
     result.statement_holds(
         mended(low, ki, kd),
-        only_if="there is no integral, and delay is far from limiting kd",
+        only_if="there is no I term, and the delay is far from limiting kd",
         inside=[mended(kp, 0, kd, at_most=x) for (kp, kd), x in zip(draws, limits, strict=True)],
         outside=[mended(0.4 * kp, 1.2 * kp, kd + 1) for kp, kd in draws]
         + [mended(kp, 0, 5.0, 0.1) for kp, _ in draws[:3]],
@@ -303,9 +309,9 @@ def overshoot_means_p(result):
 
 @claim(
     "Start with D = 0.1 P.",
-    "That is a time, a tenth of a second, and fits one speed of loop only: the damping ratio is "
-    "{soft:.2f} at kp = {p_soft:g}, {middle:.2f} at {p_middle:g} and {stiff:.1f} at {p_stiff:g}. "
-    "For a damping ratio zeta choose kd = {formula}.",
+    "This ratio is a time, a tenth of a second, and suits loops of one speed only. The "
+    "damping ratio is {soft:.2f} at kp = {p_soft:g}, {middle:.2f} at {p_middle:g} and "
+    "{stiff:.1f} at {p_stiff:g}. For a damping ratio zeta choose kd = {formula}.",
     ask=(
         "J q'' + (b + kd) q' + kp q = 0: which kd gives the damping ratio zeta?",
         "kd = 2*zeta*sqrt(kp*J) - b",
@@ -357,8 +363,9 @@ def tenth_of_p(result):
 
 @claim(
     "Critical damping settles fastest.",
-    "To a band, slightly less damping does: within {band_percent:.0f} % of a step it is fastest at "
-    "zeta = {best:.3f}, in {share:.0%} of the time of critical damping.",
+    "Slightly less damping settles faster into a band. For {band_percent:.0f} % of a step "
+    "the fastest damping ratio is zeta = {best:.3f}. It needs {share:.0%} of the time of "
+    "critical damping.",
 )
 def critical_settles_fastest(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
@@ -389,10 +396,11 @@ def critical_settles_fastest(result):
 
 
 @claim(
-    "Overdamped and sluggish: lower D or raise P.",
-    "Right while sampling and delay are far away. Where kd is near the limit that the delay sets, "
-    "the same cure ends in oscillation: a loop with kd dt/J = {V:.1f}, one sample late, is "
-    "sluggish at P = {low:g} and unstable at {high:g}, in units of J/dt^2.",
+    "An overdamped, sluggish joint needs less D or more P.",
+    "True while the limits of sampling and delay are far away. Where kd is near the limit "
+    "that the delay sets, the same cure ends in oscillation: a loop with kd dt/J = {V:.1f}, "
+    "one sample late, is sluggish at P = {low:g} and unstable at {high:g}, in units of "
+    "J/dt^2.",
 )
 def overdamped_cure(result):
     from course.control import Gains, sampled
@@ -434,11 +442,12 @@ def overdamped_cure(result):
 
 @claim(
     "Raise P until the loop oscillates at a constant amplitude: every joint has such a gain.",
-    "Only a late loop has, by a hold, a delay or a lag of the motor: without friction no gain "
-    "holds, and with friction alone none is too high. At {rate_hz:.0f} Hz the hold makes it "
-    "{gain:.0f} N m/rad with a period of {period_s:.3f} s. A motor's limit makes the swing "
-    "constant, in time, at twice and ten times that gain as well, so a constant amplitude does "
-    "not say that the gain is the ultimate one.",
+    "Only a loop with a delay has one: a hold, a bus, or a motor that lags. Under a hold and "
+    "without friction no P gain is stable. With friction and without delay none is too high. "
+    "At {rate_hz:.0f} Hz the hold alone makes it {gain:.0f} N m/rad, with a period of "
+    "{period_s:.3f} s. With a torque limit, twice and ten times that gain also end in a "
+    "constant amplitude, so a constant amplitude does not prove that the gain is the "
+    "ultimate one.",
 )
 def every_joint_has_ku(result):
     from course.control import Gains, sampled
@@ -466,9 +475,10 @@ def every_joint_has_ku(result):
 
 @claim(
     "For a joint with J = 0.5 and friction 0.5 the ultimate gain is 45 and the period 0.45 s.",
-    "No delay gives that pair: a gain of {said:.0f} swings with {period:.2f} s, at a lateness of "
-    "{late_ms:.1f} ms, and a period of {said_s:.2f} s belongs to a gain of {gain:.0f}. At a "
-    "kilohertz without further delay it is {held:.0f} and {held_s:.2f} s.",
+    "No delay gives this pair. A gain of {said:.0f} has the period {period:.2f} s, at a "
+    "total delay of {late_ms:.1f} ms. A period of {said_s:.2f} s belongs to a gain of "
+    "{gain:.0f}. At a kilohertz without further delay the pair is {held:.0f} and "
+    "{held_s:.2f} s.",
 )
 def quoted_ku_tu(result):
     from course.control import sampled
@@ -494,10 +504,10 @@ def quoted_ku_tu(result):
 
 @claim(
     "The gains 27, 120 and 1.5 from that table give about 15 % overshoot.",
-    "They are unstable on that joint, whatever the sample time: Routh asks for (b + kd) kp > J ki, "
-    "and {left:.0f} is below {right:.0f}. The swing grows {factor:.3f} times a second without "
-    "delay, and {delayed:.1f} times with the {late_ms:.0f} ms that make the ultimate gain "
-    "{said:.0f}.",
+    "They are unstable on that joint, whatever the sample time. Routh's condition is (b + "
+    "kd) kp > J ki, and {left:.0f} is less than {right:.0f}. The oscillation grows "
+    "{factor:.3f} times per second without delay, and {delayed:.1f} times with the "
+    "{late_ms:.0f} ms for which the ultimate gain is {said:.0f}.",
 )
 def quoted_gains_overshoot(result):
     from course.control import Gains, sampled
@@ -530,11 +540,11 @@ def quoted_gains_overshoot(result):
 
 @claim(
     "70 % of that P and 150 % of that D, with the same I, are the safer set.",
-    "Not safe: with the delay that those gains are for, {late_ms:.0f} ms, kp {kp:g}, ki {ki:g}, "
-    "kd {kd:g} still grow {late_factor:.2f} times a second, after {late_before:.2f}; without "
-    "delay less P makes it worse as long as the I stays, {factor:.2f} after {before:.3f}. With kp "
-    "as it was and the same D the loop decays both ways, {late_kept:.2f} and {kept:.2f} times a "
-    "second.",
+    "They are not safe. With the delay for which those gains are meant, {late_ms:.0f} ms, "
+    "the gains kp {kp:g}, ki {ki:g}, kd {kd:g} still grow {late_factor:.2f} times per "
+    "second, after {late_before:.2f} before. Without delay it gets worse: {factor:.2f} after "
+    "{before:.3f}, because P is lower and I the same. With the old kp and the new kd the "
+    "loop decays with and without delay, to {late_kept:.2f} and {kept:.2f} per second.",
 )
 def safer_set(result):
     kp, ki, kd = (result.input(n, v) for n, v in (("kp", 19.0), ("ki", 120.0), ("kd", 2.3)))
@@ -558,11 +568,12 @@ def safer_set(result):
 
 
 @claim(
-    "Ziegler-Nichols is a safe start for a robot's joint.",
-    "Its rows are for a plant that lags by itself. On a joint, which integrates as well, with its "
-    "true delay, the PID row is stable at {pid_ok:.0%} of the delays from {low:g} to {high:g} "
-    "times J/b, the PI row at {pi_ok:.0%}; where it is stable the PID row overshoots by "
-    "{over_low:.0%} or more. Poles placed with the stated delay overshoot by {placed:.0%}.",
+    "Ziegler-Nichols is a safe start for tuning a robot joint.",
+    "The rules were made for plants that settle by themselves. A joint integrates. With its "
+    "true delay, the PID row is stable at {pid_ok:.0%} of the delays from {low:g} to "
+    "{high:g} times J/b, and the PI row at {pi_ok:.0%}. Where it is stable, the PID row "
+    "overshoots by {over_low:.0%} or more. With poles placed for the stated delay the "
+    "overshoot is {placed:.0%}.",
     source="J. G. Ziegler, N. B. Nichols, Optimum settings for automatic controllers, 1942",
 )
 def ziegler_nichols_is_safe(result):
@@ -587,10 +598,11 @@ def ziegler_nichols_is_safe(result):
 
 
 @claim(
-    "One gain mends one symptom: D the overshoot, P the settling time, I the steady error.",
-    "Each moves overshoot and settling; only the steady error is I's, and without I it is P's. On "
-    "a PID loop a fifth more I adds {i_over:.1%} of overshoot, a fifth more P takes {p_over:.1%} "
-    "away, and of {draws:.0f} drawn loops more P settles later in {p_later:.0%}.",
+    "Each gain cures one symptom: D the overshoot, P the settling time, I the steady error.",
+    "Each gain changes overshoot and settling time. Only the steady error belongs to one "
+    "gain: to I, and without I to P. On a PID loop a fifth more I adds {i_over:.1%} of "
+    "overshoot, and a fifth more P removes {p_over:.1%}. Of {draws:.0f} random loops "
+    "{p_later:.0%} settle later with more P.",
 )
 def one_gain_one_symptom(result):
     from course.control import Gains, Joint
@@ -624,9 +636,9 @@ def one_gain_one_symptom(result):
 
 @claim(
     "With gains that are high enough a controller catches an inverted pendulum from any angle.",
-    "The motor decides. From rest it can be caught within {formula} of upright and not beyond, "
-    "whatever the gains: {edge_rad:.4f} rad for a torque of {share:g} m g l; linear theory says "
-    "{share:g}.",
+    "The motor's torque decides. From rest the pendulum can be caught within {formula} of "
+    "upright and not beyond, whatever the gains: {edge_rad:.4f} rad for a torque of "
+    "{share:g} m g l. The linear model says {share:g}.",
     ask=(
         "Inverted pendulum at rest at the angle theta from upright, mass m at the distance l, "
         "torque at most u. From which angles can it be caught?",

@@ -13,22 +13,23 @@ SYMBOLS = {
 
 
 @claim(
-    "To check an edge of a tree for collisions, try ten or more points along it.",
-    "Ten points inside an edge leave gaps of an eleventh of it: a disc with a radius below 1/22 of "
-    "the edge is crossed through its middle unseen. A larger one is missed where the edge cuts off "
-    "less than a gap: of random edges of {edge_m:.0f} m that hit a disc of radius {large_m:.1f} m "
-    "ten points miss {large_share:.1%}, up to {deepest_mm:.0f} mm deep; of {small_m:.2f} m, "
-    "{small_share:.0%}. The distance of a disc's centre from the segment has a closed form, costs "
-    "one point and misses none.",
+    "To check an edge of a tree for collisions, check ten or more points along it.",
+    "Ten points inside an edge leave gaps of an eleventh of its length. A disc with a radius "
+    "below 1/22 of the edge fits into such a gap, even where the edge crosses its middle. A "
+    "larger disc is missed where the edge cuts off less than a gap. Of random edges of "
+    "{edge_m:.0f} m that hit a disc with a radius of {large_m:.1f} m, ten points miss "
+    "{large_share:.1%}, up to {deepest_mm:.0f} mm deep; with a radius of {small_m:.2f} m they "
+    "miss {small_share:.0%}. The distance from a disc's centre to the segment has a closed form "
+    "and misses none.",
     source="C. Ericson, Real-Time Collision Detection, 2005, sec. 5.1.2",
     ask=Ask(
-        "Points along an edge are s apart. How deep, at most, does the edge cut unseen into a "
-        "disc of radius r > s/2?",
+        "Check points along an edge are s apart. How deep, at most, can the edge enter a disc of "
+        "radius r > s/2 with no check point inside?",
         "d = r - sqrt(r^2 - s^2/4)",
         {
-            "s^2/(8*r)": "That is what it comes to for a large disc.",
-            "r - sqrt(r^2 - s^2)": "The points lie half of s to either side of the deepest place.",
-            "s/2": "So far the deepest place is from a point, along the edge.",
+            "s^2/(8*r)": "That is the limit for a disc that is large compared with s.",
+            "r - sqrt(r^2 - s^2)": "The deepest point lies s/2 from both check points, not s.",
+            "s/2": "That is the distance along the edge from a check point to the deepest point.",
         },
     ),
 )
@@ -63,15 +64,17 @@ def edge_by_ten_points(result):
     middles = np.array([[4.5 * gap, 0.0, x * gap / 2] for x in (0.999, 1.001)])
     sample = [*wide[unseen(wide)][:300], *narrow[:300], middles[0]]
     wrong = sum(edge_is_free(np.zeros(2), np.array([edge, 0.0]), disc[None]) for disc in sample)
-    result.statement = f"100,000 discs of each size; by the closed form {wrong} of {len(sample)}."
+    result.statement = (
+        f"100,000 discs of each size; the closed form passes {wrong} of {len(sample)} that hit."
+    )
 
     def none_missed(growth):
         return not np.any(unseen(hit(10 ** result.rng.uniform(-2, 0.5), 20_000)[0], growth))
 
     result.statement_holds(
         share == 0.0,
-        only_if="every disc is grown to the radius sqrt(r^2 + s^2 / 4), s being the distance of "
-        "two points tried",
+        only_if="every disc is first enlarged to the radius sqrt(r^2 + s^2 / 4), where s is the "
+        "spacing of the check points",
         inside=[none_missed(1.0) for _ in range(10)],
         outside=[none_missed(0.9) for _ in range(10)],
     )
@@ -84,22 +87,23 @@ def edge_by_ten_points(result):
 
 
 @claim(
-    "Collision checks along an edge find a thin wall if there are enough of them.",
-    "A wall of thickness w that an edge crosses head on is missed with probability {formula} by "
-    "points s apart, at an angle with w / cos(angle) for w: of edges checked every {spacing_m} m "
-    "{missed:.1%} pass a wall of {wall_m} m at {angle_deg} degrees. OMPL's default, a hundredth of"
-    " the diagonal, is {ompl_m:.3f} m in a square of ten: of its paths past such a wall, open by "
-    "{open:.0%}, {refused:.0%} go through it, by {half:.0%}, {refused_half:.0%}. Enough is s below"
-    " the thinnest wall, but for its corners, which an edge can cut off at any s; a test in closed"
-    " form misses neither.",
+    "Collision checks at points along an edge find a thin wall if there are enough points.",
+    "Points a distance s apart miss a wall of thickness w that the edge crosses head on with "
+    "probability {formula}; at an angle, w / cos(angle) takes the place of w. Of edges checked "
+    "every {spacing_m} m, {missed:.1%} pass through a wall of {wall_m} m at {angle_deg} degrees. "
+    "OMPL's default spacing, a hundredth of the diagonal, is {ompl_m:.3f} m in a square of ten: "
+    "of its paths past such a wall, {refused:.0%} go through it if {open:.0%} of the wall is "
+    "open, and {refused_half:.0%} if {half:.0%} is. A spacing below the thickness of the thinnest "
+    "wall is enough, except for corners, which an edge can cut off at any spacing. A test in "
+    "closed form misses neither.",
     ask=Ask(
-        "Points along an edge are s apart. It crosses a wall of thickness w < s head on, "
-        "somewhere. With which probability is the wall missed?",
+        "Check points along an edge are s apart. It crosses a wall of thickness w < s head on, "
+        "anywhere. What is the probability that no point lies in the wall?",
         "P = 1 - w/s",
         {
             "w/s": "That is the probability that a point lies in the wall.",
-            "1 - w/(2*s)": "The wall is seen from a whole s of places, not from two.",
-            "(s - w)^2/s^2": "One place decides it, not two independent ones.",
+            "1 - w/(2*s)": "The wall lies anywhere within one spacing s: one interval, not two.",
+            "(s - w)^2/s^2": "One position decides it, not two independent ones.",
         },
     ),
 )
@@ -161,7 +165,8 @@ def thin_wall_missed(result):
     result.statement = "1500 edges across a wall; 40 seeds of OMPL's RRT-Connect at each."
     result.statement_holds(
         share == 0.0,
-        only_if="the points are closer than the wall is thick, and it is crossed from side to side",
+        only_if="the spacing is below the thickness of the wall, and the edge crosses it from side "
+        "to side",
         inside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(1.001, 2.0, 8)],
         outside=[missed(spacing * x, 60) == 0.0 for x in result.rng.uniform(0.5, 0.9, 8)],
     )
@@ -179,11 +184,12 @@ def thin_wall_missed(result):
 
 
 @claim(
-    "An RRT that comes within a step of the goal has a path to the goal.",
-    "It has one to that node, {short_m:.2f} m from the goal in the median among discs with a step "
-    "of {step_m:.0f} m, and a check of the ends refuses it. And what is near can be on the other "
-    "side: with the goal {behind_m} m behind a wall, the first node within a step is so in "
-    "{across:.0%} of the runs. The last edge has to be there, and be checked.",
+    "An RRT that comes within one step of the goal has a path to the goal.",
+    "It has a path to that node, which is {short_m:.2f} m from the goal in the median run among "
+    "discs with a step size of {step_m:.0f} m. A check that compares the last configuration with "
+    "the goal rejects it. And a node near the goal can be on the wrong side of a wall: with the "
+    "goal {behind_m} m behind a wall, the first node within a step is there in {across:.0%} of "
+    "the runs. The last edge has to be added, and checked.",
 )
 def near_the_goal(result):
     from course import planning
@@ -233,7 +239,8 @@ def near_the_goal(result):
     )
     result.statement_holds(
         across == 0.0,
-        only_if="that node is joined to it, and every state within a step of the goal is free",
+        only_if="that node is connected to it, and every configuration within a step of the goal "
+        "is free",
         inside=[among(discs(), 0.5, 0.999) for _ in range(12)]
         + [among(here, 0.9, 0.999) for here in corners for _ in range(6)]
         + [among(arm, 0.9, 0.999, radians) for _ in range(8)],

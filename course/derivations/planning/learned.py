@@ -40,12 +40,12 @@ def within(panel: int, name: str, share: float) -> float:
 
 
 @claim(
-    "A sampler that has learned where solutions are speeds a planner up.",
-    "In worlds of the family it was trained on {learned:.0f} states and edges are asked in the "
-    "median, {uniform:.0f} with uniform samples; a search of the picture that it is shown gives "
-    "{search:.0f}. To ask for that picture takes {picture:.0f} states, if no camera brings it. And "
-    "with all walls turned by a quarter it is the slower one, {turned:.0f} against "
-    "{turned_uniform:.0f}: there only the uniform share still helps.",
+    "A sampler that has learned where solutions lie speeds up a planner.",
+    "In worlds of the family that it was trained on, the planner checks {learned:.0f} "
+    "configurations and edges in the median, against {uniform:.0f} with uniform samples; with "
+    "samples along a grid search of the same occupancy grid, {search:.0f}. If no camera provides "
+    "that grid, filling it takes {picture:.0f} checks. With all walls rotated by a quarter turn, "
+    "the learned sampler is the slower one, {turned:.0f} against {turned_uniform:.0f}.",
     source="Ichter, Harrison and Pavone, Learning sampling distributions, ICRA 2018",
 )
 def learned_sampler_speeds_up(result):
@@ -66,7 +66,9 @@ def learned_sampler_speeds_up(result):
     # What needs no training is asked again, in other worlds.
     untrained = sampled([None], worlds, "uniform", "search of the picture")
     again = {x.name: x.budget()[0] for x in untrained}
-    result.statement = "200 held-out worlds, three networks; what needs none again in 40 others."
+    result.statement = (
+        "200 held-out worlds, three networks; the methods without a network again in 40 others."
+    )
 
     def fewer(panel):
         """Return whether the learned one asks less, at several shares of the worlds."""
@@ -75,7 +77,7 @@ def learned_sampler_speeds_up(result):
 
     result.statement_holds(
         all(fewer(1) + fewer(2)),
-        only_if="the world is of the family that it has learned, and its picture costs nothing",
+        only_if="the worlds resemble those of the training, and the occupancy grid costs nothing",
         inside=fewer(1),
         outside=fewer(2),
         cases=True,
@@ -91,12 +93,13 @@ def learned_sampler_speeds_up(result):
 
 
 @claim(
-    "A diffusion planner yields collision-free plans.",
-    "It yields proposals. In the one world that it knows by heart {raw:.0%} of them collide, of "
-    "lines that nobody has learned {bare:.0%}; pushed out of the discs, {raw_pushed:.0%} and "
-    "{bare_pushed:.0%}. What makes plans of them is the check: with eight tries {solved:.0%} of "
-    "the questions are solved as they come. RRT-Connect with shortcuts solves all, and half of "
-    "them in {times:.1f} times less.",
+    "A diffusion planner returns collision-free plans.",
+    "It returns proposals. In the one world that it was trained in, {raw:.0%} of them collide, of "
+    "randomly bent lines {bare:.0%}; after a step that pushes them out of the discs, "
+    "{raw_pushed:.0%} and {bare_pushed:.0%}. Only the collision check turns proposals into plans: "
+    "with eight proposals per query and no pushing, {solved:.0%} of the queries are solved. "
+    "RRT-Connect with shortcuts solves all of them, and half of them in a time {times:.1f} times "
+    "shorter.",
     source="Janner and others, Planning with diffusion, ICML 2022",
 )
 def diffusion_is_collision_free(result):
@@ -124,7 +127,7 @@ def diffusion_is_collision_free(result):
     again = np.mean([not check_path(world, path) for _, path in first])
     pushed = np.mean([not check_path(world, chart.pushed(q, path)) for q, path in first[:20]])
     result.statement = (
-        "100 held-out questions, three networks; lines again, for 40 other questions."
+        "100 held-out queries, three networks; the bent lines again for 40 other queries."
     )
     result.statement_holds(raw == 0.0)
     result.correction_holds(

@@ -11,12 +11,13 @@ from course.derivations.planning import samples
 
 
 @claim(
-    "A narrow passage needs a small step.",
-    "Through a slit of {slit:.0%} RRT takes {slit_short:.0f} samples with steps of {short} m, "
-    "{slit_middle:.0f} with {middle:.0f} m, {slit_long:.0f} with {long:.0f} m; among discs "
-    "{discs_short:.0f}, {discs_middle:.0f} and {discs_long:.0f}. Which is best belongs to the "
-    "planner: in a bug trap the longest makes RRT's {cage_middle:.0f} samples {cage_long:.0f}, "
-    "and RRT-Connect's {trap_middle:.0f} {trap_long:.0f}.",
+    "A narrow passage needs a small step size.",
+    "Through an opening of {slit:.0%} of a wall RRT takes {slit_short:.0f} samples with steps of "
+    "{short} m, {slit_middle:.0f} with {middle:.0f} m and {slit_long:.0f} with {long:.0f} m; "
+    "among discs {discs_short:.0f}, {discs_middle:.0f} and {discs_long:.0f}. Which step size is "
+    "best depends on the planner too. In a bug trap, the change from {middle:.0f} m to {long:.0f} "
+    "m takes RRT from {cage_middle:.0f} samples to {cage_long:.0f}, and RRT-Connect from "
+    "{trap_middle:.0f} to {trap_long:.0f}.",
 )
 def step_through_a_passage(result):
     steps = {"short": 0.1, "middle": 1.0, "long": 10.0}
@@ -47,11 +48,12 @@ def step_through_a_passage(result):
 
 
 @claim(
-    "A planner says so at once if its start or its goal is in collision.",
-    "This chapter's do: all {methods:.0f} name the end that is blocked, without a sample. OMPL's "
-    "RRT and RRT-Connect stop at once where the start is. Where the goal is, RRT draws all of "
-    "{budget:.0f} samples, {grown:.0f} nodes, as it only measures how far it is from a goal, and "
-    "RRT-Connect waits for another goal until its budget is spent. Ask both ends yourself.",
+    "A planner reports at once that its start or its goal is in collision.",
+    "All {methods:.0f} methods of this chapter name the end that is in collision, without a "
+    "single sample. OMPL's RRT and RRT-Connect also stop at once if the start is in collision. If "
+    "the goal is, RRT takes all of its {budget:.0f} samples and grows {grown:.0f} nodes, because "
+    "it only measures its distance to the goal; RRT-Connect waits for another goal state until "
+    "its budget is used up. Check both ends yourself.",
 )
 def blocked_ends_are_named(result):
     from course.oracles import ompl
@@ -110,14 +112,14 @@ def _tight():
 
 
 @claim(
-    "The slow plans at a shelf are slow questions; another seed hardly helps.",
-    "Mostly. At the tight shelf {between:.0%} of the variance of log samples lies between "
-    "questions, and the slowest tenth of the plans, {slow:.0f} samples in the median, takes "
-    "{again:.0f} with other seeds, all plans {all:.0f}. What tells them apart is the way out of "
-    "the bay: the share of random steps of a radian that leave the worse end freely has a rank "
-    "correlation of {out:.2f} with the samples, the clearance there {clear:.2f}. Half of the "
-    "questions with the smaller share take {hard:.0f} samples in the median, the others "
-    "{easy:.0f}.",
+    "Slow plans at a shelf are slow because of the query; another seed hardly helps.",
+    "Mostly. At the tight shelf {between:.0%} of the variance of the logarithm of the samples "
+    "lies between queries. The slowest tenth of the runs took {slow:.0f} samples in the median; "
+    "with other seeds the same queries take {again:.0f}, and all runs {all:.0f}. What makes a "
+    "query hard is the way out of the compartment. The share of random steps of one radian that "
+    "leave the worse end freely has a rank correlation of {out:.2f} with the samples; the "
+    "clearance there has {clear:.2f}. The half of the queries with the smaller share takes "
+    "{hard:.0f} samples in the median, the other half {easy:.0f}.",
 )
 def slow_plans_are_slow_questions(result):
     from scipy import stats
@@ -148,7 +150,7 @@ def slow_plans_are_slow_questions(result):
     slow = result.measure("slow", np.median(spent[tail, 0]), 0.2)
     again = result.measure("again", np.median(spent[tail, 1:]), 0.2)
     usual = result.measure("all", np.median(spent), 0.2)
-    result.statement = "36 questions of the 7-R arm, five seeds each."
+    result.statement = "36 queries of the seven-joint arm, five seeds each."
     result.statement_holds(part > 0.5)
     result.correction_holds(
         out < -0.6, abs(clear) < abs(out), hard > 2.0 * easy, 3.0 * usual < again < slow
@@ -156,11 +158,12 @@ def slow_plans_are_slow_questions(result):
 
 
 @claim(
-    "The limits of an arm's joints keep it from hitting itself.",
-    "As capsules the 7-R arm touches itself in {uniform:.0%} of the postures within its limits, by "
-    "Coal's distances. Its planner leaves that out, which costs little between bays: at the open "
-    "shelf {open:.1%} of {asked:.0f} paths touch, at the tight one {tight:.1%}, up to "
-    "{deep_mm:.0f} mm deep. Ask a path about it before it is driven.",
+    "The joint limits of an arm keep it from hitting itself.",
+    "With its links as capsules, the seven-joint arm collides with itself in {uniform:.0%} of the "
+    "configurations within its limits, by the distances of the library Coal. The planner of this "
+    "chapter ignores that, which matters little between compartments: of {asked:.0f} paths "
+    "{open:.1%} touch at the open shelf and {tight:.1%} at the tight one, up to {deep_mm:.0f} mm "
+    "deep. Check a path for self-collision before you execute it.",
 )
 def limits_keep_an_arm_from_itself(result):
     from course import contact
@@ -201,6 +204,8 @@ def limits_keep_an_arm_from_itself(result):
         deepest = min(deepest, *touching)
     result.measure("deep_mm", -1000.0 * deepest, 0.3)
     hits = result.measure("uniform", np.mean(gaps(states) < 0.0), 0.1)
-    result.statement = "500 postures; paths of RRT-Connect at each shelf, at eight places an edge."
+    result.statement = (
+        "500 configurations; paths of RRT-Connect at each shelf, at eight points per edge."
+    )
     result.statement_holds(hits == 0.0)
     result.correction_holds(hits > 0.1, share["tight"] < 0.5 * hits, share["open"] < 0.5 * hits)

@@ -25,11 +25,11 @@ def _past_disc(radius, method, budget, seed):
 
 
 @claim(
-    "The path of RRT* never gets longer as samples come, and converges to the shortest.",
-    "It does, if the neighbourhood is wide enough for the proof, and slowly: past one disc it is "
-    "{early:.3f} of the shortest after {few:.0f} samples and {late:.4f} after {many:.0f}, medians "
-    "of ten seeds. No cost rose, none came below the shortest, and every node's is its parent's "
-    "and the edge's, to {error:.0e} m.",
+    "The path of RRT* never gets longer as samples are added, and converges to the shortest one.",
+    "The proof needs a radius that does not shrink too fast, and the convergence is slow. Around "
+    "one disc the path is {early:.3f} times the shortest after {few:.0f} samples and {late:.4f} "
+    "times after {many:.0f}, as medians of ten seeds. No cost ever rose, and none fell below the "
+    "shortest.",
     source="Karaman and Frazzoli, Sampling-based algorithms, 2011, theorem 38; a gap in its proof: "
     "Solovey and others, Revisiting the asymptotic optimality of RRT*, ICRA 2020",
 )
@@ -59,9 +59,9 @@ def rrt_star_converges(result):
 
 @claim(
     "Informed RRT* speeds up planning.",
-    "Not to a first path: until then it is RRT*, sample for sample. From there on it draws in the "
-    "ellipse that can shorten the path: past a disc it is {informed:.2%} above the shortest after "
-    "{budget:.0f} samples, RRT* {star:.2%}.",
+    "It does not find a first path sooner: until then it is RRT*, sample for sample. From then on "
+    "it samples only in the ellipse from which the path can be shortened. Around a disc it is "
+    "{informed:.2%} above the shortest path after {budget:.0f} samples, RRT* {star:.2%}.",
     source="Gammell, Srinivasa and Barfoot, Informed RRT*, IROS 2014",
 )
 def informed_rrt_star(result):
@@ -94,8 +94,8 @@ def informed_rrt_star(result):
     unsolved = [pair for pair in zip(*before, strict=True) if not pair[0].solved]
     result.statement_holds(
         all(outside),
-        only_if="a path is known, the shortest has an ellipse below a quarter of the square, "
-        "and a thousand samples or more are drawn",
+        only_if="a path is known, the ellipse of the shortest one covers less than a quarter of "
+        "the square, and at least a thousand samples are taken",
         inside=[b[0].cost < a[0].cost and ellipse(a[1]) < 0.25 for a, b in inside],
         outside=outside,
     )
@@ -107,17 +107,19 @@ def informed_rrt_star(result):
 
 
 @claim(
-    "Once a path is known, Informed RRT* draws in a small part of the world only.",
-    "In the ellipse around both ends from which a path of that length is possible: its area is "
-    "{formula} in the plane, d being the distance of the ends and c the path's length. In a square "
-    "of ten, with ends {d_m:.1f} m apart, that leaves {tight:.0%} of the square for a path "
-    "{near} times as long as d, and {loose:.0%} for one {far} times as long.",
+    "Once a path is known, Informed RRT* samples only in a small part of the world.",
+    "It samples in the ellipse that contains every path of that length between start and goal. "
+    "Its area in the plane is {formula}, where d is the distance between start and goal and c the "
+    "length of the path. In a square of ten, with the two {d_m:.1f} m apart, that is {tight:.0%} "
+    "of the square for a path {near} times as long as d, and {loose:.0%} for one {far} times as "
+    "long.",
     ask=Ask(
-        "Start and goal are a distance d apart, and a path of length c is known. From how "
-        "large an area of the plane can a shorter path come, as far as d and c can tell?",
+        "Start and goal are a distance d apart, and a path of length c is known. What is the area "
+        "of the region of the plane that any shorter path must stay inside, as far as d and c "
+        "can tell?",
         "A = pi*c*sqrt(c^2 - d^2)/4",
         {
-            "pi*c*sqrt(c^2 - d^2)": "Those are the axes; an ellipse's area takes half of each.",
+            "pi*c*sqrt(c^2 - d^2)": "Those are full axes; an ellipse's area takes half of each.",
             "pi*c*d/4": "d is between the foci; it is not the ellipse's width.",
             "pi*c^2/4": "A disc around the middle reaches further than the path's length allows.",
         },
@@ -173,11 +175,12 @@ def _cut(scene, method, kind="partial"):
 
 
 @claim(
-    "Shortcutting, which joins two places of a path by an edge where that is free, never lengthens "
-    "it and never makes it collide.",
-    "So it is in {paths:.0f} paths of five scenes, checked by other code; the edges must be proved "
-    "free, not tried. The variant that straightens one joint and keeps the others must do it over "
-    "arc length: over the number of the waypoint {longer:.0%} of the cuts lengthen the path.",
+    "Shortcutting joins two points of a path with a straight edge if that edge is free. It never "
+    "lengthens the path and never makes it collide.",
+    "This was so for all {paths:.0f} paths tried, in five scenes, verified by other code; the new "
+    "edges have to be checked exactly and not at points. A variant straightens only one joint "
+    "between the two points. It has to interpolate that joint by arc length: by the number of the "
+    "waypoint, {longer:.0%} of the cuts lengthen the path.",
     source="Geraerts and Overmars, Creating high-quality paths for motion planning, 2007",
 )
 def shortcut_never_lengthens(result):
@@ -211,12 +214,12 @@ def shortcut_never_lengthens(result):
 
 
 @claim(
-    "Shortcutting takes 30 to 50 per cent off a path; a planner's path has about 100 waypoints.",
-    "Both belong to the question. Off RRT-Connect's paths it takes {least:.0%} in an empty square "
-    "and {most:.0%} on a four-link arm, off RRT's {rrt_least:.0%} and {rrt_most:.0%}. Edges are "
-    "length over step at least, up to {edges:.1f} times as many in the median of a scene; "
-    "waypoints {discs_points:.0f} among discs, {gap_points:.0f} through a slit, {after_points:.0f}"
-    " and {after_gap:.0f} after.",
+    "Shortcutting makes a path 30 to 50 per cent shorter.",
+    "It depends on the problem. RRT-Connect's paths get {least:.0%} shorter in an empty square "
+    "and {most:.0%} for a four-link arm, RRT's {rrt_least:.0%} and {rrt_most:.0%}. The number of "
+    "edges is at least the length over the step size, and up to {edges:.1f} times that in the "
+    "median of a scene. Among discs the median path has {discs_points:.0f} waypoints and through "
+    "a narrow gap {gap_points:.0f}; after shortcutting, {after_points:.0f} and {after_gap:.0f}.",
 )
 def shortcut_share(result):
     from course.planning import length, scenes
@@ -258,11 +261,12 @@ def shortcut_share(result):
 
 
 @claim(
-    "Optimisers of trajectories, as CHOMP and TrajOpt, can get stuck in local minima.",
-    "Among discs, from {starts:.0f} starts by way of a point each, covariant gradient steps (as "
-    "CHOMP) end in a collision from {chomp:.0%}, sequential convex ones (as TrajOpt) from "
-    "{trajopt:.0%}, half of them at {worse:.1f} times the cost or more of where a planner's path "
-    "ends, which stays free in both: what comes back has to be checked.",
+    "Trajectory optimisers such as CHOMP and TrajOpt can get stuck in local minima.",
+    "Among discs, {starts:.0f} initial guesses led over one via point each. With covariant "
+    "gradient steps, as in CHOMP, {chomp:.0%} of them ended in collision; with sequential convex "
+    "steps, as in TrajOpt, {trajopt:.0%}. Half of those cost at least {worse:.1f} times as much "
+    "as the result that started from a planner's path, which stays free with both. So check what "
+    "an optimiser returns.",
     source="Zucker et al., CHOMP, 2013; Schulman et al., 2014",
 )
 def optimisers_get_stuck(result):
@@ -303,9 +307,10 @@ def optimisers_get_stuck(result):
 
 @claim(
     "TrajOpt minimises jerk under collision constraints.",
-    "As published it minimises the squared steps, length at an even pace. Past a disc its path is "
-    "{shorter:.1%} shorter than a parabola that keeps the same margin and has no jerk at all; its "
-    "own largest third difference is {third_mm:.0f} mm.",
+    "The published version minimises the sum of squared steps between waypoints, which means a "
+    "short path at an even pace. Around a disc its path is {shorter:.1%} shorter than a parabola "
+    "that keeps the same margin. That parabola has no jerk at all; TrajOpt's path has third "
+    "differences of up to {third_mm:.0f} mm.",
     source="Schulman et al., Motion planning with sequential convex optimization, 2014, sec. II",
 )
 def trajopt_minimises_jerk(result):
@@ -322,7 +327,7 @@ def trajopt_minimises_jerk(result):
     result.measure("third_mm", 1000 * third[1], 0.2)
     free = plane(scenes.SQUARE, [[0.5, 0.5, 0.1]])
     steps = sequential_convex(arch, free, margin=margin, points=30).path
-    result.statement = "30 waypoints past a disc of 2 m; then nothing near."
+    result.statement = "30 waypoints around a disc of 2 m; then with no obstacle near."
     result.statement_holds(third[1] <= third[0])
     result.correction_holds(
         third[0] < 1e-12 < 1e-3 < third[1],
@@ -341,10 +346,10 @@ def _turns(path):
 
 @claim(
     "Shortcutting takes the jerks out of an RRT path.",
-    "It takes corners out, {before:.0f} become {after:.1f} among discs, and leaves the rest: the "
-    "sharpest turns {sharp:.0f} degrees before and {kept:.0f} after, and any corner is a stop or "
-    "an infinite acceleration. Three subdivisions towards a B-spline leave {round:.0f}, where no "
-    "obstacle forbids it {bare:.0f}: corners at an obstacle stay.",
+    "It takes out corners: among discs {before:.0f} become {after:.1f}, and the sharpest turn "
+    "goes from {sharp:.0f} to {kept:.0f} degrees. But each corner that is left forces a stop or "
+    "an infinite acceleration. Three subdivisions towards a B-spline leave a turn of {round:.0f} "
+    "degrees, and {bare:.0f} if no obstacle forbids it: corners next to an obstacle stay.",
 )
 def shortcut_leaves_corners(result):
     from course.planning import plane, scenes, smooth, time_parameterise
@@ -374,11 +379,12 @@ def shortcut_leaves_corners(result):
 
 
 @claim(
-    "A motion that keeps its limits at every point of a fine grid keeps them.",
-    "The usual constraint, at the beginning of each interval, leaves its end free: around corners "
-    "in {coarse:.0f} intervals each the acceleration is {over:.0%} above its limit, in {fine:.0f} "
-    "{over_fine:.1%}. With both ends constrained, as it is linear in between, it stays within "
-    "{both:.4f} of the limit at any of {times:.0f} times.",
+    "A motion that respects its limits at every point of a fine grid respects them in between.",
+    "The usual constraint applies at the beginning of each interval and leaves its end free. With "
+    "{coarse:.0f} intervals per rounded corner the acceleration exceeds its limit by {over:.0%}, "
+    "with {fine:.0f} intervals by {over_fine:.1%}. If both ends are constrained, the limit also "
+    "holds in between, because the acceleration is linear there: over {times:.0f} times its "
+    "largest ratio to the limit is {both:.4f}.",
     source="Pham and Pham, A new approach to time-optimal path parameterization (TOPP-RA), 2018",
 )
 def limits_between_grid_points(result):

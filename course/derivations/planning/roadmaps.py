@@ -10,10 +10,11 @@ from course.derivations.planning import runs
 
 
 @claim(
-    "Lazy collision checking tests the edges of the final path only.",
-    "It tests those of every path that it proposes until one is free: among discs {lazy:.0f} edges "
-    "in the median for a path of {path:.0f}, a PRM {eager:.0f}, and through a slit {slit:.0f}. The "
-    "price is a search of the graph for each.",
+    "Lazy collision checking tests only the edges of the final path.",
+    "It checks the edges of every path that the search proposes, until one of these paths is "
+    "free. Among discs that is {lazy:.0f} edges in the median for a final path of {path:.0f}; an "
+    "ordinary roadmap checks {eager:.0f}. Through a narrow gap it is {slit:.0f}. The price is "
+    "another graph search for each proposal.",
     source="Bohlin and Kavraki, Path planning using lazy PRM, ICRA 2000",
 )
 def lazy_tests_the_final_path(result):
@@ -26,12 +27,12 @@ def lazy_tests_the_final_path(result):
     result.measure("path", np.median(final), 0.2)
     result.measure("eager", np.median(eager), 0.15)
     result.measure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
-    result.statement = "40 seeds, ten neighbours a state as in OMPL's PRM; its lazy one has five."
+    result.statement = "40 seeds, ten neighbours per node as in OMPL's PRM; its lazy one has five."
     # Without obstacles the first proposal is free: the condition holds.
     open_ones = runs("empty", "lazy_prm", 40, budget=20_000)
     result.statement_holds(
         all(lazy == final),
-        only_if="the first path proposed is free, as where nothing is in the way",
+        only_if="the first path proposed is free, as it is where nothing is in the way",
         inside=[x.edge_checks == x.path.shape[1] - 1 for x in open_ones],
         outside=(lazy == final).tolist(),
     )
@@ -52,11 +53,11 @@ def _bay_to_bay():
 
 @claim(
     "RRT takes seconds at a cluttered shelf: make the collision checks faster.",
-    "Ask fewer of them. From bay to bay of a shelf, with the same edge check and a step of {short}"
-    " rad, RRT solves {rrt:.0f} of {asked:.0f} queries within {budget:.0f} samples, RRT-Connect "
-    "{connect:.0f}, the median after {middle:.0f}. A longer step does as much: with {long} rad RRT"
-    " solves {rrt_long:.0f}, the median after {middle_rrt:.0f}, RRT-Connect's after "
-    "{middle_long:.0f}.",
+    "First do fewer of them. From one compartment to another, with the same edge check and a step "
+    "size of {short} rad, RRT solves {rrt:.0f} of {asked:.0f} queries within {budget:.0f} "
+    "samples. RRT-Connect solves {connect:.0f}, with a median of {middle:.0f} samples. A longer "
+    "step does as much: with {long} rad RRT solves {rrt_long:.0f}, with a median of "
+    "{middle_rrt:.0f} samples; RRT-Connect needs {middle_long:.0f}.",
 )
 def both_ends_first(result):
     from course.planning import plan
@@ -88,11 +89,12 @@ def both_ends_first(result):
 
 
 @claim(
-    "A cached roadmap answers any query of its world by a search, within a millisecond.",
-    "A search finds no edge from a new start to the roadmap. From bay to bay of a shelf a query "
-    "of the 7-R arm asks {median:.0f} edges in the median, one in ten {tail:.0f} or more. And a "
-    "roadmap knows what it has sampled: of ten with {few:.0f} states {joined:.0f} have a way "
-    "through a slit of {slit:.0%}, with {many:.0f} all.",
+    "A cached roadmap answers any query in its world with a graph search, within a millisecond.",
+    "A graph search does not connect a new start to the roadmap; that takes edge checks. From one "
+    "compartment of a shelf to another, a query of the seven-joint arm needs {median:.0f} edge "
+    "checks in the median, and one query in ten needs {tail:.0f} or more. And a roadmap covers "
+    "only what it has sampled: of ten roadmaps with {few:.0f} samples, {joined:.0f} have a path "
+    "through an opening of {slit:.0%} of a wall; with {many:.0f} samples all do.",
 )
 def cached_roadmap(result):
     from course.planning import build_roadmap, plan, scenes
@@ -116,7 +118,7 @@ def cached_roadmap(result):
     sizes = result.input("few", 100), result.input("many", 2000)
     counts = [sum(joined(size, seed) for seed in range(10)) for size in sizes]
     result.measure("joined", counts[0], 0.4)
-    result.statement = "30 queries; states drawn uniformly, seeds 0 to 9."
+    result.statement = "30 queries; uniform samples, seeds 0 to 9."
     result.statement_holds(np.percentile(requested, 90) == 0 and counts[0] == 10)
     result.correction_holds(
         requested.min() > 0,
@@ -129,11 +131,12 @@ def cached_roadmap(result):
 
 @claim(
     "The bridge test samples near the boundaries of obstacles.",
-    "It keeps the free middle between two blocked states: in a passage, if a bridge spans it. Of "
-    "its states {bridge:.0%} lie in a gap of {gap:.0%} with a spread of {spread} m, {short:.0%} "
-    "with {little} m; of Gaussian ones {gaussian:.0%}, of uniform ones {uniform:.0%}. By one disc "
-    "it finds no second pier, gives up each time and draws uniformly, {far_m:.1f} m from the disc "
-    "in the median; a Gaussian state is {near_m:.2f} m from it.",
+    "It keeps the free midpoint between two colliding configurations: a point in a passage, if "
+    "the bridge is long enough to span it. Of its samples {bridge:.0%} lie in a corridor of "
+    "{gap:.0%} of the wall with a spread of {spread} m, and {short:.0%} with {little} m; of "
+    "Gaussian samples {gaussian:.0%}, of uniform ones {uniform:.0%}. Near a single disc it finds "
+    "no second obstacle to bridge to, gives up each time and samples uniformly, {far_m:.1f} m "
+    "from the disc in the median. A Gaussian sample is {near_m:.2f} m from it.",
     source="Hsu, Jiang, Reif and Sun, The bridge test, ICRA 2003",
 )
 def bridge_test(result):
@@ -180,10 +183,12 @@ def bridge_test(result):
 
 
 @claim(
-    "OMPL plans with RRT-Connect by default, and where solve() says true there is a path.",
-    "Asked itself, OMPL {version} takes {planner} for a goal state in a box of real numbers. And "
-    "true is said of a path that ends near the goal, too: where a wall closes the goal off, its "
-    "RRT says {said} with an end {short:.1f} sides of the square off. Ask for an exact solution.",
+    "OMPL plans with RRT-Connect by default, and if solve() returns true there is a path to the "
+    "goal.",
+    "For a goal state in a box of real numbers, OMPL {version} selects {planner} as its default "
+    "planner. And solve() also returns true for an approximate solution: with the goal walled in, "
+    "its RRT returned {said} for a path that ends {short:.1f} sides of the square away from the "
+    "goal. Ask for an exact solution.",
     source="OMPL, SelfConfig::getDefaultPlanner and PlannerStatus",
 )
 def ompl_defaults(result):
@@ -197,17 +202,19 @@ def ompl_defaults(result):
     result.measure("planner", " or ".join(sorted(chosen)))
     result.measure("said", str(text).lower())
     result.measure("short", short, 0.05)
-    result.statement = "Asked in 2, 3 and 7 dimensions; an RRT of OMPL's with a budget of 200."
+    result.statement = (
+        "OMPL's choice in 2, 3 and 7 dimensions; its RRT with a budget of 200 samples."
+    )
     result.statement_holds(chosen == {"RRTConnect"} and not text)
     result.correction_holds("RRTConnect" not in chosen, text, not exact, short > 0.49)
 
 
 @claim(
     "The configuration space of an arm with six joints has six dimensions.",
-    "One a joint of a chain that is open, {six:.0f} here, whatever the tip's pose has: the 7-R arm"
-    " has {seven:.0f} for a pose of 6. But it is no box: a joint that turns freely comes round, "
-    "and a planner that takes its angles for numbers goes {way_deg:.0f} degrees from {from_deg} to"
-    " {to_deg}.",
+    "An open chain has one dimension per joint, {six:.0f} here. The coordinates of the tip's pose "
+    "don't matter: the seven-joint arm has {seven:.0f} dimensions, although a pose has 6. But the "
+    "space is not simply a box. A joint without limits wraps around, and a planner that takes its "
+    "angle for a plain number turns by {way_deg:.0f} degrees to get from {from_deg} to {to_deg}.",
 )
 def one_dimension_a_joint(result):
     from course import planning
@@ -219,7 +226,7 @@ def one_dimension_a_joint(result):
     ends = result.input("from_deg", 170), result.input("to_deg", -170)
     answer = planning.plan(planning.planar_arm([1.0]), *np.radians([ends]).T)
     result.measure("way_deg", np.degrees(answer.cost))
-    result.statement = "Arms of one to eight links; one joint among nothing."
+    result.statement = "Arms with one to eight links; one joint without obstacles."
     result.statement_holds(dims[5] == 6)
     result.correction_holds(dims == list(range(1, 9)), np.degrees(answer.cost) > 300)
 
@@ -235,13 +242,13 @@ def _tip_world(rng, radius):
 
 
 @claim(
-    "One plans in the space of joints, not of the tip, as the arm has width; or, to be fast, one "
-    "plans the tip's path and solves the IK at each waypoint.",
-    "Width is the easy part. The tip doesn't say where the links are: of postures with a free tip "
-    "{thin:.0%} collide though the links are lines, {thick:.0%} with a radius of {radius_m} m. And "
-    "the IK moves the arm where nobody has asked: of questions that a plan of the joints "
-    "answers and whose straight tip path is free, {one:.0%} can follow that path with one elbow "
-    "only, {neither:.0%} with neither.",
+    "It is enough to plan a path for the tip and to solve the inverse kinematics at each point of "
+    "it.",
+    "A free tip says little about the links. Among random configurations whose tip is free, "
+    "{thin:.0%} collide although the links have no thickness, and {thick:.0%} with links of "
+    "{radius_m} m radius. Take problems that a planner in configuration space solves and whose "
+    "straight tip path is free. In {one:.0%} of them only one of the two elbow solutions can "
+    "follow that path, and in {neither:.0%} neither can.",
 )
 def tip_path_then_ik(result):
     from course.kinematics import planar, tip, two_link_ik
@@ -280,6 +287,6 @@ def tip_path_then_ik(result):
     neither, one = np.all(blocked, axis=1), np.sum(blocked, axis=1) == 1
     result.measure("neither", neither.mean(), 0.3)
     result.measure("one", one.mean(), 0.2)
-    result.statement = "Two links among five random discs; 100 such questions."
+    result.statement = "Two links among five random discs; 100 such problems."
     result.statement_holds(thin == 0.0 and not neither.any())
     result.correction_holds(thin > 0.1, thick < 2 * thin, neither.mean() > 0.01, one.mean() > 0.1)

@@ -11,11 +11,12 @@ GAPS = {"wide": 0.5, "narrow": 0.1, "slit": 0.02}  # share of the wall that is o
 
 
 @claim(
-    "RRT repeats one loop: draw a state, take the nearest node, go a step towards the state, keep "
-    "the new node if the edge to it is free.",
-    "Written out, this loop grows the chapter's trees node by node, {nodes:.0f} nodes in "
-    "{worlds:.0f} worlds of discs. Two things go unsaid: a state nearer than a step is itself the "
-    "new node, so {short:.0%} of the edges are shorter; and the goal needs a free edge of its own.",
+    "RRT repeats one loop: sample a configuration, find the nearest node, take a step towards the "
+    "sample, and keep the new node if the edge to it is free.",
+    "Written in plain Python, this loop grows the same trees as the compiled planner of this "
+    "chapter, {nodes:.0f} nodes in {worlds:.0f} worlds of discs. It omits two details. A sample "
+    "that is closer than a step becomes the new node itself, which is why {short:.0%} of the "
+    "edges are shorter than a step. And the goal needs a free edge of its own.",
     source="LaValle, Rapidly-exploring random trees, 1998",
 )
 def rrt_loop(result):
@@ -45,7 +46,9 @@ def rrt_loop(result):
         edges.append(np.linalg.norm(tree[1:] - tree[parents[1:]], axis=1))
     result.measure("nodes", nodes, 0.02)
     result.measure("short", np.mean(np.concatenate(edges) < 1.0 - 1e-9), 0.05)
-    result.statement = "The loop in plain Python against the compiled planner, with the same draws."
+    result.statement = (
+        "The loop in plain Python against the compiled planner, with the same random numbers."
+    )
     result.statement_holds(all(same))
     result.correction_holds(
         all(same),
@@ -56,10 +59,11 @@ def rrt_loop(result):
 
 @claim(
     "RRT finds a path eventually if there is one.",
-    "So it is proved for open sets: a path must keep some clearance. Eventually is no number: "
-    "through a slit of {slit:.0%} of the wall half the runs take {half:.0f} samples, one in twenty"
-    " {late:.0f} or more. And without a path it never says so: a walled-in goal spends any budget,"
-    " in the same words as {failed:.0%} of the runs through the slit with {budget:.0f} samples.",
+    "The proof needs a path with some clearance. And 'eventually' gives no number: with "
+    "{slit:.0%} of the wall open, half of the runs take {half:.0f} samples or more, and one in "
+    "twenty takes {late:.0f} or more. Without a path RRT never says so. With a walled-in goal it "
+    "uses up any budget and reports the same as {failed:.0%} of the runs that look for that "
+    "opening with {budget:.0f} samples.",
     source="LaValle and Kuffner, Randomized kinodynamic planning, 2001, theorem 3",
 )
 def rrt_complete(result):
@@ -124,11 +128,11 @@ def rrt_complete(result):
     half_square = result.rng.uniform((0.0, 0.0), (4.0, 10.0), (500, 2)).T
     one_sided = [answered(scenes.gap(0.05), 3000, step=0.5, sampler=half_square) for _ in range(4)]
     result.statement = (
-        "300 seeds through the slit; random gaps, steps and biases; a trap, turned walls, an arm."
+        "300 seeds through the gap; random gaps, steps and biases; a trap, turned walls, an arm."
     )
     result.statement_holds(
         solved(1.0, 5000),
-        only_if="a path keeps clear, and targets come from everywhere: a goal bias below 1",
+        only_if="some path has clearance, and samples come from everywhere: a goal bias below 1",
         inside=[solved(bias, 300_000) for bias in result.rng.uniform(0.0, 0.8, 20)] + attacked,
         outside=[solved(1.0, 5000) for _ in range(16)] + by_line + one_sided,
     )
@@ -142,10 +146,11 @@ def rrt_complete(result):
 
 @claim(
     "RRT-Connect is two RRTs, one from the start and one from the goal.",
-    "The second half of the name counts: the other tree goes on towards the new node, step after "
-    "step, until it is there or blocked. Among nothing one sample is enough, in {open:.0f} of "
-    "{questions:.0f} random questions; two RRTs that add an edge each a sample need d / (2 step) "
-    "of them, here {least:.0f}. One sample adds {added:.0f} nodes.",
+    "The second half of its name matters: the other tree continues towards the new node, step "
+    "after step, until it arrives or is blocked. Without obstacles one sample is enough, in "
+    "{open:.0f} of {questions:.0f} random problems. Two RRTs that add one edge each per sample "
+    "need at least d / (2 step) samples, here {least:.0f}. One sample of RRT-Connect adds "
+    "{added:.0f} nodes in the median.",
     source="Kuffner and LaValle, RRT-Connect, ICRA 2000",
 )
 def connect_is_two_rrts(result):
@@ -169,17 +174,19 @@ def connect_is_two_rrts(result):
 
 
 @claim(
-    "Through a gap of 50, 10 and 2 per cent of a wall RRT takes about 80, 2,500 and 60,000 "
+    "Through an opening of 50, 10 and 2 per cent of a wall RRT takes about 80, 2,500 and 60,000 "
     "samples for a path 1.4, 1.8 and 2.5 times the shortest; RRT-Connect 30, 400 and 8,000 for "
     "1.3, 1.5 and 2.0.",
-    "In a square of {side_m:.0f} m with a wall of {wall_m} m and a step of {step_m:.0f} m the "
-    "medians are {rrt_wide:.0f}, {rrt_narrow:.0f} and {rrt_slit:.0f} for RRT, {connect_wide:.0f}, "
-    "{connect_narrow:.0f} and {connect_slit:.0f} for RRT-Connect, with half of RRT's runs in the "
-    "slit from {low:.0f} to {high:.0f}; a step of {short_m} m makes {short_wide:.0f} of the first. "
-    "A gap that is hard to find doesn't bend RRT's path: {rrt_wide_length:.2f}, "
-    "{rrt_narrow_length:.2f} and {rrt_slit_length:.2f} times the shortest, against "
-    "{connect_wide_length:.2f}, {connect_narrow_length:.2f} and {connect_slit_length:.2f}, all of "
-    "it waste: after shortcutting the slit's are within {after:.1%}.",
+    "In a square of {side_m:.0f} m with a wall of {wall_m} m and a step size of {step_m:.0f} m, "
+    "the medians are {rrt_wide:.0f}, {rrt_narrow:.0f} and {rrt_slit:.0f} samples for RRT and "
+    "{connect_wide:.0f}, {connect_narrow:.0f} and {connect_slit:.0f} for RRT-Connect. The middle "
+    "half of RRT's runs through the narrowest opening goes from {low:.0f} to {high:.0f}. A step "
+    "size of {short_m} m turns the first median into {short_wide:.0f}. An opening that is hard to "
+    "find doesn't lengthen RRT's path: {rrt_wide_length:.2f}, {rrt_narrow_length:.2f} and "
+    "{rrt_slit_length:.2f} times the shortest, against {connect_wide_length:.2f}, "
+    "{connect_narrow_length:.2f} and {connect_slit_length:.2f}. Shortcutting removes nearly all "
+    "of the excess: the paths through the narrowest opening are then within {after:.1%} of the "
+    "shortest in the median.",
 )
 def gap_table(result):
     from course.planning import length, scenes, shortcut
@@ -206,7 +213,7 @@ def gap_table(result):
     shorter = result.measure(
         "short_wide", np.median(samples("gap", "rrt", 60, 0.5, wall, step=short)), 0.1
     )
-    result.statement = "300 seeds of each; the shortest path goes around two corners of the gap."
+    result.statement = "300 seeds of each; the shortest path bends around two corners of the gap."
     result.statement_holds(all(0.5 < ratio < 2.0 for ratio in ratios))
     result.correction_holds(
         all(ratio < 0.5 for ratio in ratios),
@@ -219,14 +226,16 @@ def gap_table(result):
 
 
 @claim(
-    "RRT-Connect is 3 to 8 times faster in narrow passages, as each tree finds half of them.",
-    "In samples, means of {seeds:.0f} seeds, it is {wide:.0f} times faster through half a wall, "
-    "{narrow:.1f} times through a tenth and {slit:.1f} times through a slit of a fiftieth; in "
-    "edges checked there {edges:.1f} times. Halves of a passage are not why: through a tenth of "
-    "a wall of {thin_m} m it is {thin:.1f} times faster, of {thick_m} m it is {thick:.1f}. What it "
-    "saves is the way to the passage: {trap:.0f} times in a bug trap, {empty:.0f} in the open. All "
-    "with a step of {step_m:.0f} m; with {long_m:.0f} m one tree sees as far, and in the trap RRT "
-    "takes {trap_long:.0%} of RRT-Connect's samples.",
+    "RRT-Connect is 3 to 8 times faster in narrow passages, because each tree has to find only "
+    "half of the passage.",
+    "Counted in samples, as means of {seeds:.0f} seeds, it is {wide:.0f} times faster if half of "
+    "the wall is open, {narrow:.1f} times with a tenth open, and {slit:.1f} times with a "
+    "fiftieth; there, counted in checked edges, {edges:.1f} times. Halving the passage is not the "
+    "reason: with a tenth open it is {thin:.1f} times faster through a wall of {thin_m} m and "
+    "{thick:.1f} times through one of {thick_m} m. What it saves is the way to the passage: "
+    "{trap:.0f} times in a bug trap, {empty:.0f} times without obstacles. All this is for a step "
+    "size of {step_m:.0f} m. With {long_m:.0f} m a single tree reaches as far, and in the trap "
+    "RRT takes {trap_long:.0%} of RRT-Connect's samples.",
 )
 def connect_in_narrow_passages(result):
     from course.planning import scenes
@@ -270,10 +279,11 @@ def connect_in_narrow_passages(result):
 
 @claim(
     "Raising the goal bias from 5 to 20 per cent helps where passages are narrow.",
-    "It helps where little is in the way: {empty_5:.0f} samples become {empty_20:.0f} in an empty "
-    "square, {tenth_5:.0f} {tenth_20:.0f} where a tenth of a wall is open. Through a slit "
-    "{slit_5:.0f} become {slit_20:.0f}, in a bug trap {trap_5:.0f} {trap_20:.0f}, and at "
-    "{most:.0%} {trap_most:.0f}: what is drawn at the goal is not drawn at the way out.",
+    "It helps where little is in the way. The median falls from {empty_5:.0f} to {empty_20:.0f} "
+    "samples in an empty square, and from {tenth_5:.0f} to {tenth_20:.0f} with a tenth of a wall "
+    "open. With a fiftieth open it rises from {slit_5:.0f} to {slit_20:.0f}. In a bug trap it "
+    "rises from {trap_5:.0f} to {trap_20:.0f}, and at a bias of {most:.0%} to {trap_most:.0f}: "
+    "samples that are spent on the goal are missing at the exit.",
 )
 def goal_bias_in_passages(result):
     largest, middles = result.input("most", 0.5), {}
@@ -310,19 +320,20 @@ def goal_bias_in_passages(result):
 
 @claim(
     "A narrow passage is harder to hit in more dimensions.",
-    "It depends on what is narrow. Two random states, one each side of a thin wall, see each other "
-    "through a slab, open {width:.0%} of one direction, with probability {slab_2:.3f} in 2 "
-    "dimensions and {slab_6:.3f} in 6. Through a tube, w wide in each, they do with about "
-    "w^(n - 1) (2^n - 1)/n: {tube_2:.3f}, {tube_3:.4f} and {tube_4:.5f} in 2, 3 and 4.",
+    "It depends on the directions in which it is narrow. Take two random points, one on each side "
+    "of a thin wall. Through a slab, open over {width:.0%} of one direction, they see each other "
+    "with probability {slab_2:.3f} in 2 dimensions and {slab_6:.3f} in 6. Through a tube, w wide "
+    "in each direction across the wall, they do so with a probability of about w^(n - 1) (2^n - "
+    "1)/n: {tube_2:.3f}, {tube_3:.4f} and {tube_4:.5f} in 2, 3 and 4 dimensions.",
     ask=Ask(
-        "A thin wall cuts a unit cube in the middle. It is open in a square in its middle, w "
-        "by w. With which probability do two random states, one each side, see each other, for "
-        "small w?",
+        "A thin wall cuts a unit cube in half. Its opening is a square in its middle, w by w. "
+        "Choose one random point on each side of the wall. For small w, what is the probability "
+        "that the straight line between them passes through the opening?",
         "P = 7*w^2/3",
         {
-            "w^2": "That is the opening's share. The middle of the wall is crossed more often.",
-            "9*w^2/4": "Both directions share where on the segment the wall lies.",
-            "3*w/2": "That is a slab, or the plane. Both directions have to be met.",
+            "w^2": "That is the opening's share of the wall. But the middle is crossed more often.",
+            "9*w^2/4": "Both directions share the point at which the segment crosses.",
+            "3*w/2": "That is for a slab, or in the plane. Here both directions have to fit.",
         },
     ),
 )
@@ -354,7 +365,7 @@ def passage_in_more_dimensions(result):
     draws = list(zip(result.rng.integers(2, 4, 8), result.rng.uniform(0.1, 0.3, 8), strict=True))
     result.statement_holds(
         slabs[6] < 0.9 * slabs[2],
-        only_if="it is narrow in the directions that come with them: a tube, not a slab",
+        only_if="it is narrow in the added directions as well: a tube, not a slab",
         inside=[observed(k + 1, k, x) < 0.9 * observed(k, k - 1, x) for k, x in draws],
         outside=[observed(k + 1, 1, x) < 0.9 * observed(k, 1, x) for k, x in draws],
     )

@@ -165,7 +165,7 @@ _T, _GAP, _GAPS, _TANGENT, _NORMAL, _FORCES = word(
 _DEPTH, _NORMALS, _TANGENTS, _MODE, _STEP, _MM, _NEWTON, _COMMA = word(
     "depth", "normal force", "tangential force", "contact", "ω h (penalty)", " mm", " N", ", "
 )
-_MODES = word("apart", "sticks", "slips", "pulls", "gone")[0]
+_MODES = word("apart", "sticks", "slips", "pulls", "gone", "creeps")[0]
 _DIRECTION = word("normal")[0]
 _SCENE, _STRIP, _PLANE = (0.3, 5.3, 0.35, 4.45), (6.35, 8.8, 3.1, 4.45), (6.35, 8.8, 0.65, 2.2)
 _VIEW = (-1.6, 1.6, -0.95, 1.674)
@@ -173,10 +173,11 @@ _INKS, _SKINS = (draw.BLUE, draw.ORANGE), (_PALE, _SAND)
 
 
 @register_jitable
-def mode(controls, missing, force):
+def mode(controls, missing, force, regularised):
     """Return which word says what the contact does.
 
-    Apart, sticks, slips, pulls, or the body is gone.
+    Apart, sticks, slips, pulls, or the body is gone. Below its limit, regularised friction sticks
+    only if it is zero; otherwise the body creeps.
     """
     if missing != 0.0:
         return 4
@@ -186,7 +187,9 @@ def mode(controls, missing, force):
     # slip.
     if force[0] == 0.0:
         return 0
-    return 2 if abs(force[1]) > (1.0 - 1e-9) * controls["friction"] * force[0] else 1
+    if abs(force[1]) > (1.0 - 1e-9) * controls["friction"] * force[0]:
+        return 2
+    return 5 if regularised and abs(force[1]) > 1e-6 * force[0] else 1
 
 
 @register_jitable
@@ -254,7 +257,10 @@ def _charts(pen, state, controls):
     top = 15.0
     for k in range(2):
         top = max(top, min(1.3 * state["force"][k, 0], 400.0))
-    draw.area(pen, _PLANE, (-top, top, -0.2 * top, top))
+    low = -0.2 * top  # a pulling damper's force is shown as well
+    for k in range(2):
+        low = min(low, max(1.3 * state["force"][k, 0], -400.0))
+    draw.area(pen, _PLANE, (-top, top, low, top))
     draw.axes(pen, _TANGENT, _NORMAL, _FORCES, 4, 4)
     for side in (-1.0, 1.0):
         draw.segment(pen, 0.0, 0.0, side * controls["friction"] * top, top, draw.INK, 1.4, 0.8)
@@ -285,9 +291,9 @@ def frame(pen, state, controls):
     _, nx, ny = touch(controls, bodies[1, 0], bodies[1, 1])
     _both(pen, _DIRECTION, nx, ny, 2, 0)
     draw.readout(pen, _MODE)
-    draw.words(pen, _MODES + mode(controls, state["gone"][0], force[0]))
+    draw.words(pen, _MODES + mode(controls, state["gone"][0], force[0], True))
     draw.words(pen, _COMMA)
-    draw.words(pen, _MODES + mode(controls, state["gone"][1], force[1]))
+    draw.words(pen, _MODES + mode(controls, state["gone"][1], force[1], False))
     # Natural frequency times step: semi-implicit Euler is unstable above 2 without damping.
     omega = math.sqrt(controls["stiffness"] / MASS)
     draw.reading(pen, _STEP, 1e-3 * controls["timestep"] * omega, 2)
