@@ -27,6 +27,7 @@ WRITTEN = sorted(set(BUILT) & set(CHAPTER))
 REWRITTEN: set[str] = {
     "rigid_body",
     "contact",
+    "platforms",
     "kinematics",
     "planning",
     "control",
