@@ -104,7 +104,7 @@ boxes = {
     "Physics": "semi-implicit Euler\n(physics step)",
 }
 flows = ("position,\ncovariance", "timed path", "torques")
-figure_, axis = plt.subplots(figsize=(9, 1.9), layout="constrained")
+figure_, axis = plt.subplots(figsize=(9, 2.1), layout="constrained")
 for k, (name, does) in enumerate(boxes.items()):
     _ = axis.text(
         1.5 * k,
@@ -122,8 +122,8 @@ for k, (name, does) in enumerate(boxes.items()):
 back = {"arrowstyle": "->", "connectionstyle": "arc3,rad=-0.22", "color": "#c62828"}
 _ = axis.annotate("", (0.0, -0.4), (4.5, -0.4), arrowprops=back)
 label = "the arm moves, the camera looks again; each stage at its own rate"
-_ = axis.text(2.25, -1.05, label, ha="center", color="#c62828", fontsize=9)
-_ = axis.set(xlim=(-0.6, 5.1), ylim=(-1.5, 0.8))
+_ = axis.text(2.25, -1.45, label, ha="center", color="#c62828", fontsize=9)
+_ = axis.set(xlim=(-0.6, 5.1), ylim=(-1.7, 0.8))
 axis.axis("off")
 plt.show()
 
@@ -311,7 +311,7 @@ predict("how_parts_add")
 
 # %% [markdown]
 # The next picture draws the mean errors of three stages tip to tail, for a camera whose bias points ahead of the moving
-# target. Both other errors point back along the motion.
+# target. Both other errors point back along the motion. Arrows that would cover each other are drawn slightly apart.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -434,7 +434,7 @@ promises = (
     ("plan → control", "starts at the arm,\nends at the goal;\nclearance; in time"),
     ("control → physics", "torque is that of\nthe law and\nwithin its limits"),
 )
-figure_, axis = plt.subplots(figsize=(9, 2.4), layout="constrained")
+figure_, axis = plt.subplots(figsize=(9, 2.7), layout="constrained")
 for k, name in enumerate(("Perception", "Planning", "Control", "Physics")):
     box = {"boxstyle": "round", "fc": "#e8eaf6"}
     _ = axis.text(2 * k, 0, name, ha="center", va="center", fontsize=9, bbox=box)
@@ -447,12 +447,12 @@ _ = axis.annotate("", (0.0, -0.25), (6.0, -0.25), arrowprops=back)
 label = (
     "physics → see: joint speeds within limits, energy does not rise unless the motors put it in"
 )
-_ = axis.text(3, -1.0, label, ha="center", fontsize=8, color="#c62828")
+_ = axis.text(3, -1.6, label, ha="center", fontsize=8, color="#c62828")
 label = (
     "every arrow: time stamps not in the future, age within the agreed limit, no message missing"
 )
-_ = axis.text(3, -1.35, label, ha="center", fontsize=8)
-_ = axis.set(xlim=(-0.6, 6.6), ylim=(-1.55, 1.25))
+_ = axis.text(3, -1.95, label, ha="center", fontsize=8)
+_ = axis.set(xlim=(-0.6, 6.6), ylim=(-2.1, 1.25))
 axis.axis("off")
 plt.show()
 

@@ -33,6 +33,7 @@ REWRITTEN: set[str] = {
     "control",
     "learning",
     "pipeline",
+    "middleware",
 }
 AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
