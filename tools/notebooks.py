@@ -142,16 +142,20 @@ def films(text: str) -> dict[str, dict[str, str]]:
 def smaller(png: str) -> str:
     """Return a picture in a palette of 256 colours.
 
-    That is plenty for a chart, and a third of the size.
+    That is plenty for a chart, and a third of the size. An animated picture stays as it is.
 
     Args:
         png: in base64.
     """
     from PIL import Image
 
-    picture = Image.open(io.BytesIO(base64.b64decode(png))).convert("RGB")
+    picture = Image.open(io.BytesIO(base64.b64decode(png)))
+    if getattr(picture, "n_frames", 1) > 1:
+        return png  # saving it as one picture would drop the other frames
     packed = io.BytesIO()
-    picture.quantize(256, dither=Image.Dither.NONE).save(packed, "PNG", optimize=True)
+    picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+        packed, "PNG", optimize=True
+    )
     text = base64.b64encode(packed.getvalue()).decode("ascii")
     return text if len(text) < len(png) else png
 

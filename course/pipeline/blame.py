@@ -162,14 +162,18 @@ def blame(
     replay: Callable[..., Record],
     truth: bool = True,
 ) -> Verdict:
-    """Return which single repair cures a run, else which pair does; nobody where none does.
+    """Find the single stage, or else the pair, whose ideal version makes a failed run succeed.
 
     Args:
-        record: of a run that failed.
-        agreed: for the contracts, whose breakers are tried first; None for none.
-        replay: stages to make ideal -> the record of the same seed. This too is a simulator's
-            privilege: no robot repeats its noise, and none has an ideal camera or arm.
-        truth: as for `contracts`.
+        record: the log of the failed run.
+        agreed: the settings that the contracts are checked against; the stages that broke one
+            are tried first. None: no contracts are checked.
+        replay: maps ideal stages to the record of the same seed. Only a simulator can do that:
+            no robot repeats its noise, and none has an ideal camera or arm.
+        truth: whether the true target is known, as for `contracts`.
+
+    Returns:
+        The stages, how they were found, and the number of replays; no stage if no pair helps.
     """
     broken = [one.stage for one in contracts(record, agreed, truth)] if agreed else []
     # Stages with a broken contract are tried first.

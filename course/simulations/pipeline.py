@@ -491,31 +491,31 @@ def drag(controls, state, x, y):
 
 
 PRESETS = {
-    "All stages": Preset({}, "Seen with noise, planned, tracked, moved. The arrows are what an "
-        "ideal stage would take away. Drag the target while the arm is on its way.",
+    "All stages": Preset({}, "Seen with noise, planned, tracked, moved. Each arrow shows how "
+        "far the tip would move if one stage were ideal. Drag the target while the arm is moving.",
         "Seen with noise, planned, tracked, moved. Each arrow shows how far the tip would move "
         "if one stage were ideal."),
-    "Noise, no filter": Preset({"filtered": False}, "Each picture is believed as it is: the goal "
-        "jumps, the plan is thrown away, and the arm waits for the next. Turn the filter on.",
+    "Noise, no filter": Preset({"filtered": False}, "Every image is believed as it is: the goal "
+        "jumps, the plan is thrown away, and the arm waits for the next plan. Turn the filter on.",
         "Every image is believed as it is: the goal jumps, the plan is thrown away, and the arm "
         "waits for the next plan."),
-    "Planner step to minimum": Preset({"edge": 0.01}, "Thousands of checks at 20 us each: the "
-        "plan runs out of samples or comes late, and the arm waits."),
-    "Kp high, Kd zero": Preset({"kp": 150.0, "kd": 0.0}, "Overshoots and rings at the rate of the "
-        "arm's modes; only the joints' own friction damps."),
-    "Physics step to maximum": Preset({"dt": 20.0}, "The step is beyond the limit of the posture: "
-        "energy comes from nowhere, and only the torques' limits keep the arm, trembling, where it "
-        "is. More damping lowers the limit; a folded arm raises it."),
+    "Planner step to minimum": Preset({"edge": 0.01}, "Thousands of collision checks at 20 us "
+        "each: the plan runs out of samples or comes late, and the arm waits."),
+    "Kp high, Kd zero": Preset({"kp": 150.0, "kd": 0.0}, "The arm overshoots and rings; only the "
+        "friction of its joints damps it."),
+    "Physics step to maximum": Preset({"dt": 20.0}, "The step exceeds the stability limit of the "
+        "posture. The simulation creates energy, and only the torque limits keep the arm from "
+        "flying off. More damping lowers the limit; folding the arm raises it."),
     "Cancelling errors": Preset({"speed": 0.03, "noise": 0.01, "bias": (-0.012, -0.005)},
-        "Bias points ahead, the lag points back: the tip is nearer than either allows. Mend "
-        "perception alone, and it is further away.",
+        "The bias of perception points ahead and the lag points back, so the tip ends closer to "
+        "the target than with either alone. Make only perception ideal: it ends further away.",
         "The bias of perception points ahead and the lag points back, so the tip ends closer to "
         "the target than either error alone would allow."),
     "Stale camera": Preset({"latency": 600.0, "speed": 0.06, "noise": 0.01}, "The estimate is "
-        "where the target was. A better camera does not help; one that is sooner does."),
+        "where the target was. A more accurate camera does not help; a faster one does."),
     "All to extremes": Preset({"noise": 0.2, "filtered": False, "edge": 0.02, "kp": 200.0,
         "kd": 0.0, "dt": 20.0, "latency": 600.0, "speed": 0.1}, "Nothing works, and no single "
-        "stage cures it. Read the contract that broke first, mend that stage, and read again.",
+        "stage cures it. Read the contract that broke first, fix that stage, and read again.",
         "Nothing works, and no single stage cures it. The contract that broke first says which "
         "stage to repair first."),
 }  # fmt: skip

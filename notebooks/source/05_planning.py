@@ -23,9 +23,10 @@ simulation("growing")
 # optimising a trajectory; turn a path into a motion that respects the joint limits; and bring a search of seconds down
 # to milliseconds. **Know first:** the arms of chapter 4. The distances of chapter 2 help.
 #
-# The planner in the simulation connects random points by straight segments. Points are called **nodes**, segments
-# **edges**, and one complete set of such connections that starts at one node a **tree**. Every path on this page is
-# also validated by `check_path`, a separate function that shares no code with the planners.
+# The planner in the simulation connects random points by straight segments. The points are **nodes** and the segments
+# **edges**. A **tree** is a set of nodes in which each node except the first, the root, is connected to one earlier
+# node, its **parent**. Every path on this page is also validated by `check_path`, a separate function that shares no
+# code with the planners.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -321,9 +322,11 @@ plt.show()
 
 # %% [markdown]
 # If you have to use points, enlarge the obstacles first. The middle picture shows why. Two check points are a distance
-# $s$ apart, and the edge passes the centre of a disc of radius $r$ at a distance $h$. The dip below the two points is
-# worst halfway between them, at $s/2$ from each. If the disc is enlarged to the radius $\sqrt{r^2 + s^2/4}$, every edge
-# that touches the original disc has a check point inside the enlarged one.
+# $s$ apart, and the edge passes the centre of a disc of radius $r$ at a distance $h$. If the edge touches the disc,
+# $h \le r$. The point of the edge that is nearest to the centre is at most $s/2$ away from a check point, so that check
+# point is at most $\sqrt{h^2 + s^2/4} \le \sqrt{r^2 + s^2/4}$ away from the centre. Enlarge the disc to this radius,
+# and
+# a check point lies inside it whenever an edge touches the original disc.
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
 # 0.04} = 0.36$ m. So the points cost 6 cm of free space around each post.
@@ -340,8 +343,9 @@ plt.show()
 # the arm can move farther than $g$ during the next stretch of the motion, that stretch is free. Go there, measure
 # again, and repeat.
 #
-# How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$, and let $s$ from 0 to 1 be the
-# share that is done. When joint $i$ turns by $\Delta q_i$, a point at a distance $r$ from that joint moves at most
+# How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$. From here on, $s$ is the share of
+# the edge that is done, from 0 to 1, and no longer a spacing. When joint $i$ turns by $\Delta q_i$, a point at a
+# distance $r$ from that joint moves at most
 # $r\,|\Delta q_i|$. With $r_i$ for the largest such distance, the safe step is
 #
 # $$\boxed{\;\Delta s = \frac{g(q)}{\sum_i r_i\,|\Delta q_i|}\;}$$
@@ -532,7 +536,7 @@ plt.show()
 more_claims("goal_bias_in_passages", "bridge_test")
 
 # %% [markdown]
-# ### RRT*: paths that keep getting better
+# ### Rewiring: paths that keep getting better
 #
 # RRT never revisits a decision. Once a node has a parent, its path from the start stays as crooked as it is. **RRT\***
 # (Karaman and Frazzoli 2011) adds two steps when a node is inserted. *Choose parent*: among all nodes within a certain
@@ -1166,7 +1170,8 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# With the same compiled edge check, the two are close. Part of our lead in the small planar scenes is that OMPL has to
+# With the same compiled edge check, the two are within a factor of about two of each other. Part of our lead in the
+# small planar scenes is that OMPL has to
 # call back into Python for each edge; without these calls, OMPL's own part is the faster one in most of them. For the
 # seven-joint arm nearly all the time is edge checking, and the two are equal. With a collision check in Python,
 # planning is many times slower, and at OMPL's default spacing some of the returned paths are in collision.
@@ -1472,8 +1477,8 @@ check(rrt_star)
 #
 # Check points are a distance $s$ apart on a straight edge, and an obstacle is a disc of radius $r > s/2$. How deep can
 # the edge enter the disc while none of the points is inside? Look at the triangle in section 2: half the spacing, the
-# distance from the centre, and the radius. Enter a formula in `s` and `r`; any equivalent form is accepted. <span
-# class="kernel-only">Replace the text in quotation marks.</span>
+# distance from the centre, and the radius. Enter a formula in `s` and `r`; any equivalent form is accepted.
+# <span class="kernel-only">Replace the text in quotation marks.</span>
 
 # %%
 answer("edge_by_ten_points", "s^2/(8*r)")

@@ -50,6 +50,7 @@ badges(6)
 # %% tags=["hide-code"]
 import inspect
 import math
+import re
 import textwrap
 from dataclasses import replace
 
@@ -157,10 +158,9 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going past it. P alone
-# need
-# not oscillate: like any mass on a spring, the joint does not if its damping is at least critical. For P alone this
-# means $b^2 \ge 4 J K_p$.
+# With these gains P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going
+# past it. A joint under P alone does not always oscillate. Like any mass on a spring, it does not if its damping is at
+# least critical, which for P alone means $b^2 \ge 4 J K_p$.
 #
 # The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
 # friction** (dry friction) is a torque of constant size against the motion, and it can hold a joint at rest away from
@@ -331,7 +331,8 @@ more_claims("p_at_any_gain", "pade_is_enough")
 #
 # How far is a tuned loop from its limit? Cut the loop at the motor, feed in a sine, and compare the torque that comes
 # back with the one that went in. Their ratio is the **open-loop gain**, and the shift of the sine is its **phase lag**.
-# If a sine comes back with the same size and a lag of 180 degrees, the feedback's own minus sign makes it feed itself.
+# If a sine comes back with the same size and a lag of 180 degrees, the minus sign of the feedback turns it into the
+# sine that went in. The oscillation then keeps itself going.
 #
 # * The **gain margin** is the factor by which all gains can be multiplied before the loop becomes unstable.
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
@@ -442,8 +443,8 @@ print("\n".join(rows))
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
-# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. A delay
-# leaves less room where it can rise harmlessly. A common design rule is $M_s \le 2$.
+# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. So decide
+# which frequencies matter for the task, and accept the rise elsewhere. A common design rule limits it to $M_s \le 2$.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
@@ -452,16 +453,17 @@ more_claims("peak_sensitivity_bounds_margins")
 # ### Stable PD gains: damping and the delay of the rate
 #
 # Now leave out friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without
-# units: $K_p\,dt^2/J$ and $K_d\,dt/J$. In the left chart each combination is one point. The stable PD gains lie below
-# a line or curve of the chart. With the exact rate they form a triangle. If $K_d$ is small, the hold makes the loop
-# unstable, as in the worked example. If $K_d$ is large, the damping torque, held for a whole sample, reverses the
-# velocity and makes it larger.
+# units: $K_p\,dt^2/J$ and $K_d\,dt/J$. In the left chart each combination of gains is one point. For each way of
+# getting the rate, the stable gains lie below a line or curve. With the exact rate they form a triangle. If $K_d$ is
+# small, the hold makes the loop unstable, as in the worked example. If $K_d$ is large, the damping torque, held for a
+# whole sample, reverses the velocity and makes it larger.
 #
 # ![Stable gains of PD, and MuJoCo's position servo](../docs/charts/pd_triangles.png)
 
 # %% tags=["hide-code"]
-print("largest stable Kp on the grid of the chart, in J/dt^2:")
-print_figures("pd_triangles", "PD on an inertia")
+print("largest stable Kp on the grid of the chart (exact rate, in theory: 4):")
+for one in stored("pd_triangles")[0].series:
+    print(f"{one.label:<28}{np.nanmax(one.y):6.3f} J/dt^2")
 
 # %% [markdown]
 # A joint rarely measures its rate. It takes the difference of two angles instead, divided by $dt$, which is the rate of
@@ -490,8 +492,12 @@ predict("faster_loop")
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
 
 # %% tags=["hide-code"]
-print("lag, and noise of the rate per noise of the angle, from the fastest to the slowest setting:")
-print_figures("rate_estimates", "difference", "filtered", "tracking")
+print("from the fastest to the slowest setting:")
+for one in stored("rate_estimates")[0].series:
+    print(
+        f"{one.label:<20} lag {1e3 * one.x[0]:4.1f} to {1e3 * one.x[-1]:5.1f} ms, noise "
+        f"{one.y[0]:4.0f} to {one.y[-1]:4.0f} rad/s per rad of the angle"
+    )
 
 # %% [markdown]
 # Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As
@@ -527,8 +533,9 @@ plt.show()
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
 # %% tags=["hide-code"]
-print("The pendulum and its linear model, released at rest:")
-print_figures("saturation_region", "from rest")
+reached = [float(x) for x in re.findall(r"0\.\d{6}", read("saturation_region"))]
+print(f"largest angle from which a pendulum at rest is caught:  {reached[0]:.4f} rad")
+print(f"the same for the linear model of the pendulum:          {reached[2]:.4f} rad")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -567,13 +574,14 @@ show("ziegler_nichols_is_safe")
 
 # %% [markdown]
 # The alternative takes the same three numbers, $J$, $b$ and the delay. With PD and the total delay $D$ of hold,
-# difference and wire, the motions $e^{st}$ of the closed loop, its **poles** $s$, solve
+# difference and communication, the closed loop can move as $e^{st}$ if $s$ solves
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
 #
-# Choose $K_p$ and $K_d$ so that three of the poles are equal and real. The slowest part of the motion then does not
-# oscillate. The second derivative of $(Js^2 + bs)\,e^{sD} + K_p + K_d s$ must be zero, which is a quadratic equation
-# for $s$; the first derivative gives $K_d$, and the equation itself $K_p$:
+# The solutions $s$ are the **poles** of the loop. Choose $K_p$ and $K_d$ so that three of them are equal and real. The
+# slowest part of the motion then does not oscillate. At a triple pole the function $f(s) = (Js^2 + bs)\,e^{sD} + K_p +
+# K_d s$ is zero together with its first two derivatives. The second derivative does not contain the gains, so $f'' = 0$
+# is a quadratic equation for $s$. Then $f' = 0$ gives $K_d$, and $f = 0$ gives $K_p$:
 
 # %% tags=["show-code"]
 late = 0.02
@@ -660,10 +668,10 @@ _ = axis.legend(fontsize=9, ncols=2, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# Both controllers with the full model are a hundred times more accurate. Feedforward assumes that the arm is on its
-# planned motion; after a disturbance, its PD part has to bring the arm back alone. Computed torque uses the state that
-# was measured. To see what this buys, put its torque into the equation of motion. The velocity terms and gravity
-# cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
+# The two controllers with the full model are about a hundred times more accurate than PD with gravity compensation.
+# Feedforward assumes that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back
+# alone. Computed torque uses the state that was measured. To see what this buys, put its torque into the equation of
+# motion. The velocity terms and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
@@ -710,7 +718,8 @@ predict("wrong_inertia")
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
 # The right side is the missing torque, divided by $\hat J$. Each kind of model error leaves its own signature there.
-# The picture shows one joint whose model misses a fifth of the inertia, the viscous friction, or the Coulomb friction:
+# The picture shows one joint. Its true inertia is 20 % larger than in the model, or it has viscous or Coulomb friction
+# that the model lacks:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -911,10 +920,9 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan contains
-# the braking with the limited force. Where no limit becomes
-# active later in the motion, both give the same command, and the work is wasted. The left chart shows how much MPC
-# saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the previous
-# plan:
+# the braking with the limited force. Where no limit becomes active later in the motion, both give the same command, and
+# MPC's computing time is wasted. The left chart shows how much MPC saves for longer horizons. The right one shows its
+# computing time. A **warm start** begins the search at the previous plan:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 
@@ -928,7 +936,7 @@ more_claims("mpc_beats_clipping")
 # **MPPI** (model predictive path integral control, Williams and others 2017) needs only a simulator. At every sample
 # it does three things:
 #
-# 1. Add random noise to the current plan, $K$ times, and simulate each of these plans. A simulated plan is called a
+# 1. Make $n$ copies of the current plan, add random noise to each, and simulate them. A simulated plan is called a
 #    **rollout**.
 # 2. Give each rollout the weight $w_k = e^{-(S_k - S_{\min})/\lambda}$, where $S_k$ is its cost. A small temperature
 #    $\lambda$ trusts the best rollout alone; a large one averages over nearly all of them.
@@ -1091,7 +1099,7 @@ predict("softer_hand")
 #
 # and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
 # example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows both phases
-# for a stiff and a soft controller. The surface has some damping, which lowers the peak a little:
+# for a stiff and a soft controller. The surface has some damping, which lowers the peak:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1183,11 +1191,11 @@ plt.show()
 #
 # ## 4 · Design: contact regimes and loop rates
 #
-# A contact task has four phases, and each suits another controller. The table measures them on one probe of 4 kg
-# with a delay of 2 ms, at a wall of 10 kN/m. *Lowest rate* is the lowest sample rate at which the loop is
-# stable, not a recommendation. For *first peak* the set-point arrives at 0.1 m/s and stops 20 mm inside the wall;
-# the force controller asks for 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm
-# nearer than expected.
+# A contact task passes through four regimes, and each suits another controller. The table measures them on one probe of
+# 4 kg with a delay of 2 ms, at a wall of 10 kN/m. *Lowest rate* is the lowest sample rate at which the loop is stable,
+# not a recommendation. For *first peak* the set-point arrives at 0.1 m/s and stops 20 mm inside the wall; the force
+# controller asks for 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than
+# expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1259,7 +1267,9 @@ plt.show()
 # ## 5 · Code, and the simulation in full
 #
 # The closed loop as a matrix. The state vector contains the plant's state, the commands that are still waiting in the
-# delay, and the controller's state. Each row block of the matrix says how one of them gets its next value:
+# delay, and the controller's state. Each row block of the matrix says how one of them gets its next value. `transition`
+# is the plant's own matrix. `now` and `before` say how the newest command that has arrived and the one before it act
+# within a sample, `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
@@ -1280,7 +1290,8 @@ source(control.pid._update, "error = setpoint - y")
 source(control.computed_torque, "half = 0.5")
 
 # %% [markdown]
-# The heart of MPPI. The lowest cost is subtracted before the exponential, so that the weights cannot all become zero:
+# The heart of MPPI, where `tries` are the noisy plans. The lowest cost is subtracted before the exponential, so that
+# the weights cannot all become zero:
 
 # %% tags=["hide-code"]
 source(control.mppi, "cost = _costs")
@@ -1444,9 +1455,9 @@ plt.show()
 
 # %% [markdown]
 # A is a loop beyond its stability limit, whose torque limit keeps the oscillation constant. B is hunting, with pauses.
-# C is the torque at rest, rattling with the encoder counts. D is windup: the command was at its limit for most of the
-# way. How you tell them apart, and what helps (in B, take the friction's sign from the reference velocity, since the
-# measured one chatters):
+# C is the torque at rest, which rattles with the encoder counts. D is windup: the command was at its limit for most of
+# the step. How you tell them apart, and what helps (in B, take the friction's sign from the reference velocity, since
+# the measured one chatters):
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1558,7 +1569,7 @@ card("hybrid")
 # %%
 def hybrid_torque(J, frame, forced, error, velocity, force, wanted, gains):
     """Return joint torques that control force along some axes of a surface, position along others."""
-    # Impedance along all axes: no force is controlled.
+    # Impedance control along all axes: no force is controlled.
     return np.asarray(J).T @ (gains[0] * np.asarray(error) - gains[1] * np.asarray(velocity))
 
 
@@ -1655,8 +1666,8 @@ answer("pd_sample_late", "V")
 # with reinforcement learning, the subject of chapter 9. Most of the benefit comes from starting with a controller that
 # already works. You will often read that it "converges much faster". That depends on the model it starts from.
 #
-# Before the picture: the correction learns the missing torque as a function of angles, rates and accelerations, from
-# motions it has seen.
+# In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. Its
+# data come from the motions that the arm has made.
 
 # %%
 predict("taught_elsewhere")
@@ -1709,7 +1720,8 @@ for price in (1e-4, 1.0):
         result = control.mppi(in_mujoco, plan, rng, spread=4.0, temperature=0.05, limit=20.0)
         q, v = control.rollouts(arm, result.plan[None, :1], 0.02, state)
         state, plan = (q[-1, :, 0], v[-1, :, 0]), control.sampling.shifted(result.plan)
-    print(f"price of torque {price:g}: the upper arm is up: {np.sin(state[0][0]) > 0.5}")
+    raised = np.sin(state[0][0]) > 0.5
+    print(f"price of torque {price:g}: the upper arm {'is up' if raised else 'is no longer up'}")
 
 # %% [markdown]
 # ## 10 · Interview

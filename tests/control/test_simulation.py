@@ -66,9 +66,9 @@ def test_the_run_and_its_numbers_are_the_chapters(preset):
 def test_a_delay_margin_is_the_delay_at_which_it_grows():
     """With whole samples of delay the frequency response has it to rounding."""
     at = {"kp": 40.0, "ki": 0.0, "kd": 2.0, "dt": 5.0}
-    margin = 1e3 * outcome("As it comes", **at)[6]
-    assert outcome("As it comes", **at, delay=5.0 * math.floor(margin / 5.0))[3] < 1.0
-    assert outcome("As it comes", **at, delay=5.0 * math.ceil(margin / 5.0))[3] > 1.0
+    margin = 1e3 * outcome("Default", **at)[6]
+    assert outcome("Default", **at, delay=5.0 * math.floor(margin / 5.0))[3] < 1.0
+    assert outcome("Default", **at, delay=5.0 * math.ceil(margin / 5.0))[3] > 1.0
 
 
 def test_the_presets_of_the_joint_show_what_they_say():
@@ -77,7 +77,7 @@ def test_the_presets_of_the_joint_show_what_they_say():
     assert 1.0 < near < 1.03 and outcome("PD at its limit", kd=19.5 * near + 0.1)[3] > 1.0
     jam = outcome("A jam"), outcome("A jam", conditional=True)
     assert jam[0][0] > 0.5 > 0.2 > jam[1][0]
-    kick = chosen(joint.MODEL, "Derivative kick"), chosen(joint.MODEL, "As it comes")
+    kick = chosen(joint.MODEL, "Derivative kick"), chosen(joint.MODEL, "Default")
     assert [float(np.max(e.state["run"][1])) for e in kick] == [50.0, 20.002]
     assert kick[0].state["report"][3] == kick[1].state["report"][3]
     assert abs(outcome("Dry friction")[2] - 1.0 / 20.0) < 1e-4

@@ -28,10 +28,13 @@ REWRITTEN: set[str] = {
     "role",
     "rigid_body",
     "contact",
+    "platforms",
     "kinematics",
     "planning",
     "control",
     "learning",
+    "pipeline",
+    "middleware",
 }
 AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {

@@ -222,3 +222,13 @@ def test_a_picture_is_kept_in_few_colours_and_stays_the_same_picture() -> None:
         int
     )
     assert retained.shape == blurred.shape and np.abs(retained - blurred).mean() < 8
+
+
+def test_an_animated_picture_retains_all_its_frames() -> None:
+    rng = np.random.default_rng(0)
+    frames = [Image.fromarray(rng.integers(0, 255, (9, 9, 3), dtype=np.uint8)) for _ in range(3)]
+    raw = io.BytesIO()
+    frames[0].save(raw, "PNG", save_all=True, append_images=frames[1:], duration=50, loop=0)
+    png = base64.b64encode(raw.getvalue()).decode()
+    built = Image.open(io.BytesIO(base64.b64decode(notebooks.smaller(png))))
+    assert built.n_frames == 3

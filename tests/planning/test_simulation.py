@@ -90,7 +90,7 @@ def test_a_path_is_one_unless_edges_are_not_tested_exactly(preset, method):
         shown = now.picture().numbers
         assert state["became"] == SOLVED and not right(now)
         edges = [check_path(world(now), path(now)[:, k : k + 2]) for k in range(path(now).shape[1])]
-        assert int(shown["edges of it that hit"]) == sum(not edge for edge in edges) > 0
+        assert int(shown["path edges in collision"]) == sum(not edge for edge in edges) > 0
         now.set(check=0)
         now.advance(10.0)
         assert now.state["became"] != SOLVED
@@ -179,7 +179,7 @@ def test_pieces_are_placed_moved_resized_and_taken_away():
     assert now.state["became"] == BLOCKED
     now.grab(*PLAN)
     assert now.state["counts"][SAMPLES] == 0
-    assert now.picture().numbers["question"] == "start or goal in collision"
+    assert now.picture().numbers["status"] == "start or goal in collision"
     now.drag(*at(1.0, 1.0))  # a button is no handle
     assert now.state["became"] == BLOCKED
     for _ in range(PIECES + 3):  # no more than there is room for

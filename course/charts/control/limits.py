@@ -67,7 +67,7 @@ def delay_limit(
     system = sampled.joint_system(J, B)
     exact = [sampled.ultimate_gain(*system, DT, D)[0] for D in late]
     panel = Panel(
-        "Every late millisecond costs gain", "delay [s]", "largest kp [N m/rad]", scale="log"
+        "Every millisecond of delay costs gain", "delay [s]", "largest kp [N m/rad]", scale="log"
     )
 
     def theory(D: float) -> float:
@@ -92,7 +92,7 @@ def delay_limit(
 
     panel = Panel(
         "A simulator's own steps hide the hold",
-        "steps in a sample",
+        "physics steps per sample",
         "largest kp [N m/rad]",
         scale="log",
         ticks=steps,
@@ -300,7 +300,7 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
     good = caught(theta[None, :], speed[:, None], share)
     panel = Panel(
         "Where a weak motor catches a pendulum: purple",
-        "from upright [rad]",
+        "angle from upright [rad]",
         "speed [sqrt(g/l)]",
         grid=stability.Map(theta, speed, np.where(good, 0.5, 2.0), quantity="0.5 caught, 2 not"),
     )
@@ -356,8 +356,8 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
     result = [ripple(t) for t in taus]
     share = max(f / bound(t) for f, t in zip(result, taus, strict=True))
     panel = Panel(
-        "An encoder's line shakes the torque",
-        "filter of the rate [s]",
+        "An encoder count shakes the torque",
+        "time constant of the rate filter [s]",
         "ripple of the command [N m]",
         scale="log",
         theory="2 (kd/(tau + dt) + kp) line",
@@ -377,7 +377,7 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
     panel = Panel(
         "Static friction makes an integral hunt",
         "static over Coulomb friction",
-        "swing about the target [mrad]",
+        "oscillation about the target [mrad]",
     )
     ratios = np.linspace(1.0, 3.0, points)
 

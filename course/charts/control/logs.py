@@ -144,7 +144,10 @@ def what_a_log_tells(
     yield panel
 
     panel = Panel(
-        "One of seven causes", "noise of the angle [rad]", "share named alone", scale="log x"
+        "Is the true cause the only one named?",
+        "noise of the angle [rad]",
+        "share of logs",
+        scale="log x",
     )
     cases = [(cause, *changed(rng, cause)) for cause in CAUSES for _ in range(causes)]
     named: dict[str, list[float]] = {cause: [] for cause in CAUSES}

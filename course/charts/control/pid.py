@@ -159,7 +159,7 @@ def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
         for x in few
     ]
     panel = Panel(
-        "A slower loop stands less gain",
+        "A slower loop allows less gain",
         "sample time [s]",
         "factor on all gains",
         grid=result,

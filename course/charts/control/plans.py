@@ -71,7 +71,7 @@ def mpc_where(
     far = np.geomspace(0.01, 10.0, points)
     clipped = [cost(np.array([x, 0.0])) for x in far]
     panel = Panel(
-        "Where the limit binds both ways, a plan pays",
+        "MPC saves most where the limit is active in both directions",
         "distance [m]",
         "cost of the clipped regulator over MPC's",
         scale="log x",
@@ -105,8 +105,8 @@ def mpc_where(
     timed = interleaved([calls(run, clock=clock) for run in runs.values()], repeats=repeats)
     spent = {name: 1e6 * result.median for name, result in zip(runs, timed, strict=True)}
     panel = Panel(
-        "What a command costs",
-        "samples ahead",
+        "Computing time per command",
+        "horizon [samples]",
         "time of a command [us]",
         scale="log",
         ticks=samples,
@@ -181,8 +181,8 @@ def swing_up(
         seeds: runs of a point.
     """
     for title, words, values, fixed in (
-        ("More tries", "tries a plan", samples, {"ahead": 20}),
-        ("Further ahead", "samples of the horizon", ahead, {"samples": 64}),
+        ("More rollouts", "rollouts per plan", samples, {"ahead": 20}),
+        ("Longer horizon", "horizon [samples]", ahead, {"samples": 64}),
     ):
         name = "ahead" if "samples" in fixed else "samples"
         won = [
@@ -190,7 +190,7 @@ def swing_up(
         ]
         low, high = wilson(won, seeds)
         share = np.array(won) / seeds
-        with_what = ", ".join(f"{n} {k}" for k, n in fixed.items()).replace("samples", "tries")
+        with_what = ", ".join(f"{n} {k}" for k, n in fixed.items()).replace("samples", "rollouts")
         row = ", ".join(f"{n}: {s:.0%}" for n, s in zip(values, share, strict=True))
         yield Panel(
             f"{title} ({with_what})",
@@ -258,7 +258,7 @@ def control_speed(
             + ", ".join(f"{name} {r}" for name, r in zip(rivals, ratios, strict=True))
         )
     panel = Panel(
-        "Rollouts of two links", "plans at a time", "samples a second", scale="log", ticks=plans
+        "Rollouts of two links", "plans at a time", "samples per second", scale="log", ticks=plans
     )
     panel.series = [Series(name, plans, y, name) for name, y in rates.items()]
     panel.notes = [*notes, f"largest difference {deviation:.0e} rad"]

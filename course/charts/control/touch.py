@@ -147,7 +147,7 @@ def touching(points: int = 13) -> Iterator[Panel]:
     yield panel
 
     panel = Panel(
-        "Damping by the law lifts stiffness, delay takes it",
+        "Active damping raises the limit, delay lowers it",
         "wall [N/m]",
         "largest stiffness [N/m]",
         scale="log",
@@ -177,9 +177,9 @@ def touching(points: int = 13) -> Iterator[Panel]:
     yield panel
 
     panel = Panel(
-        "Admittance: the stiffer the wall, the heavier",
+        "Admittance: a stiffer wall needs more virtual mass",
         "wall [N/m]",
-        "least virtual mass [kg]",
+        "smallest virtual mass [kg]",
         scale="log",
     )
     light = [lightest(k) for k in walls]
@@ -391,8 +391,8 @@ def contact_regimes(points: int = 9) -> Iterator[Panel]:
     """
     stiffness = np.geomspace(50.0, 2e4, points)
     panel = Panel(
-        "The first peak is the mass's and the wall's, until the law is as stiff",
-        "stiffness of the law [N/m]",
+        "The first peak depends on mass and wall, until the controller is as stiff",
+        "stiffness of the controller [N/m]",
         "first peak of the force [N]",
         scale="log",
     )

@@ -272,7 +272,7 @@ def tracking_laws(
     for words, model in (("right", ARM), ("wrong", WRONG)):
         panel = Panel(
             f"The model {words}",
-            "samples a second",
+            "samples per second",
             "largest error [rad]",
             scale="log",
             ticks=rates,
@@ -323,7 +323,7 @@ def _costs(
             spent.setdefault(name, []).append(result.median / length[name])
     panel = Panel(
         "What it costs, the model right",
-        "computing time for a second [s]",
+        "computing time per second of motion [s]",
         "largest error [rad]",
         scale="log",
         lines=[("x", 1.0, "real time")],

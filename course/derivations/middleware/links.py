@@ -30,19 +30,20 @@ def lossy(reliability, packets, loss, messages, rate=float("inf")):
 
 
 @claim(
-    "A link that loses one packet in a thousand loses one picture in a thousand.",
-    "A picture is lost with any of its packets. Of {n:.0f} packets, as VGA colour has, "
-    "{lost:.0%} of the pictures were lost at {p:.1%}, of {twelve:.0f} packets {few:.1%}, which is "
-    "{formula}: if each is lost for itself. Packets that are lost in a row hit fewer pictures.",
+    "A link that loses one packet in a thousand loses one image in a thousand.",
+    "An image is lost if any of its packets is lost. If each packet is lost independently, a "
+    "message of {twelve:.0f} packets is lost with probability {formula}. At {p:.1%} packet loss, "
+    "{lost:.0%} of the images with {n:.0f} packets (VGA colour) were lost, and {few:.1%} of the "
+    "messages with {twelve:.0f}. Losses that come in bursts hit fewer images.",
     ask=(
-        "Each packet is lost with the probability p, for itself, and none is sent again. With "
-        "which probability is a message of 12 packets lost?",
+        "Each packet is lost with probability p, independently, and none is sent again. With which "
+        "probability is a message of 12 packets lost?",
         "1 - (1 - p)^12",
         {
             "p": "That is one packet.",
-            "12*p": "Close where it is small; two lost packets lose one message.",
-            "p^12": "That is all of them lost.",
-            "(1 - p)^12": "That is the message that comes through.",
+            "12*p": "This is close if p is small. But two lost packets lose only one message.",
+            "p^12": "That is the probability that all of them are lost.",
+            "(1 - p)^12": "That is the probability that the message arrives.",
         },
     ),
 )
@@ -97,22 +98,23 @@ def forgets(packets, loss, messages=1000):
 
 
 @claim(
-    "Reliable on a lossy link sends the picture again and again.",
-    "Only what is missing, as long as the writer keeps it: {formula} packets in all, where these "
-    "are what DDS numbers; of a datagram that IP has split, all goes again. A picture of "
-    "{n:.0f} packets on a link that loses {p:.1%} took {more:.2%} more packets and {rounds:.2f} "
-    "rounds in the mean; sent anew as a whole until all is there it would take {whole:.2f} times "
-    "all. The price is age, as each round is a way back and forth; a writer of depth 1, asked when "
-    "the next picture is out, sent nothing again.",
+    "Reliable delivery on a lossy link sends the whole image again and again.",
+    "It sends only the packets that are missing, as long as the writer stores them: {formula} "
+    "packets in all on average. An image of {n:.0f} packets on a link that loses {p:.1%} took "
+    "{more:.2%} more packets and {rounds:.2f} rounds. Sending the whole image again until one copy "
+    "is complete would take {whole:.2f} times all packets. The real price is age, as each further "
+    "round is a trip there and back. And a writer of depth 1 that was asked after the next image "
+    "was out sent nothing again. (If IP splits one DDS packet into pieces, a lost piece costs that "
+    "whole packet.)",
     ask=(
-        "A message of n packets, each lost with the probability p each time. Only those that are "
-        "lost are sent again, until all are there. How many packets are sent, in the mean?",
+        "A message has n packets, and each transmission is lost with probability p. Only the lost "
+        "packets are sent again, until all have arrived. How many packets are sent on average?",
         "n/(1 - p)",
         {
-            "n*(1 + p)": "Of those sent again some are lost again.",
+            "n*(1 + p)": "Some of the packets that are sent again are lost again.",
             "n": "That is without losses.",
-            "n/p": "A quiet link sends few.",
-            "n/(1 - p)^2": "The way there counts once.",
+            "n/p": "A link with little loss needs few packets.",
+            "n/(1 - p)^2": "Each packet needs only the trip to the reader to succeed.",
         },
     ),
 )
@@ -151,19 +153,20 @@ def reliable_resends_all(result):
 
 
 @claim(
-    "One camera at 720p and 30 Hz, colour and depth, goes through gigabit Ethernet.",
-    "Not as it is: {formula} is {camera:.0f} MB/s, and the cable carries {cable:.0f} at the most. "
-    "Where all wait for it and none is thrown away, pictures get older by {slope_ms:.0f} ms with "
-    "each second of recording. VGA colour is {vga:.1f} MB/s, in {packets:.0f} packets a picture.",
+    "One camera at 720p and 30 Hz, with colour and depth, fits through gigabit Ethernet.",
+    "Uncompressed it does not. It needs {formula}, which is {camera:.0f} MB/s, and the cable "
+    "carries at most {cable:.0f} MB/s. If nothing is dropped, the queue grows and the images get "
+    "older by {slope_ms:.0f} ms with each second. VGA colour needs {vga:.1f} MB/s, in "
+    "{packets:.0f} packets per image.",
     ask=(
-        "A camera gives f pictures a second, w by h pixels of c bytes each, as they are. How many "
-        "bytes a second?",
+        "A camera sends f uncompressed images per second, of w by h pixels with c bytes each. How "
+        "many bytes per second is that?",
         "B, rate = w*h*c*f",
         {
             "8*w*h*c*f": "That is bits.",
             "w*h*f": "A pixel has more than one byte.",
-            "w*h*c/f": "More pictures are more bytes.",
-            "(w + h)*c*f": "Rows times columns.",
+            "w*h*c/f": "More images per second are more bytes.",
+            "(w + h)*c*f": "The number of pixels is rows times columns.",
         },
     ),
 )
@@ -213,12 +216,12 @@ def gigabit_is_enough(result):
 
 
 @claim(
-    "A small command waits behind a large picture on the same wire.",
-    "It does, whatever the reliability, where the picture is sent at once and what comes first "
-    "goes first: at {mb_s:.0f} MB/s one of {mb:.1f} MB keeps the wire for {keeps_ms:.1f} ms, and "
-    "commands at {hz:.0f} Hz waited up to {waited_ms:.1f} ms. On wires of their own they waited "
-    "{alone_ms:.3f} ms, and beside a writer that spreads its packets over {spread_ms:.0f} ms "
-    "{paced_ms:.3f} ms.",
+    "A small command waits behind a large image on the same wire.",
+    "That is so with both reliabilities, if the image is sent in one burst and the wire carries "
+    "packets in the order of their arrival. At {mb_s:.0f} MB/s, an image of {mb:.1f} MB occupies "
+    "the wire for {keeps_ms:.1f} ms, and commands at {hz:.0f} Hz waited up to {waited_ms:.1f} ms. "
+    "On a wire of their own they waited {alone_ms:.3f} ms. If the writer spreads the image's "
+    "packets over {spread_ms:.0f} ms, they waited {paced_ms:.3f} ms.",
 )
 def command_waits_for_picture(result):
     from course.middleware.bus import Bus, Link
@@ -290,13 +293,13 @@ def newest(reliability, loss, repair, seconds=5.0):
 
 
 @claim(
-    "On a link with losses, joint states for a control loop need a reliable topic.",
-    "A lost state is replaced by the next, which under reliable waits until the lost one has come "
-    "again. With {loss:.0%} lost and {slow_ms:.0f} ms to repair, a thousand states a second were "
-    "{best_ms:.2f} ms old in the mean with best effort and {sure_ms:.2f} with reliable, their "
-    "worst hundredth {best_tail:.1f} and {sure_tail:.1f} ms; with {quick_ms:.1f} ms to repair "
-    "reliable makes it {quick:.2f} ms. What is said once, a goal or a change of mode, needs "
-    "reliable.",
+    "On a lossy link, joint states for a control loop need a reliable topic.",
+    "A lost state is replaced by the next one. With reliable delivery the next one waits until the "
+    "lost one has been sent again. With {loss:.0%} loss, {slow_ms:.0f} ms for a repair and a "
+    "thousand states a second, the mean age was {best_ms:.2f} ms with best effort and "
+    "{sure_ms:.2f} ms with reliable; the oldest hundredth was {best_tail:.1f} and {sure_tail:.1f} "
+    "ms old. With {quick_ms:.1f} ms for a repair, reliable was better, at {quick:.2f} ms. A "
+    "message that is sent once, such as a goal or a change of mode, needs reliable.",
 )
 def joint_states_reliable(result):
     loss, kinds = result.input("loss", 0.1), ("best_effort", "reliable")
@@ -320,7 +323,7 @@ def joint_states_reliable(result):
     result.statement = "Joint states on the bus, 5 s each, looked at in all phases."
     result.statement_holds(
         bool(sure.mean() < best.mean()),
-        only_if="what was lost is there again before the next state",
+        only_if="a lost state arrives again before the next state is due",
         inside=[fresher(*x) for x in within],
         outside=[fresher(*x) for x in after],
     )
@@ -334,11 +337,11 @@ def joint_states_reliable(result):
 
 @claim(
     "Topics are many-to-many.",
-    "They are: {writers:.0f} writers and {readers:.0f} readers made {all:.0f} deliveries of one "
-    "sample each. That includes what nobody wants: of two controllers on one command topic both "
-    "are obeyed, the drive changed hands {changes:.0f} times in {turns:.0f} samples, and no end "
-    "was told that anything is wrong. DDS can make a topic exclusive, where the stronger one "
-    "alone is obeyed; ROS 2's profiles have no word for that.",
+    "They are: {writers:.0f} writers and {readers:.0f} readers made {all:.0f} deliveries when each "
+    "writer sent one message. This also allows a mistake. Two controllers that publish on one "
+    "command topic are both obeyed: the drive switched between them {changes:.0f} times in "
+    "{turns:.0f} messages, and no event was raised. DDS can make a topic exclusive, so that only "
+    "the stronger writer is obeyed; ROS 2's profiles do not offer that.",
 )
 def topics_many_to_many(result):
     from course.middleware.qos import QoS
@@ -408,13 +411,13 @@ def answered(work, busy=0.0, phase=0.0, clients=1):
 
 
 @claim(
-    "A topic takes a millisecond, a service five, and it is one-to-one.",
-    "None has a time of its own. On DDS a service is two topics and a callback that waits: "
-    "the same one of {work_ms:.0f} ms answered after {least_ms:.0f} to {most_ms:.0f} ms, as "
-    "another callback of its server ran. And it is many-to-one: {clients:.0f} clients that asked "
-    "at once each got their own answer, the last after {last_ms:.0f} ms. But requests wait in a "
-    "queue of depth {depth:.0f}: of {many:.0f} at once {heard:.0f} were answered, and the others "
-    "wait for ever.",
+    "A topic takes one millisecond and a service five, and a service is one-to-one.",
+    "None of these has a fixed latency. On DDS a service is a request topic, a reply topic and a "
+    "callback. A service with {work_ms:.0f} ms of work answered after {least_ms:.0f} to "
+    "{most_ms:.0f} ms, depending on whether another callback occupied its server. It is also "
+    "many-to-one: {clients:.0f} clients that called at the same time each got their own reply, the "
+    "last after {last_ms:.0f} ms. But requests wait in a queue of depth {depth:.0f}: of {many:.0f} "
+    "simultaneous requests {heard:.0f} were answered, and the others wait forever.",
 )
 def service_takes_five(result):
     from course.middleware.qos import QoS

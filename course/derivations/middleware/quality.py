@@ -36,10 +36,11 @@ def through(offered, requested, link, messages=2000, apart=1e-3):
 
 
 @claim(
-    "Where one end is reliable and the other is best-effort, the two don't hear each other.",
-    "Only one way round: of the four pairs {silent:.0f} is silent, a best-effort writer with a "
-    "reader that asks for reliable. A reliable writer serves a best-effort reader, as best "
-    "effort: on a link that loses {loss:.0%} nothing was sent again and {lost:.0%} was missing.",
+    "If one end is reliable and the other is best effort, the two do not connect.",
+    "Of the four pairs only {silent:.0f} is silent: a best-effort writer with a reader that "
+    "requests reliable. A reliable writer and a best-effort reader connect, without "
+    "retransmission. On a link that loses {loss:.0%}, nothing was sent again and {lost:.0%} of the "
+    "messages were missing.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.14",
 )
 def reliability_both_ways(result):
@@ -74,10 +75,11 @@ def reliability_both_ways(result):
 
 
 @claim(
-    "Messages that come late are a sign of a mismatch in quality of service.",
-    "A mismatch makes silence: of {sent:.0f} samples {came:.0f} came, and both ends were told that "
-    "they don't fit and that {policy} fails. What is late, waited in a queue, on a link or for an "
-    "executor, or bears the stamp of another clock.",
+    "Messages that arrive late are a sign of incompatible quality of service.",
+    "Incompatible settings stop the messages altogether: of {sent:.0f} messages {came:.0f} "
+    "arrived. Both ends received an event that names the incompatible policy, {policy}. Late "
+    "messages waited in a queue, on the link or for an executor, or were stamped with a clock that "
+    "is not synchronised.",
 )
 def mismatch_is_late(result):
     from course.middleware.bus import Link
@@ -125,10 +127,10 @@ def drawn(rng, least=None):
 
 
 @claim(
-    "A writer that offers more than a reader asks for is heard.",
-    "So it is, in each of the {ordered:.0f} policies here that have an order: all {tried:.0f} "
-    "drawn pairs. Of times the shorter is the stronger offer. Ownership has no order, and what is "
-    "kept and how long is no part of it.",
+    "A writer that offers more than a reader requests is connected to it.",
+    "That is so in each of the {ordered:.0f} ranked policies here: all {tried:.0f} random pairs "
+    "connected. For times, the shorter one is the stronger offer. Ownership (a DDS policy that ROS "
+    "2 does not use) has no ranking. History, depth and lifespan are not compared at all.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3",
 )
 def stronger_offer(result):
@@ -158,10 +160,11 @@ def stronger_offer(result):
 
 
 @claim(
-    "A volatile writer and a transient-local reader: only what came before is missing.",
-    "All is missing: volatile is the weaker offer and the pair is silent, of {sent:.0f} samples "
-    "that were written while both were there {came:.0f} came. The other way round all {back:.0f} "
-    "came.",
+    "With a volatile writer and a transient-local reader, only the messages from before are "
+    "missing.",
+    "Everything is missing. Volatile is the weaker offer, so the two do not connect: of {sent:.0f} "
+    "messages that were written while both were running, {came:.0f} arrived. With the two policies "
+    "swapped, all {back:.0f} arrived.",
 )
 def volatile_is_no_past(result):
     from course.middleware.qos import QoS, compatible
@@ -176,10 +179,10 @@ def volatile_is_no_past(result):
 
 
 @claim(
-    "A writer with a deadline is heard by a reader that asks for one.",
-    "A deadline promises the longest time between two samples, so the shorter is the stronger "
-    "offer. No deadline is an infinite one: it met {met:.0f} of {asked:.0f} requests for a "
-    "finite one. The lease of liveliness is compared in the same way.",
+    "A writer with a deadline is connected to a reader that requests one.",
+    "A deadline promises the longest time between two messages, so the shorter one is the stronger "
+    "offer. Having no deadline counts as an infinite one: it satisfied {met:.0f} of {asked:.0f} "
+    "requests for a finite deadline. The lease of liveliness is compared in the same way.",
 )
 def deadline_for_deadline(result):
     from course.middleware.qos import QoS
@@ -204,7 +207,7 @@ def deadline_for_deadline(result):
     result.statement = "Deadlines and leases by chance on Cyclone DDS."
     result.statement_holds(
         all(outside),
-        only_if="the writer's is at most as long as the reader's",
+        only_if="the writer's deadline is at most as long as the reader's",
         inside=inside,
         outside=outside,
     )
@@ -214,9 +217,10 @@ def deadline_for_deadline(result):
 
 
 @claim(
-    "The event of a pair that doesn't match names the policies that fail.",
-    "Of {failing:.0f} that failed Cyclone DDS named {named:.0f}, the same at both ends. Who mends "
-    "it meets the next; comparing the two profiles names all.",
+    "The event about incompatible settings names all policies that fail.",
+    "When {failing:.0f} policies were incompatible, Cyclone DDS named {named:.0f}, the same one at "
+    "both ends. If you fix that one, the next one appears. Comparing the two profiles shows all of "
+    "them.",
 )
 def event_names_all(result):
     from course.middleware.qos import QoS, compatible
@@ -240,11 +244,12 @@ def event_names_all(result):
 
 
 @claim(
-    "On a reliable topic every sample arrives.",
-    "Reliable means that what the network loses is sent again, as long as the writer has it. Of "
-    "{burst:.0f} samples at once depth {depth:.0f} keeps {kept:.0f}, reliable or not. On a link "
-    "that loses {loss:.0%} a reliable writer of depth 1 lost {gone:.0%} where asking again took "
-    "longer than its period, and none where it was quicker; one that keeps all lost none.",
+    "On a reliable topic every message arrives.",
+    "Reliable means that messages which the network loses are sent again, as long as the writer "
+    "stores them. It does not protect a queue: of {burst:.0f} messages at once, a depth of "
+    "{depth:.0f} kept {kept:.0f}, with either reliability. On a link that loses {loss:.0%}, a "
+    "reliable writer of depth 1 lost {gone:.0%} when a repair took longer than its period, and "
+    "none when it was faster. A writer that keeps all messages lost none.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.18",
 )
 def reliable_arrives(result):
@@ -277,8 +282,8 @@ def reliable_arrives(result):
     result.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
     result.statement_holds(
         retained == burst,
-        only_if="the two have met, neither end's history overruns, no lifespan ends and "
-        "the writer lives on",
+        only_if="the two have discovered each other, neither end's queue overflows, no lifespan "
+        "ends and the writer stays alive",
         inside=[*inside, long.lost == 0],
         outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]],
     )
@@ -317,20 +322,21 @@ def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
 
 
 @claim(
-    "Best effort drops old frames for a slow reader, so that none of them queues.",
-    "The depth does, under either. A full queue of depth d hands out samples that are between (d "
-    "- 1)*T and d*T old, with clocks of their own {formula} in the mean. Best effort with depth "
-    "{depth:.0f} was {deep:.0f} periods of the writer late, reliable with depth 1 was "
-    "{newest:.0f} late.",
+    "Best effort drops old images for a slow reader, so that none of them queues up.",
+    "It is the depth that does this, with either reliability. A reader with a full queue of depth "
+    "d takes messages that are between (d - 1)*T and d*T old, on average {formula} if reader and "
+    "writer run on clocks of their own. Best effort with depth {depth:.0f} was {deep:.0f} writer "
+    "periods behind; reliable with depth 1 was {newest:.0f} behind.",
     ask=(
-        "A slower reader takes, one by one at moments of its own, the oldest of a full queue of "
-        "depth d, whose writer has the period T. The mean age of what it takes?",
+        "A slow subscriber takes one message at a time, the oldest of a full queue of depth d, at "
+        "random moments. Its writer has the period T. What is the mean age of the message that it "
+        "takes?",
         "A, age = (d - 1/2)*T",
         {
-            "(d - 1)*T": "That is the least, just after a sample came.",
-            "d*T": "That is the greatest, just before the next one comes.",
+            "(d - 1)*T": "That is the smallest age, just after a message has arrived.",
+            "d*T": "That is the largest age, just before the next message arrives.",
             "d*T/2": "The queue is full each time, not half full.",
-            "T/2": "That is depth 1.",
+            "T/2": "That is for depth 1.",
         },
     ),
 )
@@ -376,10 +382,11 @@ def still_there(lifespan=math.inf, dies=False):
 
 
 @claim(
-    "With transient-local durability a reader that joins late gets the last message.",
-    "Both ends have to ask for it, and to be reliable: on Cyclone DDS {given:.0f} of the four "
-    "pairs of durabilities handed the past on, and {reliable:.0f} of those of reliabilities. A "
-    "sample that outlived its lifespan, or its writer, is gone.",
+    "With transient-local durability, a reader that joins late gets the last message.",
+    "Both ends have to request it, and both have to be reliable: on Cyclone DDS, {given:.0f} of "
+    "the four pairs of durabilities delivered old messages, and {reliable:.0f} of the four pairs "
+    "of reliabilities. A message is gone when its lifespan has ended or when its writer no longer "
+    "exists.",
 )
 def late_joiner_gets_the_last(result):
     from course.middleware.qos import ORDERS
@@ -401,8 +408,8 @@ def late_joiner_gets_the_last(result):
     result.statement_holds(
         all(given["reliability"]),
         cases=True,
-        only_if="both ends are transient-local and reliable, its lifespan lasts and its writer "
-        "lives",
+        only_if="both ends are transient-local and reliable, the message's lifespan has not ended "
+        "and its writer is alive",
         inside=[gets(last, late(depth=n)) for n in (1, 2, 10)] + [still_there()],
         outside=[
             *given["durability"][:3],
@@ -420,10 +427,11 @@ def late_joiner_gets_the_last(result):
 
 
 @claim(
-    "A transient-local writer of depth d hands a late reader its last d samples.",
-    "In DDS another policy decides. With depth {depth:.0f} Cyclone DDS handed over {plain:.0f}, as "
-    "its durability service keeps that many unless told otherwise; ROS 2's layer for Cyclone sets "
-    "the one to the other. The reader's own depth limits it again.",
+    "A transient-local writer of depth d gives a late reader its last d messages.",
+    "In DDS another policy decides this, the durability service. With a writer's depth of "
+    "{depth:.0f}, Cyclone DDS delivered {plain:.0f} message, because its durability service stores "
+    "that many by default. ROS 2's layer for Cyclone sets the durability service's depth to the "
+    "writer's depth. The reader's own depth limits the number once more.",
     source="Eclipse Cyclone DDS, issues 1616 and 1782; rmw_cyclonedds_cpp, rmw_node.cpp, Foxy 2020 "
     "and later",
 )
@@ -447,7 +455,7 @@ def late_joiner_depth(result):
     result.statement = "Late readers on Cyclone DDS, after 12 samples."
     result.statement_holds(
         plain == depth,
-        only_if="its durability service has the depth d as well, and the reader no less",
+        only_if="its durability service has depth d as well, and the reader at least depth d",
         inside=[handed(k, k) == k for k in depths],
         # One less in the durability service, or one less at the reader.
         outside=[handed(k, k - 1) == k for k in depths]
@@ -470,12 +478,13 @@ def usable(lifespan, delay, seconds):
 
 
 @claim(
-    "A lifespan sees to it that nothing older than it is handed out.",
-    "By the standard it runs from the stamp, as on the bus here: with {life_ms:.0f} ms to live and "
-    "{link_ms:.0f} ms on the link a sample could be taken up to {left_ms:.0f} ms after its "
-    "arrival. Cyclone DDS did not go by the stamp, as the standard allows where clocks may "
-    "disagree: stamped {ago_s:.0f} s ago, with {life_s:.0f} s to live, {came:.0f} of "
-    "{sent:.0f} came. Who needs a bound on age reads the stamp.",
+    "A lifespan guarantees that no message older than it is delivered.",
+    "In the standard, the lifespan counts from the timestamp, as on the bus here: with a lifespan "
+    "of {life_ms:.0f} ms and {link_ms:.0f} ms on the link, a message could still be taken "
+    "{left_ms:.0f} ms after its arrival. Cyclone DDS did not use the timestamp, which the standard "
+    "allows where clocks may disagree: of {sent:.0f} messages stamped {ago_s:.0f} s ago, with a "
+    "lifespan of {life_s:.0f} s, {came:.0f} arrived. If you need a limit on the age, check the "
+    "timestamp yourself.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.16; Eclipse Cyclone DDS 11",
 )
 def lifespan_bounds_age(result):
@@ -514,11 +523,11 @@ def missed_on_the_bus(gap, deadline):
 
 
 @claim(
-    "A deadline that is missed raises one event, and a dead camera is one that misses it.",
-    "One for each deadline in the gap: {gap_ms:.0f} ms under a deadline of {deadline_ms:.0f} ms "
-    "raised {events:.0f} at each end. The clock starts with the first sample and stops when "
-    "Cyclone DDS knows that the writer is gone: one that never wrote raised {never:.0f}, one that "
-    "was closed {closed:.0f}.",
+    "A missed deadline raises one event, and a dead camera raises it.",
+    "It raises one event for each deadline that passes in the gap: a gap of {gap_ms:.0f} ms with a "
+    "deadline of {deadline_ms:.0f} ms raised {events:.0f} at each end. The clock starts with the "
+    "first message, and stops when Cyclone DDS knows that the writer is gone. A writer that never "
+    "wrote raised {never:.0f} events, one that was closed {closed:.0f}.",
 )
 def deadline_is_one_event(result):
     import gc

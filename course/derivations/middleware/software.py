@@ -17,9 +17,10 @@ SYMBOLS = {
 
 @claim(
     "A node is a process.",
-    "A node is a name with topics, services and parameters; how many share a process is said when "
-    "they are started. The usual launch file makes {started:.0f} processes of {written:.0f} nodes; "
-    "here {nodes:.0f} nodes worked in {processes:.0f} process. In ROS 2 that is composition.",
+    "A node is a name with topics, services and parameters. You decide when you start them how "
+    "many share a process, which ROS 2 calls composition. The usual launch file starts "
+    "{started:.0f} processes for {written:.0f} nodes; here {nodes:.0f} nodes ran in "
+    "{processes:.0f} process.",
     source="ROS 2 documentation, Composing multiple nodes in a single process, Humble 2022",
 )
 def node_is_a_process(result):
@@ -75,12 +76,12 @@ def told_of_a_crash(lease):
 
 
 @claim(
-    "Where each node is a process, the crash of one leaves the others running.",
-    "It does, if they share no lock or data in memory; in one process it takes all with it. But "
-    "running is not knowing: without a lease or deadline {events:.0f} events told the others on "
-    "the bus, with one {told:.0f} did (DDS also notices when the lease of a whole process ends, "
-    "seconds later), and who waits for an answer waits on. That the arm then holds its place has "
-    "to be programmed.",
+    "If each node is a process, the crash of one leaves the others running.",
+    "It does, if they share no lock or data in memory. Within one process, the crash ends all of "
+    "them. But the other nodes are not told: on the bus, {events:.0f} events were raised without "
+    "a lease or deadline, and {told:.0f} with one. (DDS also notices when a whole process stops "
+    "answering, seconds later.) A client that waits for a reply keeps waiting. That the arm then "
+    "holds its position has to be programmed.",
 )
 def processes_isolate(result):
     import subprocess
@@ -115,10 +116,10 @@ def processes_isolate(result):
 
 @claim(
     "A controller in the callback of the joint states runs at 1 kHz.",
-    "It runs once a message: at {hz:.0f} Hz of joint states it sent {sent:.0f} commands a second, "
-    "none when they stopped, and {burst:.0f} in one instant when a callback in front of it had "
-    "taken {busy_ms:.0f} ms, as deep as its queue. A loop of its own keeps its rate and sees how "
-    "old its state is.",
+    "It runs once per message. With joint states at {hz:.0f} Hz it sent {sent:.0f} commands a "
+    "second, and none when they stopped. After another callback had occupied the thread for "
+    "{busy_ms:.0f} ms, it sent {burst:.0f} commands at once, because its queue was that deep. A "
+    "loop of its own keeps its rate, and can check how old its state is.",
 )
 def callback_sets_the_rate(result):
     from course.middleware.bus import Bus
@@ -160,12 +161,12 @@ def callback_sets_the_rate(result):
 
 
 @claim(
-    "A callback that takes joints by number is safe for any message of joint states.",
-    "The common form trusts sizes: with more joints than targets, or no velocities, it read beyond "
-    "its vectors, {stopped:.0f} of {bad:.0f} such messages stopped it under the sanitizer, and it "
-    "took memory {made:.0f} times a message. One that checks sizes when it is configured took "
-    "memory {none:.0f} times in {updates:.0f} updates. Names have to be compared as well: the "
-    "order of joints in a message is not promised.",
+    "A callback that accesses joints by index is safe for every joint-state message.",
+    "The usual form does not check sizes. With more joints than targets, or without velocities, it "
+    "read beyond its arrays: {stopped:.0f} of {bad:.0f} such messages stopped it under the "
+    "sanitizer. It also allocated memory {made:.0f} times per message. A controller that checks "
+    "sizes when it is configured allocated {none:.0f} times in {updates:.0f} updates. Compare the "
+    "joint names as well, because their order in a message is not guaranteed.",
     source="sensor_msgs/JointState, ROS 2 Jazzy 2024; ros2_control documentation, Jazzy 2024",
     needs=("a C++ compiler",),
 )
@@ -203,11 +204,12 @@ def any_joint_message(result):
 
 
 @claim(
-    "A launch file that says best effort at 30 Hz and a rate of 1000 sets both.",
-    "Comments set nothing, and a parameter only what the node declares and reads. The usual file "
-    "sets the quality of service of {usual:.0f} ends, ours of {ours:.0f}. And rate, given to a "
-    "node that calls it update_rate as ros2_control's does, leaves that at its default of "
-    "{left:.0f} Hz, without a word.",
+    "A launch file whose comment says best effort at 30 Hz, with a parameter rate of 1000, sets "
+    "both.",
+    "Comments set nothing, and a parameter has an effect only if the node declares and reads it. "
+    "The usual file sets the quality of service of {usual:.0f} ends, ours of {ours:.0f}. And a "
+    "parameter called rate has no effect on ros2_control, whose parameter is called update_rate: "
+    "that stays at its default of {left:.0f} Hz, without a warning.",
     source="rclcpp, qos_overriding_options.hpp, Galactic 2021 and later; ros2_control "
     "documentation, Controller Manager, Jazzy 2024",
 )
@@ -241,11 +243,11 @@ def launch_comments(result):
 
 @claim(
     "All parameters of a node can be tuned while it runs.",
-    "Setting one changes what is read from then on. Of {kinds:.0f} ways to use a parameter "
-    "{tuned:.0f} took the new value over: read anew in each cycle, or told by a callback. One that "
-    "was copied at the start kept the old one, and one that was never declared was refused, as by "
-    "default, and as one is that is declared read-only: ros2_control's update_rate, by its "
-    "documentation.",
+    "A new value has an effect only where the program uses it. Of {kinds:.0f} ways to use a "
+    "parameter, {tuned:.0f} took the new value: reading it in each cycle, and a callback for "
+    "changes. A value that was copied at the start stayed as it was. Setting a parameter that was "
+    "never declared was rejected, which is the default. A read-only parameter is rejected as well, "
+    "such as ros2_control's update_rate (by its documentation).",
     source="ROS 2 documentation, Parameters, and ros2_control, Controller Manager, Jazzy 2024",
 )
 def parameters_are_tunable(result):
@@ -274,7 +276,7 @@ def parameters_are_tunable(result):
     result.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
     result.statement_holds(
         all(works["copied"]),
-        only_if="it is declared, not read-only, and read anew or followed by a callback",
+        only_if="it is declared, not read-only, and read again or watched by a callback",
         inside=works["read"] + works["told"],
         outside=works["copied"] + works["undeclared"],
     )
@@ -283,19 +285,20 @@ def parameters_are_tunable(result):
 
 @claim(
     "A model of seven billion parameters at 10 Hz needs a GPU on board.",
-    "A pass reads all weights and makes k actions: {formula}. With two bytes each and an action a "
-    "pass that is {each:.0f} GB/s, and two channels of a PC's memory give {pc:.1f}. With "
-    "{chunk:.0f} actions a pass it is {few:.1f} GB/s, and from another computer it comes over a "
-    "link, older by its {link_ms:.0f} ms: {far_ms:.0f} ms in place of {near_ms:.0f} in the mean. "
-    "Computing, the cache of a transformer and several passes for one action come on top.",
+    "Each inference reads all n weights of b bytes and makes k actions, so f actions per second "
+    "need {formula}. With two bytes per weight and one action per inference that is {each:.0f} "
+    "GB/s, and two memory channels of a PC deliver {pc:.1f} GB/s. With {chunk:.0f} actions per "
+    "inference it is {few:.1f} GB/s. Or the model runs on another computer, over a link that adds "
+    "{link_ms:.0f} ms: a mean age of {far_ms:.0f} instead of {near_ms:.0f} ms. Arithmetic, the "
+    "cache of a transformer and models that need several inferences per action come on top.",
     ask=(
-        "A model of n parameters of b bytes makes k actions in a pass, in which each weight is "
-        "read once from memory, and gives f actions a second. How many bytes a second does it "
-        "read at the least?",
+        "A model of n parameters with b bytes each makes k actions per inference, which reads each "
+        "weight once from memory. It outputs f actions per second. How many bytes per second does "
+        "it read at least?",
         "B, rate = n*b*f/k",
         {
-            "n*b*f": "A pass makes k actions.",
-            "n*b*f*k": "More actions a pass are fewer passes.",
+            "n*b*f": "One inference makes k actions.",
+            "n*b*f*k": "More actions per inference mean fewer inferences.",
             "n*f/k": "A parameter has b bytes.",
             "8*n*b*f/k": "That is bits.",
         },
@@ -337,8 +340,8 @@ def seven_billion_on_board(result):
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
     result.statement_holds(
         bool(traffic(2, chunk) > pc),
-        only_if="each action takes a pass of its own, the memory beside the processor is "
-        "too slow for that, and no link to another computer is quick enough",
+        only_if="each action takes an inference of its own, the processor's memory is too slow for "
+        "that, and no link to another computer is fast enough",
         inside=[traffic(x) > pc for x in sizes],
         outside=[traffic(min(x, 2.5), a) > pc for x, a in zip(sizes, few, strict=True)],
     )
@@ -354,20 +357,21 @@ def seven_billion_on_board(result):
 
 @claim(
     "A policy that plays chunks of actions has no latency.",
-    "The arm never waits, and moves by an older picture: at the end of a chunk it is {formula} "
-    "old. With a pass of {pass_ms:.0f} ms and chunks of {played:.0f} actions of {action_ms:.0f} ms "
-    "that is {worst_ms:.0f} ms, and {mean_ms:.0f} in the mean; with chunks as short as the pass "
-    "{short_ms:.0f}.",
+    "The arm never waits, but it acts on an older image: at the end of a chunk the image is "
+    "{formula} old, the inference time plus the length of the chunk. With an inference of "
+    "{pass_ms:.0f} ms and chunks of {played:.0f} actions of {action_ms:.0f} ms that is "
+    "{worst_ms:.0f} ms, and {mean_ms:.0f} ms on average. With chunks as short as one inference it "
+    "is {short_ms:.0f} ms.",
     ask=(
-        "A pass takes C from its picture. It gives a chunk, of which H actions of T each are "
-        "played while the next pass runs, so that the next chunk is there just in time. How old "
-        "is the picture at the end of a chunk?",
+        "An inference takes the time C from its image to its output. It outputs a chunk, of which "
+        "H actions of length T are played while the next inference runs, so that the next chunk is "
+        "ready just in time. How old is the image at the end of a chunk?",
         "A, age = C + H*T",
         {
-            "C": "That is at its beginning.",
-            "H*T": "The pass has taken its time before.",
+            "C": "That is at the beginning of the chunk.",
+            "H*T": "The inference took time before that.",
             "C + H*T/2": "That is the mean.",
-            "2*C": "That is a chunk that lasts as long as a pass.",
+            "2*C": "That is for a chunk that lasts as long as an inference.",
         },
     ),
 )

@@ -18,20 +18,21 @@ SYMBOLS = {
 
 @claim(
     "Tasks that use more of a core than Liu and Layland's bound miss their deadlines.",
-    "By rate, for tasks that can be interrupted, it suffices and is not needed: with {load:.0%}, "
-    "above the bound of {bound:.1%}, {meet:.0%} of {sets:.0f} random sets of {n:.0f} tasks met all "
-    "deadlines, and periods that divide one another do up to a full core. Beside one task that "
-    "uses u, another is safe up to {formula} whatever its period. Callbacks of an executor, which "
-    "can't be interrupted, missed with {two:.0%}, below the bound for two.",
+    "For preemptible tasks with rate-monotonic priorities, the bound is sufficient and not "
+    "necessary. At a utilization of {load:.0%}, above the bound of {bound:.1%}, {meet:.0%} of "
+    "{sets:.0f} random sets of {n:.0f} tasks met all deadlines. If the periods divide one another, "
+    "even a full core is possible. Next to one task with utilization u, a second one is safe up to "
+    "{formula}, whatever the periods. Callbacks of an executor, which cannot be preempted, missed "
+    "deadlines at {two:.0%}, below the bound for two tasks.",
     ask=(
-        "Two tasks under rate-monotonic priorities, of which one uses the share u of the core. Up "
-        "to which share of the other is no deadline missed, whatever the periods?",
+        "Two tasks have rate-monotonic priorities, and one has utilization u. Up to which "
+        "utilization of the other is no deadline missed, whatever the periods?",
         "U, share = (1 - u)/(1 + u)",
         {
-            "1 - u": "That is a full core, for periods that divide one another.",
-            "2*(sqrt(2) - 1) - u": "That is Liu and Layland's sum, which promises less.",
+            "1 - u": "That is a full core, which is possible if the periods divide one another.",
+            "2*(sqrt(2) - 1) - u": "That is Liu and Layland's sum, which guarantees less.",
             "ln(2) - u": "That is the sum for many tasks.",
-            "(1 - u)^2": "Both shares plus 1, multiplied, may be 2.",
+            "(1 - u)^2": "The product of both utilizations plus 1 may be 2.",
         },
     ),
     source="Liu and Layland, 1973; Bini, Buttazzo and Buttazzo, A hyperbolic bound, 2001",
@@ -86,11 +87,11 @@ def liu_layland_says_no(result):
 
 
 @claim(
-    "No task answers later than when all are released at once.",
-    "So it is for tasks that are in time, can be interrupted and never wait: the "
-    "response times of the analysis were those of a run from that moment in all {sets:.0f} random "
-    "sets, and {later:.0f} of {tried:.0f} runs with other phases were later. With locks or a late "
-    "release the terms for blocking and jitter come on top.",
+    "No task has a longer response time than when all tasks are released at once.",
+    "That is so for tasks that meet their deadlines, can be preempted and never wait for a lock. "
+    "In all {sets:.0f} random sets, a run from that moment gave the response times of the "
+    "analysis, and {later:.0f} of {tried:.0f} runs with other phases gave a longer one. With locks "
+    "or delayed releases, the terms for blocking and release jitter are added.",
     source="Liu and Layland, 1973; Audsley and others, 1993",
 )
 def critical_instant(result):
@@ -128,11 +129,12 @@ def critical_instant(result):
 
 
 @claim(
-    "Among fixed priorities none does better than the shorter period first.",
-    "Where each deadline is the period, each can be interrupted, nobody waits or is released late, "
-    "and all can come at once: of {sets:.0f} random sets of four tasks {some:.0f} were in time "
-    "under some order and all of these by rate. In an order that knows nothing of periods "
-    "{wrong:.0%} of them were. Deadlines shorter than periods want the shorter deadline first.",
+    "Among fixed priorities, none is better than giving the shorter period the higher priority.",
+    "That is so if each deadline equals the period, all tasks are preemptible, none waits or is "
+    "released late, and all can be released at once. Of {sets:.0f} random sets of four tasks, "
+    "{some:.0f} were in time with some order of priorities, and all of these with the "
+    "rate-monotonic one. On average over all orders, {wrong:.0%} of them were. If deadlines are "
+    "shorter than periods, give the shorter deadline the higher priority.",
     source="Liu and Layland, 1973; Leung and Whitehead, 1982",
 )
 def by_rate_is_best(result):
@@ -184,12 +186,13 @@ def high_waits(protocol, section, middle, between):
 
 
 @claim(
-    "A task of high priority waits for a lock no longer than a lower one holds it.",
-    "A lock that hands nothing on also lets it wait for all between: for a section of "
-    "{section_ms:.0f} ms and tasks of {middle_ms:.0f} ms, {one_ms:.0f} ms with one of them and "
-    "{five_ms:.0f} ms with five. With inheritance or a ceiling it is {held_ms:.0f} ms, and "
-    "what computes above it comes on top: {top_ms:.0f} ms below one more of those. On Linux "
-    "Python's locks and std::mutex have neither.",
+    "A high-priority task waits for a lock no longer than a lower one holds it.",
+    "Without a protocol it also waits for every task of medium priority. With {section_ms:.0f} ms "
+    "of work under the lock and medium tasks of {middle_ms:.0f} ms, it waited {one_ms:.0f} ms "
+    "with one of them and {five_ms:.0f} ms with five. With inheritance or a ceiling it waited "
+    "{held_ms:.0f} ms. Tasks of still higher priority add their own time: with one of "
+    "{middle_ms:.0f} ms above it, it waited {top_ms:.0f} ms. On Linux, Python's locks and "
+    "std::mutex use no such protocol.",
     source="Sha, Rajkumar and Lehoczky, Priority inheritance protocols, 1990",
 )
 def inversion_is_bounded(result):
@@ -225,8 +228,8 @@ def inversion_is_bounded(result):
     result.statement = "Three to eight tasks and a lock on one simulated core."
     result.statement_holds(
         one < section + 1e-6,
-        only_if="the lock hands on the priority of who waits, or has a ceiling, its "
-        "holder waits for no other, and nobody is above",
+        only_if="the lock uses priority inheritance or a ceiling, its holder waits for no other "
+        "lock, and no task of higher priority runs",
         inside=[bounded(kind, *x) for x in drawn for kind in kinds],
         outside=[bounded("none", *x) for x in drawn] + [bool(x < section + 1e-6) for x in top],
     )
@@ -239,11 +242,11 @@ def inversion_is_bounded(result):
 
 @claim(
     "ROS 2 is not real-time by default.",
-    "So it is: its executors don't interrupt a callback. One of {control_ms:.0f} ms for control "
-    "ended up to {worst_ms:.1f} ms after its time beside one of {camera_ms:.0f} ms for pictures, "
-    "the bound is the sum of both, in each of three orders; one of them has timers first. On a "
-    "thread and in a group of its own it took {own_ms:.0f} ms; that thread still needs a priority "
-    "and memory that is locked.",
+    "It is not, because its executors do not interrupt a callback. On one thread, a control "
+    "callback of {control_ms:.0f} ms ended up to {worst_ms:.1f} ms after it was due, next to an "
+    "image callback of {camera_ms:.0f} ms. The bound is the sum of both, in each of three "
+    "execution orders, one of which runs timers first. With a thread and a group of its own it "
+    "took {own_ms:.0f} ms. That thread still needs a real-time priority and locked memory.",
     source="Casini and others, ECRTS 2019; ROS 2 documentation, About executors, Jazzy 2024",
 )
 def not_real_time_by_default(result):
@@ -312,19 +315,20 @@ def looped(late, work, periods=1000, relative=False, period=1e-3):
 
 
 @claim(
-    "A loop that sleeps for a period after its work runs at its rate.",
-    "It sleeps on top of what it has done and of waking up late, and runs at {formula}: with "
-    "{work_us:.0f} us of work and {wake_us:.0f} us of waking up at {hz:.1f} in place of "
-    "{asked:.0f} Hz, further behind by {drift_us:.0f} us each period. One that sleeps until start "
-    "plus a whole number of periods stays within {held_us:.0f} us of its times.",
+    "A loop that sleeps for one period after its work runs at its rate.",
+    "The sleep is added to the work and to the wake-up delay, so the rate is {formula}. With "
+    "{work_us:.0f} us of work and {wake_us:.0f} us of wake-up delay it ran at {hz:.1f} instead of "
+    "{asked:.0f} Hz, and fell behind by {drift_us:.0f} us in each period. A loop that sleeps until "
+    "the next release stayed within {held_us:.0f} us of its releases.",
     ask=(
-        "A loop works for C, then sleeps for T, and wakes up L late each time. Its rate?",
+        "A loop works for C, then sleeps for T, and wakes up late by L each time. What is its "
+        "rate?",
         "f, rate = 1/(T + C + L)",
         {
-            "1/T": "That is a loop on absolute times.",
-            "1/(T + C)": "Waking up late adds up as well.",
-            "1/(T - C - L)": "It is slower, not quicker.",
-            "1/(T + L)": "The work comes before the sleep.",
+            "1/T": "That is a loop that sleeps until absolute times.",
+            "1/(T + C)": "The wake-up delay adds up as well.",
+            "1/(T - C - L)": "The loop is slower, not faster.",
+            "1/(T + L)": "The loop also works before it sleeps.",
         },
     ),
     source="J. W. S. Liu, Real-Time Systems, 2000",
@@ -369,21 +373,22 @@ def relative_sleep(result):
 
 @claim(
     "A loop at 1 kHz with less than 1 ms of jitter is a good one.",
-    "That is a whole period: drawn evenly and anew each time, intervals were between "
-    "{least_us:.0f} and {most_us:.0f} us. A velocity taken over the nominal period is then wrong "
-    "by {formula} in the root mean square, {wrong:.0%} of the velocity itself, and by {fair:.1%} "
-    "with a jitter of {good_us:.0f} us; lateness that stays the same does it no harm, every other "
-    "period late {turns:.0%}. Taken over the measured interval it is right.",
+    "Such a jitter is a whole period. With start times uniformly random within it, the intervals "
+    "between cycles were between {least_us:.0f} and {most_us:.0f} us. A velocity computed with the "
+    "nominal period then has a root-mean-square error of {formula}: {wrong:.0%} of the velocity "
+    "itself, and {fair:.1%} with a jitter of {good_us:.0f} us. A constant lateness causes no "
+    "error; one that affects every other period causes {turns:.0%}. With the measured interval, "
+    "the velocity is right.",
     ask=(
-        "A loop of period T begins each period late by what is drawn evenly between 0 and J. It "
-        "takes the velocity of a joint that moves at v as the change of its angle over T. Root "
-        "mean square of the error?",
+        "A loop of period T starts each cycle late by a random delay, uniform between 0 and J. It "
+        "computes the velocity of a joint that moves at v as the change of its angle divided by T. "
+        "What is the root-mean-square error?",
         "e, error = v*J/(sqrt(6)*T)",
         {
-            "v*J/T": "That is the greatest error.",
+            "v*J/T": "That is the largest error.",
             "v*J/(sqrt(12)*T)": "Both ends of the interval are late.",
-            "v*J/(sqrt(3)*T)": "Lateness is between 0 and J, not between -J and J.",
-            "v*J/(2*T)": "Deviations are squared before they are averaged.",
+            "v*J/(sqrt(3)*T)": "The lateness is between 0 and J, not between -J and J.",
+            "v*J/(2*T)": "The root mean square averages squared errors.",
         },
     ),
 )
@@ -454,11 +459,12 @@ def control_misses(callback, start, own=False, count=1):
 
 
 @claim(
-    "A callback of more than 1 ms makes a loop of 1 kHz miss its period.",
-    "Not one on another thread, and not whenever it comes: one of {long_ms:.1f} ms did in "
-    "{share:.0%} of all phases. And on one thread shorter ones do it together: {several:.0f} in a "
-    "row of {short_ms:.1f} ms each did {missed:.0f} of {tried:.0f} times, one never. The sum of "
-    "all that may stand in front of the loop counts, and the loop itself.",
+    "A callback of more than 1 ms makes a 1 kHz loop miss its period.",
+    "A callback on another thread does not, and one on the same thread does so only at certain "
+    "moments: a callback of {long_ms:.1f} ms delayed the loop too much in {share:.0%} of all "
+    "phases. Shorter callbacks can do it together: {several:.0f} of {short_ms:.1f} ms in a row "
+    "made the loop miss its period {missed:.0f} of {tried:.0f} times, one alone never. What counts "
+    "is the total time of everything that can run before the loop, plus the loop itself.",
 )
 def callback_over_a_period(result):
     # Callbacks that are barely longer than the period and begin barely before a release.
@@ -481,7 +487,7 @@ def callback_over_a_period(result):
     outside += [control_misses(float(a), float(b)) for a, b in early]
     result.statement_holds(
         all(outside),
-        only_if="both wait for the same thread and it begins just before the loop is due",
+        only_if="both need the same thread and the callback starts just before the loop is due",
         inside=inside,
         outside=outside,
     )
@@ -532,11 +538,11 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
 
 @claim(
     "More threads cure a service call that hangs inside a callback.",
-    "Not by themselves: the answer is a callback too, and in the caller's group, where that is "
-    "exclusive, it waits for the caller, with {threads:.0f} threads as with one: {answers:.0f} "
-    "answers. A group of its own or a reentrant one, and a thread more than callbacks that wait at "
-    "once, are a cure, {enough:.0f} for one and {three:.0f} for two; not to wait is one without "
-    "any.",
+    "The reply is handled by a callback too. If that is in the caller's exclusive group, it waits "
+    "for the caller, however many threads there are: with {threads:.0f} threads {answers:.0f} "
+    "replies arrived, and so with one. The cure is a group of its own or a reentrant one, together "
+    "with one more thread than there are waiting callbacks: {enough:.0f} threads for one of them, "
+    "{three:.0f} for two. Or call asynchronously, and do not wait at all.",
     source="ROS 2 documentation, Using callback groups, Humble 2022",
 )
 def threads_cure_deadlock(result):
@@ -564,12 +570,12 @@ def threads_cure_deadlock(result):
 
 
 @claim(
-    "A service call holds up the other callbacks of its node.",
-    "Those that share group or thread with what waits for the answer, or makes it. While a service "
-    "took {work_ms:.0f} ms of each second, another timer ran {held:.0f} times of {due:.0f}; where "
-    "the callback returned and went on with the answer {free:.0f} times, and in a group and on a "
-    "thread of its own {apart:.0f} times. Served in the same node it ran {served:.0f} times, "
-    "though nobody waited.",
+    "A service call blocks the other callbacks of its node.",
+    "It blocks only those that share a group or a thread with the callback that waits for the "
+    "reply, or with the one that makes it. While a service took {work_ms:.0f} ms of each second, "
+    "another timer ran {held:.0f} of {due:.0f} times. It ran {free:.0f} times with an asynchronous "
+    "call, and {apart:.0f} times in a group and on a thread of its own. When the same node also "
+    "was the server, it ran {served:.0f} times, although no callback waited.",
 )
 def service_blocks(result):
     from course.middleware.bus import Bus
@@ -606,7 +612,8 @@ def service_blocks(result):
     result.statement = "A node with two timers on the bus, ten seconds."
     result.statement_holds(
         free < 0.9 * due,
-        only_if="they share group or thread with what waits for the answer or makes it",
+        only_if="they share a group or a thread with the callback that waits for the reply or "
+        "with the one that makes it",
         inside=[held(True, x) < 0.9 * due for x in drawn] + [served(x) < due for x in drawn],
         outside=[held(False, x) < 0.9 * due for x in drawn]
         + [held(True, x, apart=True) < 0.9 * due for x in drawn],
@@ -653,11 +660,11 @@ def burdened(periods, litter, pages=0, **requested):
 
 @claim(
     "Under SCHED_FIFO a loop in Python is real-time.",
-    "The priority keeps ordinary processes away, and what stops a loop from within comes as "
-    "before: in {periods:.0f} periods that left {litter:.0f} objects each the collector ran "
-    "{runs:.0f} times, and new memory cost page faults. With the collector off it ran {quiet:.0f} "
-    "times; memory has to be taken and locked before the loop. And the priority is asked for: who "
-    "may not have it runs without.",
+    "The priority keeps ordinary processes away. Delays inside the program remain: in "
+    "{periods:.0f} cycles that each left {litter:.0f} objects for the garbage collector, it ran "
+    "{runs:.0f} times, and new memory caused page faults. With the collector switched off it ran "
+    "{quiet:.0f} times. Memory has to be allocated and locked before the loop starts. And a "
+    "process that has no permission for the priority runs without it.",
 )
 def fifo_makes_real_time(result):
     from course.middleware import loop
@@ -681,10 +688,10 @@ def fifo_makes_real_time(result):
 
 
 @claim(
-    "A garbage collection in a Python node hits the control loop.",
-    "In its own interpreter: of {here:.0f} collections while the loop ran all were its own, and of "
-    "as many in another process it counted {there:.0f}. What it shares with other processes is the "
-    "core, and for that there are priorities.",
+    "A garbage collection in a Python node pauses the control loop.",
+    "It does so only in the same Python process: all {here:.0f} collections that were counted "
+    "while the loop ran were its own, and of as many in another process it counted {there:.0f}. "
+    "Different processes share only the processor cores, and for these there are priorities.",
 )
 def gc_hits_the_loop(result):
     import subprocess
@@ -738,8 +745,8 @@ def gc_hits_the_loop(result):
     result.statement = "Collections counted by the chapter's loop, in its process and in another."
     result.statement_holds(
         other > 0,
-        only_if="both are in one interpreter of Python, and somebody there asks for a collection "
-        "or automatic collection is on",
+        only_if="both are in the same Python process, and the collection is requested there or "
+        "automatic collection is on",
         cases=True,
         inside=[collections(False, n)[0] == n for n in (1, 5)] + [automatic(True) > 0],
         outside=[other > 0, automatic(False) > 0],

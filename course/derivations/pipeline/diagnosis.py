@@ -17,9 +17,9 @@ SYMBOLS = {
 
 @claim(
     "90 of 100 runs worked, then 95 of 100: the change helped.",
-    "{worked:.0f} of {n:.0f} is a rate between {low:.0%} and {high:.0%}. To tell the two apart in "
-    "four tests of five takes {own:.0f} runs of each; on the same seeds, if all that worked still "
-    "works, {same:.0f}.",
+    "{worked:.0f} of {n:.0f} fits any rate between {low:.0%} and {high:.0%}. To detect this "
+    "difference four times in five takes {own:.0f} runs of each. On the same seeds it takes "
+    "{same:.0f}, if every run that worked before still works.",
     source="E. B. Wilson, 1927; Fleiss, Levin and Paik, Statistical methods for rates, 2003",
 )
 def ninety_or_ninety_five(result):
@@ -53,9 +53,10 @@ def ninety_or_ninety_five(result):
 
 
 @claim(
-    "A run that failed is cured by mending one stage.",
-    "Often, but a late camera and a lag point the same way behind a target that moves: of "
-    "{n:.0f} such runs {pairs:.0f} needed two stages mended, after {runs:.0f} replays.",
+    "A failed run succeeds once the right single stage is ideal.",
+    "Often it does. But behind a moving target, a late camera and a lagging arm point the same"
+    " way: of {n:.0f} such runs {pairs:.0f} needed two ideal stages, found after {runs:.0f} "
+    "replays.",
 )
 def one_repair_cures(result):
     from course.pipeline import STAGES, Scenario
@@ -68,17 +69,19 @@ def one_repair_cures(result):
     pairs = result.measure("pairs", text[0, len(STAGES)], 0.3)
     result.measure("runs", np.mean(taken[0]), 0.3)
     single, *_ = confusion(2, (FAULTS[0],))
-    result.statement = "Frames half a second late, Kd 12, a target of 50 mm/s; replays of each run."
+    result.statement = (
+        "Frames half a second late, Kd = 12, a target at 50 mm/s; replays of each run."
+    )
     result.statement_holds(text[0, : len(STAGES)].sum() == n)
     result.correction_holds(pairs >= 3, single[0, 0] == 2)
 
 
 @claim(
     "The stage with the largest error at the end of a run is the one at fault.",
-    "Errors are handed on: that names {last:.0%} of ten kinds of faults rightly. Contracts at the "
-    "interfaces, upstream first, then replays with one stage ideal, name {ours:.0%}. That takes a "
-    "simulator: of the contracts alone one needs the true target, which no robot has. With it they "
-    "name {alone:.0%}, without it {blind:.0%}.",
+    "Errors are passed on, so this rule names {last:.0%} of ten kinds of faults correctly. "
+    "Contracts from the camera downwards, then replays with one ideal stage, name {ours:.0%}. "
+    "That takes a simulator: one of the contracts needs the true target. The contracts alone "
+    "name {alone:.0%} with it and {blind:.0%} without it.",
 )
 def last_error_blames(result):
     from course.pipeline import STAGES
@@ -107,10 +110,11 @@ WORST: dict[str, dict[str, Any]] = {
 
 @claim(
     "With everything at its worst, contracts lead back sooner than turning sliders.",
-    "No single slider cures it. By the first contract that is broken, stage by stage, it took "
-    "{contracts:.0f} runs in the mean. All choices of sliders, smallest first, took {sliders:.0f}; "
-    "but sliders turned back one by one, in any order, and left there {kept:.1f}: with five stages "
-    "contracts save little besides the thought of which.",
+    "No single slider is enough. Following the first broken contract, stage by stage, took "
+    "{contracts:.0f} runs on average. Trying all sets of sliders, smallest first, took "
+    "{sliders:.0f}. But turning sliders back one by one, in any order, and leaving them there "
+    "took only {kept:.1f}. With five stages, contracts save few runs; what they save is "
+    "guessing.",
 )
 def contracts_before_sliders(result):
     from course.pipeline import Scenario, Settings, run
@@ -161,17 +165,18 @@ def contracts_before_sliders(result):
 
 
 @claim(
-    "A reward of -1 a step until the goal asks for the same behaviour at any step.",
-    "At a tenth of the step, with discount and reward as they were, what was best ({before}) is no "
-    "longer: {after}. A discount of {formula} is half the cure ({half}); with a reward of -1 for "
-    "the time that a step was it is the old task ({mended}).",
+    "A reward of -1 per step until the goal asks for the same behaviour at any step.",
+    "At a tenth of the step, with the same discount and reward per step, the best behaviour "
+    "changes from {before} to {after}. Converting the discount to {formula} is not enough "
+    "({half}). If the reward of a step is converted to its shorter time as well, the best "
+    "behaviour is the old one ({mended}).",
     ask=(
-        "The discount of a task has the time constant H. What is it for a step dt?",
+        "A task has a discount with the time constant H. What is the discount for a step dt?",
         "gamma = exp(-dt/H)",
         {
-            "1 - dt/H": "That is its beginning, for short steps only.",
+            "1 - dt/H": "That is the first-order approximation for short steps.",
             "exp(-H/dt)": "A shorter step discounts less.",
-            "1/(1 + dt/H)": "That is the rule of a random end, to first order the same.",
+            "1/(1 + dt/H)": "That is the rule of a random end, the same to first order only.",
             "exp(-dt*H)": "A longer horizon discounts less.",
         },
     ),
@@ -204,10 +209,10 @@ def reward_by_the_step(result):
 
 
 @claim(
-    "At a tenth of the step, repeating each action ten times leaves the task as it was.",
-    "Discount and ways are the old ones, what is best is still to {best}, and its worth moves by "
-    "{moved:.1%}: arrival is paid some short steps later. The price is a policy that reacts no "
-    "sooner than before.",
+    "At a tenth of the step, repeating each action ten times keeps the best behaviour of the task.",
+    "The discount and the possible paths per second are the old ones. The best behaviour is "
+    "still to {best}, and its value changes by {moved:.1%}, because the arrival is paid a few "
+    "short steps later. The price is a policy that cannot react sooner than before.",
 )
 def repeated_actions(result):
     from course.pipeline.timestep import Way, chain, prefers, repeated
@@ -232,10 +237,11 @@ def repeated_actions(result):
 
 
 @claim(
-    "Meshes make a simulation slow as each of their vertices has to be searched.",
-    "Contacts are the other half: a box makes {box:.1f} times the "
-    "sphere's rows for the solver, a hull of {few:.0f} points {hull:.1f} times. From {some:.0f} to "
-    "{many:.0f} points rows grow by {more:.0%}, and collision takes {search:.1f} times as long.",
+    "Meshes make a simulation slow because each of their vertices has to be searched.",
+    "Contacts are the other half. A box makes {box:.1f} times as many solver rows as a sphere,"
+    " and a hull of {few:.0f} points {hull:.1f} times as many. From {some:.0f} to {many:.0f} "
+    "points, the rows grow by {more:.0%}, and collision detection takes {search:.1f} times as "
+    "long.",
 )
 def mesh_cost(result):
     from course.oracles.mujoco.heap import Heap
@@ -252,17 +258,21 @@ def mesh_cost(result):
     hulls = result.measure("hull", hull[0] / sphere[0], 0.3)
     more = result.measure("more", finest[0] / fine[0] - 1.0, 0.5)
     search = result.measure("search", finest[1] / fine[1], 0.5)
-    result.statement = "Eight bodies in MuJoCo on one core, by its own counts and timers; no GPU."
+    result.statement = (
+        "Eight bodies in MuJoCo on one core, measured with MuJoCo's own counters and timers; "
+        "no GPU."
+    )
     result.statement_holds(boxes < 1.2)
     result.correction_holds(boxes > 1.5, hulls > 1.5, more < 0.5, search > 1.0 + 2.0 * more)
 
 
 @claim(
-    "A share of rare failures that cross-entropy sampling states with a small error is known well.",
-    "It knows what it met. Of {n:.0f} repeats {low:.0f} were more than three of their stated "
-    "errors too low, their proposal narrower than the failures; with widths kept at 1 or more "
-    "{wide:.0f}. Where failures lie on two sides even those were, {sides:.0f} times: they saw one. "
-    "Repeats show it; effective number and weights do not.",
+    "If cross-entropy sampling reports a failure rate with a small error, the rate is well known.",
+    "The reported error covers only what was sampled. Of {n:.0f} repeats, {low:.0f} were too "
+    "low by more than three reported errors, because the proposal was narrower than the "
+    "failure region. With widths of at least 1 this happened {wide:.0f} times. With two "
+    "failure regions it happened {sides:.0f} times even then, because the proposal found only "
+    "one of them. Repeats reveal it; the effective number and the weights do not.",
     source="Rubinstein and Kroese, The cross-entropy method, 2004",
 )
 def rare_and_sure(result):

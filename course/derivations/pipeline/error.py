@@ -8,17 +8,17 @@ import numpy as np
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
-    "kp": Symbol("spring of the law [N m/rad]"),
-    "kd": Symbol("damping of the law [N m s/rad]"),
-    "c": Symbol("damping of the joint [N m s/rad]"),
-    "v": Symbol("speed of what is followed"),
+    "kp": Symbol("proportional gain [N m/rad]"),
+    "kd": Symbol("derivative gain [N m s/rad]"),
+    "c": Symbol("friction of the joint [N m s/rad]"),
+    "v": Symbol("speed of the reference or target"),
     "L": Symbol("latency [s]"),
     "T": Symbol("period of the camera [s]"),
     "m": Symbol("mass [kg]"),
     "g": Symbol("gravity [m/s^2]"),
     "d": Symbol("from the joint to the centre of mass [m]"),
     "s": Symbol("tilt of the table [rad]", 0.01, 1.5),
-    "a": Symbol("gain of the place", 0.1, 1.0),
+    "a": Symbol("gain of the position", 0.1, 1.0),
     "b": Symbol("gain of the rate", 0.01, 1.0),
 }
 
@@ -38,18 +38,18 @@ def rms(away):
 
 @claim(
     "The more Kd, the further the tip stays behind a target that moves.",
-    "Where Kd acts on the joint's speed, the spring pays for all damping: once the arm has settled "
-    "{formula} is missing. "
-    "At {speed:.0f} mm/s that is {lag:.1f} mm, {twice:.1f} with twice the Kd.",
+    "Kd brakes the joint's own speed, so the spring has to balance all damping. Once the arm "
+    "has settled, it lags by {formula}. At {speed:.0f} mm/s the tip is {lag:.1f} mm behind, "
+    "and {twice:.1f} mm with twice the Kd.",
     ask=(
-        "A joint under kp (r - q) - kd v, with friction c v, follows a reference at the rate v. "
-        "How far behind does it settle?",
+        "A joint under kp (r - q) - kd v, with friction c v, follows a reference at the rate "
+        "v. How far does it stay behind in the steady state?",
         "e = (kd + c)*v/kp",
         {
-            "kd*v/kp": "The joint's own damping holds it back as well.",
-            "c*v/kp": "That is what a Kd on the error of the rate leaves.",
+            "kd*v/kp": "The joint's own friction also holds it back.",
+            "c*v/kp": "That would be left if Kd acted on the error of the rate.",
             "kp*v/(kd + c)": "A stiffer spring follows more closely.",
-            "(kd + c)*v/(2*kp)": "The spring balances the damping as a whole.",
+            "(kd + c)*v/(2*kp)": "The spring balances the whole damping torque.",
         },
     ),
 )
@@ -72,7 +72,9 @@ def lag_of_the_arm(result):
     lag, twice = (result.measure(n, behind(25.0, x), 0.02) for n, x in (("lag", 8), ("twice", 16)))
     law = speed * float(result.formula.subs({kp: 25, kd: 8, c: scene.arm.damping[0], v: 1}))
     same = 1e3 * np.hypot(*theory.lag(scene.arm, (0.6, 1.6), 25.0, 8.0, velocity))
-    result.statement = "The last instant of runs of 7 s with everything but the arm mended."
+    result.statement = (
+        "Measured at the end of runs of 7 s in which every stage except the arm was ideal."
+    )
     stiff = result.rng.uniform(20.0, 60.0, 6)
     rows = [[behind(float(k), x * float(k)) for x in (0.15, 0.3, 0.45)] for k in stiff]
     result.statement_holds(all(a < b < c for a, b, c in rows))
@@ -83,17 +85,17 @@ def lag_of_the_arm(result):
 
 @claim(
     "A camera that is 100 ms late costs 100 ms times the target's speed.",
-    "And the wait for the next picture: in the mean half a period more, {formula}. With a period "
-    "of {period_ms:.0f} ms an arm aims at where the target was {age_ms:.0f} ms ago, at worst "
-    "{worst_ms:.0f}, unless the estimate is carried forward.",
+    "Add the wait for the next frame: half a period on average, so the error is {formula}. "
+    "With a period of {period_ms:.0f} ms the arm aims at where the target was {age_ms:.0f} ms "
+    "ago, at worst {worst_ms:.0f} ms, unless it predicts the target to the present.",
     ask=(
-        "Pictures are taken every T and arrive after L. How far beside a target of speed v does "
-        "one aim in the mean?",
+        "Frames are taken every T and arrive after L. What is the mean error of an arm that "
+        "aims at the newest position of a target of speed v?",
         "v*(L + T/2)",
         {
-            "v*L": "That is the moment at which a picture arrives; then it gets older.",
-            "v*(L + T)": "That is the worst, just before the next one arrives.",
-            "v*(L - T/2)": "A picture gets older while it is the newest.",
+            "v*L": "That is the error when a result arrives; then it gets older.",
+            "v*(L + T)": "That is the worst case, just before the next result arrives.",
+            "v*(L - T/2)": "A result gets older while it is the newest one.",
             "v*(L/2 + T/2)": "The latency counts in full.",
         },
     ),
@@ -141,20 +143,21 @@ def latency_is_not_age(result):
 
 
 @claim(
-    "Behind an alpha-beta filter the place is less noisy than in the picture.",
-    "Its variance is {formula} of the picture's. With {alpha:.2f} and {beta:.2f} that is "
-    "{calm:.2f}; a rate that is trusted too quickly, {beta_wild:.2f}, makes it {wild:.2f}. Noise "
-    "that is alike in one picture and the next passes, and can be amplified: up to {alike:.2f} "
-    "here.",
+    "After an alpha-beta filter, the position is less noisy than in a single frame.",
+    "The variance of the output is {formula} of that of a frame, where a is the gain of the "
+    "position and b that of the rate. With a = {alpha:.2f} and b = {beta:.2f} this is "
+    "{calm:.2f}. A filter that corrects its rate too strongly, with b = {beta_wild:.2f}, "
+    "amplifies the noise to {wild:.2f}. Noise that is similar from frame to frame passes the "
+    "filter and can even be amplified, here up to {alike:.2f}.",
     ask=(
-        "The error of an alpha-beta filter is x' = (1 - a)(x + y) + a n, y' = y - b (x + y) + b n "
-        "under white noise n of variance 1. The variance of x?",
+        "The error of an alpha-beta filter is x' = (1 - a)(x + y) + a n, y' = y - b (x + y) + "
+        "b n with white noise n of variance 1. What is the variance of x?",
         "(2*a^2 + b*(2 - 3*a))/(a*(4 - b - 2*a))",
         {
             "a/(2 - a)": "That is a filter without a rate.",
-            "a^2": "Earlier pictures are still in it.",
-            "(2*a^2 + b*(2 - 3*a))/(4 - b - 2*a)": "A factor a is missing below.",
-            "(2*a^2 + b*(2 + a))/(a*(4 - b - 2*a))": "Place and rate are correlated.",
+            "a^2": "Earlier frames still contribute.",
+            "(2*a^2 + b*(2 - 3*a))/(4 - b - 2*a)": "A factor a is missing in the denominator.",
+            "(2*a^2 + b*(2 + a))/(a*(4 - b - 2*a))": "Position and rate are correlated.",
         },
     ),
     source="P. Kalata, The tracking index, 1984",
@@ -210,8 +213,9 @@ def filter_calms(result):
     result.statement = "By algebra, and with numbers on both sides of the condition."
     result.statement_holds(
         loud < 1.0,
-        only_if="the noise is new in each picture, both gains are positive, that of the place is "
-        "below 1 and that of the rate below twice it",
+        only_if="the noise is independent from frame to frame, both gains are positive, the gain "
+        "of the position is below 1, and the gain of the rate is below twice the gain of the "
+        "position",
         inside=inside,
         outside=outside,
     )
@@ -225,10 +229,10 @@ def filter_calms(result):
 
 
 @claim(
-    "With enough pictures a second the place is as exact as one likes.",
-    "Noise that is new in each picture goes, the bias stays. At {slow:.0f} pictures a "
-    "second the tip is {few:.1f} mm off, at {fast:.0f} {many:.1f} mm, {bias:.1f} of it "
-    "bias.",
+    "With a high enough frame rate, the position estimate gets as accurate as you want.",
+    "Averaging removes noise that is fresh in each frame. It does not remove the bias. At "
+    "{slow:.0f} frames per second the tip is {few:.1f} mm off, at {fast:.0f} it is {many:.1f} "
+    "mm, and {bias:.1f} mm of that is bias.",
 )
 def pictures_without_bias(result):
     from course.pipeline import Settings
@@ -243,7 +247,7 @@ def pictures_without_bias(result):
     count = result.measure("many", deviation(fast), 0.1)
     bias = result.measure("bias", 1e3 * np.hypot(*Settings().bias))
     fair = deviation(fast, bias=(0.0, 0.0))
-    result.statement = "16 runs each, with only perception as it is."
+    result.statement = "16 runs for each frame rate, with every stage except perception ideal."
     result.statement_holds(count < 0.5 * bias)
     result.correction_holds(few > 2.0 * count, count > 0.9 * bias, fair < 0.9 * count)
 
@@ -259,10 +263,11 @@ def cancelling(runs=6, **changed):
 
 
 @claim(
-    "The parts of an error budget add up as the root of their summed squares.",
-    "That is for independent parts of mean 0. Perception alone makes {eye:.1f} mm, age "
-    "{age:.1f}, the arm {arm:.1f}: {rss:.1f} by that rule. All together make {whole:.1f}, as the "
-    "bias points against the two others.",
+    "The errors of the stages add up as the root of their summed squares.",
+    "That is right for independent errors with zero mean. In this example, perception alone "
+    "causes {eye:.1f} mm, age {age:.1f} and the arm {arm:.1f}, which makes {rss:.1f} mm by "
+    "that rule. Together they make {whole:.1f} mm, because the bias points against the two "
+    "others.",
 )
 def root_sum_square(result):
     from course.pipeline.budget import Budget
@@ -282,15 +287,17 @@ def root_sum_square(result):
     }
     fair = Budget(parts, sets, made.moments)
     right = fair.rms(frozenset())[0] / np.sqrt(sum(fair.rms(fair.only(p))[0] ** 2 for p in parts))
-    result.statement = "Six runs for each of the eight subsets, and noise alone."
+    result.statement = "Six runs for each of the eight sets of ideal stages, and noise alone."
     result.statement_holds(abs(whole / rss - 1.0) < 0.1)
     result.correction_holds(rss > 2.0 * whole, bool(abs(right - 1.0) < 0.05))
 
 
 @claim(
-    "To first order the mean errors that the parts make alone add up, as vectors, to that of all.",
-    "So they do: to {gap:.2f} mm, where the parts' lengths add up to {lengths:.1f} "
-    "mm and the whole is {whole:.1f}. What does not add up are lengths and squares.",
+    "To first order, the mean error of the pipeline is the vector sum of the mean errors of "
+    "its stages.",
+    "The sum of the vectors agrees with the measured total to {gap:.2f} mm. The lengths of the"
+    " vectors add up to {lengths:.1f} mm, while the total is {whole:.1f} mm: lengths and "
+    "squares do not add up.",
 )
 def signed_parts_add_up(result):
     made = cancelling()
@@ -311,10 +318,11 @@ def signed_parts_add_up(result):
 
 
 @claim(
-    "Mending a stage cannot make the tip's error larger.",
-    "It can, where errors cancel. As it is the tip is {whole:.1f} mm off; with perfect perception "
-    "{eye:.1f}, with an arm without lag {arm:.1f}, with both {both:.1f}. Of {orders:.0f} orders of "
-    "mending the three, {safe:.0f} never get worse on the way.",
+    "Making one stage ideal cannot make the error of the tip larger.",
+    "It can, if errors cancel. With all stages real, the tip is {whole:.1f} mm off. With ideal"
+    " perception it is {eye:.1f} mm, with an arm without lag {arm:.1f} mm, with both "
+    "{both:.1f} mm. There are {orders:.0f} orders in which to fix the three stages. The number"
+    " of orders without a setback on the way is {safe:.0f}.",
 )
 def mending_makes_worse(result):
     from itertools import permutations
@@ -329,23 +337,24 @@ def mending_makes_worse(result):
     # Without a bias there is nothing to cancel.
     fair = ends(("plan",), range(6), noise=1e-3, bias=(0.0, 0.0))
     better = ends(("plan", "control"), range(6), noise=1e-3, bias=(0.0, 0.0))
-    result.statement = "Six runs for each of the eight subsets."
+    result.statement = "Six runs for each of the eight sets of ideal stages."
     result.statement_holds(eye <= whole and arm <= whole)
     result.correction_holds(eye > 2.0 * whole, arm > 1.5 * whole, rms(better) < rms(fair), safe < 6)
 
 
 @claim(
-    "How far an arm sags on a table that is not level does not depend on Kd.",
-    "At rest the spring alone holds it: a joint gives way by {formula}. At {tilt:.3f} rad the tip "
-    "sags by {sag:.1f} mm, whatever Kd is, and by half of that with twice the Kp.",
+    "How far an arm sags on a tilted table does not depend on Kd.",
+    "At rest only the spring carries the load: a joint gives way by {formula}. At a tilt of "
+    "{tilt:.3f} rad the tip sags by {sag:.1f} mm for any Kd, and by half of that with twice "
+    "the Kp.",
     ask=(
-        "A link of mass m lies across a table that is tilted by s, its centre d from the joint. "
-        "By which angle does a spring kp give way, to first order?",
+        "A link of mass m lies across a table that is tilted by s; its centre of mass is d "
+        "from the joint. By which angle does a spring kp give way, to first order?",
         "m*g*d*sin(s)/kp",
         {
-            "m*g*d*cos(s)/kp": "A level table pulls at nothing.",
-            "m*g*d/kp": "That is a table on its edge.",
-            "m*g*sin(s)/kp": "A torque is a force times its arm.",
+            "m*g*d*cos(s)/kp": "On a level table gravity does not pull along the plane.",
+            "m*g*d/kp": "That is a vertical table.",
+            "m*g*sin(s)/kp": "A torque is a force times its lever arm.",
         },
     ),
 )
@@ -371,7 +380,9 @@ def sag_without_kd(result):
     stiff = sag(9.0, 50.0)
     report = predicted(tilted, Settings(kp=25.0))[0] - predicted(level, Settings(kp=25.0))[0]
     bends = [theory.sag(tilted.plant, (0.0, 0.0), x)[1] for x in (25, 50)]
-    result.statement = "Ends of runs of 6 s on a tilted and a level table, six values of Kd."
+    result.statement = (
+        "Final positions of runs of 6 s on a tilted and on a level table, with six values of Kd."
+    )
     result.statement_holds(bool(np.ptp(each) < 0.02 * here))
     result.correction_holds(
         bool(abs(1e3 * np.hypot(*report) / here - 1.0) < 0.1),
@@ -381,12 +392,13 @@ def sag_without_kd(result):
 
 
 @claim(
-    "Fresh random numbers for each of two settings make the fairer comparison.",
-    "On the same seeds both meet the same noise, and what it does to both alike cancels. To see "
-    "what a tenth more noise costs takes {saved:.0f} times fewer runs than on seeds of their own, "
-    "if each stage draws from a stream of its own. With every second picture left out the noise is "
-    "no longer the same: {other:.1f} times. And where it helps one and harms the other, as with a "
-    "bias of {bias_mm:.0f} mm turned round, it takes {lost:.1f} times as many.",
+    "Two settings are compared most fairly with fresh random numbers for each.",
+    "With the same seeds both face the same noise, and its common effect cancels in the "
+    "difference. To detect the cost of a tenth more noise takes {saved:.0f} times fewer runs "
+    "that way, provided that each stage has its own random-number generator. If every second "
+    "frame is left out, the noise no longer matches, and the factor is {other:.1f}. If the "
+    "same noise helps one setting and harms the other, as with a bias of {bias_mm:.0f} mm "
+    "whose sign is flipped, common seeds take {lost:.1f} times as many runs.",
 )
 def same_seeds(result):
     from course.pipeline import Scenario, Settings, repair
@@ -401,7 +413,9 @@ def same_seeds(result):
     lost = result.measure("lost", 1.0 / compare(scene, turned[0], turned[1], range(40)).saved, 0.3)
     other = compare(scene, first, replace(first, frame=2.0 * first.frame), range(40)).saved
     result.measure("other", other, 0.3)
-    result.statement = "Twice 20 seeds, the lesser of the two savings; 40 for bias and pictures."
+    result.statement = (
+        "The smaller saving of two sets of 20 seeds; 40 seeds for the bias and the frames."
+    )
     result.statement_holds(saved < 1.0)
     result.correction_holds(
         saved > 4.0, lost > 1.2, other < 2.0, all(one.square[1] > 0.0 for one in sets)

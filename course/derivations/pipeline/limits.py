@@ -10,14 +10,14 @@ SYMBOLS = {
     "k": Symbol("largest stiffness over inertia [1/s^2]"),
     "d": Symbol("largest damping over inertia [1/s]"),
     "m": Symbol("eigenvalue of the inverse inertia [1/(kg m^2)]"),
-    "kp": Symbol("spring of the law [N m/rad]"),
-    "kd": Symbol("damping of the law [N m s/rad]"),
-    "c": Symbol("damping of the joint [N m s/rad]"),
-    "n": Symbol("frames by which a picture is late", 1.0, 8.0),
-    "g": Symbol("share of the error seen that is corrected", 0.1, 1.9),
-    "r": Symbol("move of the goal from which it is planned anew [m]"),
+    "kp": Symbol("proportional gain [N m/rad]"),
+    "kd": Symbol("derivative gain [N m s/rad]"),
+    "c": Symbol("friction of the joint [N m s/rad]"),
+    "n": Symbol("frames by which an image is late", 1.0, 8.0),
+    "g": Symbol("fraction of the observed error that is corrected", 0.1, 1.9),
+    "r": Symbol("replanning distance [m]"),
     "s": Symbol("standard deviation of each axis [m]", 0.3, 3.0),
-    "L": Symbol("time that a picture takes [s]"),
+    "L": Symbol("processing time of a frame [s]"),
     "t": Symbol("angle by which a path bends [rad]", 0.1, 3.0),
     "b": Symbol("clearance [m]", 0.2, 2.0),
     "T": Symbol("period of the camera [s]"),
@@ -76,17 +76,18 @@ def leaves(q, kp, kd, dt):
 
 @claim(
     "A physics step that is stable in one posture of the arm is stable in all.",
-    "The limit is {formula} with the largest eigenvalue of the inverse inertia, and that depends "
-    "on the elbow: {stretched:.2f} ms stretched, {folded:.2f} folded, with the same gains.",
+    "The limit is {formula}, where k and d contain the largest eigenvalue of the inverse "
+    "inertia matrix. That eigenvalue depends on the elbow: with the same gains the limit is "
+    "{stretched:.2f} ms stretched and {folded:.2f} ms folded.",
     ask=(
-        "Semi-implicit Euler, x'' = -k x - d x', acceleration from the old state. Largest stable "
-        "step?",
+        "Semi-implicit Euler integrates x'' = -k x - d x' with the acceleration from the old "
+        "state. What is the largest stable step?",
         "dt < (sqrt(d^2 + 4*k) - d)/k",
         {
-            "2/sqrt(k)": "That is without damping, which lowers it.",
-            "d/k": "That is explicit Euler's, of a swing.",
+            "2/sqrt(k)": "That is the limit without damping, which lowers it.",
+            "d/k": "That is the limit of explicit Euler for an oscillation.",
             "(sqrt(d^2 + 4*k) + d)/k": "Damping lowers the limit here.",
-            "2/d": "That is without a spring.",
+            "2/d": "That is the limit without a spring.",
         },
     ),
 )
@@ -106,7 +107,9 @@ def step_by_posture(result):
     result.measure("folded", near)
     q, kp, kd = drawn(result.rng)
     at = limits(q, kp, kd)
-    result.statement = "The arm itself, from 1e-6 rad, 3 % to both sides of twelve limits."
+    result.statement = (
+        "The simulated arm, started 1e-6 rad away, 3 % on both sides of twelve limits."
+    )
     # The geometric mean of both limits is stable in one of the postures only.
     result.statement_holds(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
     result.correction_holds(
@@ -118,9 +121,9 @@ def step_by_posture(result):
 
 @claim(
     "More Kd makes the largest stable step of a semi-implicit simulation smaller.",
-    "So it does, where the torque comes from the last state. Stretched at Kp {kp:.0f} the "
-    "limit falls from {none:.1f} ms without Kd to {much:.1f} with {kd:.0f}: what overshoots is the "
-    "torque of the damping. Damping that is taken at the new velocity does not lower it.",
+    "The damping torque comes from the old velocity and overshoots. With the arm stretched and"
+    " Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to {much:.1f} ms with Kd = "
+    "{kd:.0f}. Damping at the new velocity would not lower it.",
 )
 def damping_and_step(result):
     from course.kinematics import TwoLink
@@ -144,7 +147,7 @@ def damping_and_step(result):
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     new = [implicit(*x) for x in zip(springs, dampers, strict=True)]
-    result.statement = "Twelve arms with drawn gains, and the same with a fifth more damping."
+    result.statement = "Twelve arms with random gains, and the same with a fifth more damping."
     result.statement_holds(bool(np.all(more < less)))
     result.correction_holds(
         amount < 0.5 * empty,
@@ -156,12 +159,12 @@ def damping_and_step(result):
 
 @claim(
     "At the largest physics step of the slider the arm goes unstable and energy grows.",
-    "Not because it is the largest: in the posture of the reach the limit is {reach:.1f} ms, "
-    "stretched {stretched:.1f}. Motors with a limit hold what is unstable in a small circle: at "
-    "{step:.0f} ms {share:.0%} of the runs still succeed, while the energy won rises from "
-    "{calm:.3f} to {wild:.3f} of the most there was. The limit is one for small motions about a "
-    "posture: at {below:.0%} of it, {far:.0%} of the arms that start {turn_rad:.1f} rad away do "
-    "not come back.",
+    "What counts is the posture: in the posture at the target the limit is {reach:.1f} ms, "
+    "stretched {stretched:.1f} ms. Motors with a torque limit hold an unstable arm in a small "
+    "circle: at {step:.0f} ms {share:.0%} of the runs still succeed, while the energy from "
+    "nowhere rises from {calm:.3f} to {wild:.3f} of the largest energy in the run. The limit "
+    "is one for small motions about a posture: at {below:.0%} of it, {far:.0%} of the arms "
+    "that start {turn_rad:.1f} rad away do not come back.",
 )
 def largest_step(result):
     from course.pipeline import Scenario, Settings, run_many, successes, theory
@@ -198,11 +201,11 @@ def largest_step(result):
         # Written so that NaN, from an arm that has exploded, counts as lost.
         lost = ~(np.abs(ends).max(axis=(0, 1)) < 1e-2)
     far = result.measure("far", lost.mean(), 0.3)
-    result.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
+    result.statement = "Eight runs at each step, compared with arms without torque limits."
     result.statement_holds(
         bool(leaves(q, kp, kd, 0.9 * at).all()),
-        only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that it starts close "
-        "to",
+        only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that the arm starts "
+        "close to",
         inside=[*leaves(q, kp, kd, 1.03 * at).tolist(), *leaves(*wide, 1.01 * edge).tolist()],
         outside=[*leaves(q, kp, kd, 0.97 * at).tolist(), *leaves(*wide, 0.99 * edge).tolist()],
     )
@@ -217,8 +220,9 @@ def largest_step(result):
 
 @claim(
     "With Kp very high and Kd zero the arm overshoots wildly.",
-    "By {high:.0%} of a step at Kp {much:.0f}. At {little:.0f} it is {low:.0%} already: what is "
-    "missing is the Kd, and with {kd:.0f} of it the step ends without.",
+    "At Kp = {much:.0f} it overshoots by {high:.0%} of the step. But at Kp = {little:.0f} it "
+    "is {low:.0%} already. The cause is the missing Kd: with Kd = {kd:.0f} there is no "
+    "overshoot.",
 )
 def high_gain_overshoots(result):
     from course.kinematics import TwoLink
@@ -244,19 +248,19 @@ def high_gain_overshoots(result):
     result.measure("high", high, 0.02)
     calm = beyond(little, kd, bent)[0]
     draws = zip(result.rng.uniform(100.0, 1000.0, 6), result.rng.uniform(0.0, 3.0, 6), strict=True)
-    result.statement = "Small steps of the slow mode, in drawn postures."
+    result.statement = "Small steps of the slow mode, in random postures."
     result.statement_holds(all(beyond(kp, 0.0, (0.3, q2))[0] > 0.5 for kp, q2 in draws))
     result.correction_holds(abs(high / report - 1.0) < 0.02, low > 0.8, calm < 1e-3)
 
 
 @claim(
     "Once an arm swings, a higher Kp does not make it come to rest sooner.",
-    "Its swings die as exp(-t / tau) with tau = {formula}, and Kp is not "
-    "in it. From Kp {soft:.0f} to {stiff:.0f} a swing of the slow mode decays at the same rate, to "
-    "{off:.1%}; it only has more of them.",
+    "The swings decay as exp(-t / tau) with tau = {formula}, which does not contain Kp. From "
+    "Kp {soft:.0f} to {stiff:.0f} a swing of the slow mode decays at the same rate, to "
+    "{off:.1%}. A higher Kp only makes it swing faster.",
     ask=(
-        "An arm under PD swings in a mode whose inverse inertia is m, with Kd and friction c. "
-        "With which time constant do its swings die?",
+        "An arm under PD control swings in a mode with inverse inertia m, with Kd and friction"
+        " c. What is the time constant with which its oscillation decays?",
         "tau = 2/((kd + c)*m)",
         {
             "1/((kd + c)*m)": "Half of the energy is in the spring, which is not damped.",
@@ -321,18 +325,20 @@ def wanders(gain, *late):
 
 
 @claim(
-    "A hand that corrects a part of the error that it sees, never more than all of it, gets there.",
-    "If each picture is fresh. When all are late by n frames the gain has to stay below {formula}: "
-    "{one:.2f} for one frame, {four:.2f} for four. Where the delay changes, the longest counts.",
+    "If the hand corrects a fraction of the error that it sees, and never more than all of it,"
+    " it converges.",
+    "With fresh images it does. If all images are n frames late, the gain must stay below "
+    "{formula}: {one:.2f} for one frame, {four:.2f} for four. If the delay varies, the longest"
+    " one counts.",
     ask=(
-        "Each frame a share g of the error is corrected that was seen n frames before. Up to "
+        "In each frame, a fraction g of the error seen n frames earlier is corrected. Below "
         "which g does it settle?",
         "g < 2*sin(pi/(2*(2*n + 1)))",
         {
-            "2*sin(pi/(2*(2*n - 1)))": "Count the frames from 0: fresh pictures allow 2.",
-            "pi/(2*n + 1)": "That is for a small angle.",
+            "2*sin(pi/(2*(2*n - 1)))": "Count the frames from 0: fresh images allow 2.",
+            "pi/(2*n + 1)": "That is the approximation for small angles.",
             "2*sin(pi/(2*n + 1))": "The distance on the circle takes half the angle.",
-            "1/n": "That is of the right kind, and too careful.",
+            "1/n": "That has the right trend, and is too careful.",
         },
     ),
 )
@@ -359,12 +365,12 @@ def look_and_move_limit(result):
     # Delays that alternate, with the gain of the shorter one and of the longer one.
     jumping = [not wanders(0.98 * theory.look_limit(k), k, k, k + 4, k + 4) for k in late]
     longest = [not wanders(0.98 * theory.look_limit(k + 4), k, k, k + 4, k + 4) for k in late]
-    result.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
+    result.statement = "The loop itself, 2 % on both sides of the limits for 0 to 8 late frames."
     result.statement_holds(
         not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)),
         inside=inside,
         outside=outside + jumping,
-        only_if="all pictures are late by the same n frames and the gain is above 0 and below "
+        only_if="all images are late by the same n frames and the gain is above 0 and below "
         "2 sin(pi / (2 (2 n + 1)))",
     )
     result.correction_holds(
@@ -378,18 +384,19 @@ def look_and_move_limit(result):
 
 
 @claim(
-    "With fresh pictures, correcting the whole error at once leaves nothing.",
-    "It leaves the noise of one picture in full. A gain g lets {formula} of its variance through: "
-    "{part:.2f} at {gain:.1f}. With pictures {late:.0f} frames late it is {more:.2f} there.",
+    "With fresh images, correcting the whole error at once leaves no error.",
+    "It leaves the noise of one image in full. A gain g lets {formula} of its variance "
+    "through: {part:.2f} at g = {gain:.1f}. With images that are {late:.0f} frames late it is "
+    "{more:.2f}.",
     ask=(
-        "At each frame a share g of the error in a fresh, noisy picture is corrected. What share "
-        "of a picture's variance is in the place?",
+        "In each frame, a fraction g of the error in a fresh, noisy image is corrected. Which "
+        "fraction of the variance of one image ends up in the position?",
         "g/(2 - g)",
         {
-            "g^2": "What came before is still in it: it forgets 1 - g a frame.",
-            "g": "At g = 1 only is it that.",
-            "g^2/(2 - g)": "The sum of a series in (1 - g)^2 has g (2 - g) below.",
-            "g/(2 + g)": "The sign: 1 - (1 - g)^2 is g (2 - g).",
+            "g^2": "Earlier images still contribute: each frame keeps 1 - g of the old error.",
+            "g": "That is right only at g = 1.",
+            "g^2/(2 - g)": "The geometric series in (1 - g)^2 has g (2 - g) in the denominator.",
+            "g/(2 + g)": "Check the sign: 1 - (1 - g)^2 is g (2 - g).",
         },
     ),
 )
@@ -414,7 +421,7 @@ def look_and_move_noise(result):
     part = result.measure("part", theory.look_noise(gain, 0))
     more = result.measure("more", theory.look_noise(gain, late))
     observed = measured(gain, 0), measured(gain, late), measured(1.0, 0)
-    result.statement = "2,000 loops with white noise, beside the formula."
+    result.statement = "2,000 loops with white noise, compared with the formula."
     result.statement_holds(observed[2] < 0.1)
     result.correction_holds(
         abs(observed[0] / part - 1) < 0.05,
@@ -427,20 +434,20 @@ def look_and_move_noise(result):
 
 @claim(
     "With a clearance of two standard deviations at most one plan in forty touches the disc.",
-    "That is for one that passes in a straight line: {wall:.1%}, as beside a wall. One that bends "
-    "round the disc by an angle t has it near on more sides, which adds {formula}: at two standard "
-    "deviations it is {bent:.1%} for a quarter turn and {round:.1%} for a half. Between two discs "
-    "it is {lane:.1%}, and what counts is the deviation across the path: noise that is correlated "
-    "by {together:.1f} makes it {slanted:.1%} on a diagonal.",
+    "A straight path touches in {wall:.1%} of the cases, as next to a wall. A path that bends "
+    "around the disc by an angle t is close to it on more sides, which adds {formula}: at two "
+    "standard deviations it touches in {bent:.1%} for a quarter turn and in {round:.1%} for a "
+    "half turn. Between two discs it is {lane:.1%}. Only the deviation across the path counts:"
+    " noise with a correlation of {together:.1f} makes it {slanted:.1%} on a diagonal path.",
     ask=(
-        "A disc was seen with noise s on each axis. What does a path add to the share that "
-        "touches, if it bends round the disc by an angle t at the clearance b, over a straight "
-        "one?",
+        "A disc was located with noise s on each axis. A path bends around it by an angle t at"
+        " the clearance b. By how much does this raise the probability of contact, compared "
+        "with a straight path?",
         "t/(2*pi)*exp(-b^2/(2*s^2))",
         {
-            "t/(2*pi)*exp(-b^2/s^2)": "The exponent of a normal density has 2 s^2 below.",
-            "exp(-b^2/(2*s^2))": "That is all round; the path covers the angle t of it.",
-            "t/pi*exp(-b^2/(2*s^2))": "The whole circle is 2 pi.",
+            "t/(2*pi)*exp(-b^2/s^2)": "The exponent of a normal density has the denominator 2 s^2.",
+            "exp(-b^2/(2*s^2))": "That is for a full circle; the path covers the angle t.",
+            "t/pi*exp(-b^2/(2*s^2))": "The full circle is 2 pi.",
             "t/(2*pi)*exp(-b/s)": "The length of a normal vector has b^2 in the exponent.",
         },
     ),
@@ -475,7 +482,7 @@ def clearance_and_noise(result):
             away = np.minimum(away, np.abs(error[0] + 1j * error[1] - x))
         return float(np.mean(away < radius))
 
-    result.statement = "80,000 places of a disc that was seen with noise, and paths about it."
+    result.statement = "80,000 random positions of a disc, and paths around it."
     straight = [touched(0.0, x) < 1.0 / 40.0 for x in result.rng.uniform(3.0, 20.0, 8)]
     sharp = [touched(x) < 1.0 / 40.0 for x in result.rng.uniform(0.4, np.pi, 8)]
     # Chosen to break it: noise that is large along the path; on a diagonal of correlated axes,
@@ -494,8 +501,8 @@ def clearance_and_noise(result):
     worse = [touched(0.0, 4.0, diagonal), both, biased]
     result.statement_holds(
         all(straight) and all(sharp),
-        only_if="the path passes one disc straight, and the noise is normal, of mean 0 and of that "
-        "deviation across the path",
+        only_if="the path passes one disc in a straight line, and the noise is normal, with mean 0 "
+        "and that standard deviation across the path",
         inside=straight + along,
         outside=sharp + [x < 1.0 / 40.0 for x in worse],
     )
@@ -509,11 +516,11 @@ def clearance_and_noise(result):
 
 
 @claim(
-    "With the planner's step at its minimum the arm comes late as it has to wait for the plan.",
-    "That is the one half: at {cost_us:.0f} us a check it waits {wait_ms:.0f} ms. The other is "
-    "that its path is worse, {corners:.0f} waypoints after all shortcuts in place of {few:.0f}, "
-    "{slow:.1f} s in place of {quick:.1f}. {paid:.0%} of the runs succeed, and with checks that "
-    "cost nothing {free:.0%}.",
+    "With the planner's step at its minimum the arm comes late because it waits for the plan.",
+    "That is half of it: at {cost_us:.0f} us per collision check it waits {wait_ms:.0f} ms. "
+    "The other half is a worse path: {corners:.0f} waypoints after all shortcuts instead of "
+    "{few:.0f}, and {slow:.1f} s of motion instead of {quick:.1f} s. {paid:.0%} of the runs "
+    "succeed. If checks cost nothing, {free:.0%} do.",
 )
 def planner_step(result):
     from course.pipeline import Scenario, Settings, run_many, successes
@@ -537,25 +544,26 @@ def planner_step(result):
     rows = {"paid": paid, "free": free, "wait_ms": wait, "slow": slow, "quick": quick}
     for name, value in (rows | {"corners": corners, "few": few}).items():
         result.measure(name, value, 0.3)
-    result.statement = "12 runs with steps of 0.3 and 0.002 rad, nearly without noise."
+    result.statement = "12 runs with steps of 0.3 and 0.002 rad, with almost no noise."
     result.statement_holds(free > 0.9)
     result.correction_holds(paid < 0.6, paid < free < 0.9 < fine, slow > 1.2 * quick, corners > few)
 
 
 @claim(
-    "A camera that waits until the last picture is done gives older pictures than one that runs on "
-    "and drops what comes meanwhile.",
-    "Younger ones, or as old where L is a whole number of periods: its next picture is taken at "
-    "once. {formula} in the mean, {block_ms:.0f} ms where dropping gives {drop_ms:.0f}. A queue "
-    "gives {queue_ms:.0f} after {seconds:.0f} s, and more from then on.",
+    "A camera that waits until the last frame is processed delivers older data than one that "
+    "runs on and drops frames meanwhile.",
+    "Its data is younger, or as old if L is an integer number of periods, because it takes its"
+    " next image at once. The mean age is {formula}: {block_ms:.0f} ms where dropping gives "
+    "{drop_ms:.0f} ms. A queue reaches {queue_ms:.0f} ms after {seconds:.0f} s and keeps "
+    "growing.",
     ask=(
-        "A picture takes L, longer than the camera's period, and the camera waits for it. How old "
-        "is the newest result in the mean?",
+        "Processing a frame takes L, longer than the camera's period, and the camera waits "
+        "until it is done. What is the mean age of the newest result?",
         "3*L/2",
         {
             "L + T/2": "That takes a second worker.",
-            "L": "That is its age when it comes; then it gets older.",
-            "2*L": "That is the oldest.",
+            "L": "That is its age on arrival; then it gets older.",
+            "2*L": "That is its largest age.",
         },
     ),
 )
@@ -589,7 +597,9 @@ def overrun_ages(result):
         result.measure(name, 1e3 * value, 0.03)
     law = float(result.formula.subs(L, 0.25))
     others = [(age("block", late, 0.1), age("drop", late, 0.1)) for late in (0.11, 0.19)]
-    result.statement = "Runs with eight phases of a camera at 10 Hz whose pictures take 250 ms."
+    result.statement = (
+        "Runs with eight phases of a camera at 10 Hz whose frames take 250 ms to process."
+    )
     result.statement_holds(block > drop)
     result.correction_holds(
         abs(block / law - 1.0) < 0.03, all(a < b for a, b in others), queue > 3.0 * drop
@@ -598,17 +608,18 @@ def overrun_ages(result):
 
 @claim(
     "Noise in the estimate makes the planner start again and again.",
-    "Only one that jumps as far as the distance from which it is planned anew. Raw, a share "
-    "{formula} of the pictures is that far off: at {sigma:.2f} m a run makes {raw:.0f} plans, "
-    "behind a filter {calm:.1f}. A camera of {slow_hz:.0f} Hz leaves {few:.1f}, and a planner that "
-    "is not done before the next picture {late:.1f}: while it works nothing is planned anew.",
+    "Only noise that jumps by the replanning distance does. A fraction {formula} of the raw "
+    "frames is that far off. At {sigma:.2f} m a run makes {raw:.0f} plans, and {calm:.1f} with"
+    " a filter. A camera of {slow_hz:.0f} Hz reduces them to {few:.1f}. A planner that is not "
+    "done before the next frame makes {late:.1f}, because it starts nothing new while it "
+    "works.",
     ask=(
-        "A plan was made for one noisy picture, s on each axis. Which share of the later ones is "
-        "further than r from its goal?",
+        "A plan was made for one noisy frame, with noise s on each axis. What fraction of the "
+        "later frames is further than r from its goal?",
         "exp(-r^2/(4*s^2))",
         {
-            "exp(-r^2/(2*s^2))": "The plan's own goal was noisy as well.",
-            "exp(-r^2/s^2)": "Variances add to 2 s^2, and the exponent has twice that below.",
+            "exp(-r^2/(2*s^2))": "The goal of the plan was noisy as well.",
+            "exp(-r^2/s^2)": "Variances add to 2 s^2; the exponent divides by twice that.",
             "exp(-r/(2*s))": "The length of a normal vector has r^2 in the exponent.",
         },
     ),
@@ -641,11 +652,14 @@ def raw_estimate_replans(result):
     few = result.measure("few", plans(sigma, False, frame=1.0 / hz), 0.3)
     late = result.measure("late", plans(sigma, False, check_cost=3e-3), 0.3)
     wild = result.rng.uniform((1.5, 0.01, 0.05), (6.0, 0.03, 0.3), (4, 3)).tolist()
-    result.statement = "Runs of 1.5 s with raw and filtered estimates; six plans are 'again'."
+    result.statement = (
+        "Runs of 1.5 s with raw and filtered estimates; six plans count as 'again and again'."
+    )
     result.statement_holds(
         calm > 6.0,
-        only_if="they come raw, with a third of that distance on each axis or more, tens of times "
-        "a second, and a plan is ready before the next picture",
+        only_if="the frames are unfiltered, with noise of at least a third of the replanning "
+        "distance on each axis, they come tens of times a second, and a plan is ready before "
+        "the next frame",
         # From 15 % above a third of the distance; outside from 15 % below it.
         inside=[
             *(bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws),
@@ -665,9 +679,10 @@ def raw_estimate_replans(result):
 
 @claim(
     "Perception, planning, control and physics all have their turn at every control step.",
-    "Each has a clock of its own. In a run of {seconds:.0f} s the law is asked {laws:.0f} times, "
-    "the camera {pictures:.0f}, the planner {plans:.0f}: a plan takes {periods:.1f} periods of the "
-    "law, a picture {ages:.0f}.",
+    "Each stage has its own rate. In a run of {seconds:.0f} s the controller runs {laws:.0f} "
+    "times, the camera {pictures:.0f} times, and the planner {plans:.0f} time. The plan takes "
+    "as long as {periods:.1f} control periods, and the processing of a frame as long as "
+    "{ages:.0f}. Several frames are therefore processed at once.",
 )
 def every_stage_its_clock(result):
     from course.pipeline import Scenario, Settings, run

@@ -118,11 +118,11 @@ def halving_halves(result):
 
 @claim(
     "Switch MuJoCo to RK4 and it gets more accurate.",
-    "On a chain at {ms:.0f} ms, by {smooth:.1f} orders of magnitude. A block that brakes loses "
-    "its speed to contact forces that change within a step: of {n:.0f} such runs RK4 was worse in "
-    "{worse:.0f}, each step at four times the forces. RK4 is explicit, too: beyond a step of "
-    "{limit:.3f} over the fastest rate of the joints' damping the arm flies apart, where MuJoCo's "
-    "Euler, which takes damping implicitly, does not.",
+    "On a chain at {ms:.0f} ms it is more accurate by {smooth:.1f} orders of magnitude. On a "
+    "braking block the contact forces change within a step, and RK4 was worse in {worse:.0f} of "
+    "{n:.0f} runs, although it evaluates the forces four times per step. RK4 is also explicit. If "
+    "the step exceeds {limit:.3f} divided by the fastest damping rate of the joints, the arm flies "
+    "apart. MuJoCo's Euler treats damping implicitly and stays stable there.",
 )
 def rk4_and_contact(result):
     from course import kinematics

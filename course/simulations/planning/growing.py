@@ -28,9 +28,9 @@ BLOCKED, SEARCHING, SOLVED, SPENT = range(4)
 CONTROLS = Record(
     method=menu("Planner", ("RRT", "RRT-Connect", "RRT*", "PRM")),
     step=slider("Step size", 0.40, 0.10, 3.0, 0.05, "m"),
-    check=menu("Edges tested", ("exactly", "at points 0.5 m apart", "at their ends")),
+    check=menu("Edges checked", ("exactly", "at points 0.5 m apart", "at their ends")),
     bias=slider("Goal bias", 0.05, 0.0, 0.95, 0.05),
-    rate=slider("Samples a second", 40, 5, 400, 5, live=True),
+    rate=slider("Samples per second", 40, 5, 400, 5, live=True),
     seed=slider("Seed", 1, 0, 99, 1),
     piece=menu(
         "Keys move", ("start", "goal", *(f"obstacle {k + 1}" for k in range(PIECES))), live=True
@@ -281,17 +281,17 @@ TITLE = "A planner among obstacles that you place"
 word, colour = draw.words_table(), draw.colours_table()
 _YELLOW, _ROSE, _PALE = colour("#e8b700", "#e9a3a0", "#f7f7f4")
 _BUTTONS = word("Step", "Plan", "Shortcut", "Reset")[0]
-_STATUS = word("start or goal in collision", "searching", "solved", "samples spent")[0]
+_STATUS = word("start or goal in collision", "searching", "solved", "budget used up")[0]
 _ENDS = word("start", "goal")[0]
 _METRES, _WHAT, _SAMPLES, _EDGES, _NODES, _PATH, _FIRST, _WRONG, _NONE = word(
     " m",
-    "question",
+    "status",
     "samples",
-    "edges tested",
+    "edges checked",
     "nodes",
-    "path",
-    "before shortcuts",
-    "edges of it that hit",
+    "path length",
+    "length before shortcuts",
+    "path edges in collision",
     "none",
 )
 _SCENE, _VIEW = (0.1, 8.9, 0.45, 4.95), (0.0, LONG, 0.0, HIGH)
@@ -446,40 +446,42 @@ PRESETS = {
     "Among obstacles": Preset(
         {"pieces": _placed((4.5, 2.5, 0.8, 2.0), (8.0, 6.5, 0.5, 2.0), (11.5, 3.0, 1.4, 0.5),
                            (13.8, 6.0, 0.4, 1.8), (5.5, 7.2, 1.0, 0.4))},
-        "Press play, or Step and Plan in the picture. Drag start, goal and obstacles, drag a rim "
-        "to resize, click on free ground for a new one. Try the other planners, and Shortcut."),
+        "Press Play, or Step and Plan below the picture. Drag start, goal and obstacles; drag the "
+        "rim of an obstacle to resize it; click on free ground to add one. Try the other "
+        "planners, and then Shortcut."),
     "Narrow gap": Preset(
         {"step": 1.0, "pieces": _placed((8.8, 2.9, 0.25, 2.9), (8.8, 7.6, 0.25, 1.4))},
-        "A wall with a gap of 0.4 m. Try some seeds: a few samples or a thousand, as luck has it. "
-        "Compare RRT and RRT-Connect, then drag a rim until the gap is half as wide."),
+        "A wall with a gap of 0.4 m. Try several seeds: the number of samples varies widely. "
+        "Compare RRT and RRT-Connect. Then drag the rim of a wall until the gap is half as wide."),
     "Bug trap": Preset(
         {"ends": (5.0, 2.6, 15.5, 4.5), "step": 1.0, "seed": 3, "pieces": _placed(
             (3.0, 4.5, 0.1, 3.0), (5.5, 1.6, 2.6, 0.1), (5.5, 7.4, 2.6, 0.1), (8.0, 2.6, 0.1, 1.1),
             (8.0, 6.4, 0.1, 1.1), (7.2, 3.6, 0.9, 0.1), (7.2, 5.4, 0.9, 0.1))},
-        "The goal pulls against the wall, and the way out leads past the funnel's lips. Raise the "
-        "goal bias: it gets worse. A tree that grows from the goal finds the mouth from outside."),
+        "The goal pulls the tree against the wall, and the only exit is inside the funnel. Raise "
+        "the goal bias and it takes longer. A tree that grows from the goal enters through the "
+        "funnel."),
     "Tunnelling edge check": Preset(
         {"check": 1, "pieces": _placed((8.8, 4.5, 0.05, 4.5))},
-        "A closed wall of 0.1 m, and edges looked at every 0.5 m: the planner calls it solved. Red "
-        "is what an exact test finds. Then test exactly: there is no path, and no planner says "
-        "so; it only runs out of samples."),
+        "A closed wall, 0.1 m thick, and edges checked every 0.5 m: the planner reports a path. "
+        "Red edges are those that an exact check finds in collision. Then switch to the exact "
+        "check: there is no path, and the planner cannot know that; it only runs out of samples."),
     "Unreachable goal": Preset(
         {"ends": (1.5, 4.5, 14.0, 4.5), "method": CONNECT, "pieces": _placed(
             (14.0, 3.2, 1.5, 0.1), (14.0, 5.8, 1.5, 0.1), (12.6, 4.5, 0.1, 1.4),
             (15.4, 4.5, 0.1, 1.4))},
-        "The goal is walled in. A sampling planner never knows: it stops when its samples are "
-        "spent. Two trees show it to the eye; drag a wall aside."),
+        "The goal is walled in. A sampling-based planner never knows that: it stops when its "
+        "budget is used up. The tree of the goal shows you why. Drag a wall aside and plan again."),
 }  # fmt: skip
 
 # What each number below the picture means.
 READOUTS = {
-    "question": "State of the query: still searching, solved or given up.",
+    "status": "State of the query: still searching, solved or given up.",
     "samples": "Random configurations sampled so far.",
-    "edges tested": "Straight segments checked for collisions so far.",
+    "edges checked": "Straight segments checked for collisions so far.",
     "nodes": "Nodes of the tree or roadmap.",
-    "path": "Length of the present path.",
-    "before shortcuts": "Length of the path when it was found, before shortcutting.",
-    "edges of it that hit": (
+    "path length": "Length of the present path.",
+    "length before shortcuts": "Length of the path when it was found, before shortcutting.",
+    "path edges in collision": (
         "Edges of the path that a fine collision check finds in collision: the planner's check "
         "was too coarse."
     ),

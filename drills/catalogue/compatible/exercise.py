@@ -69,14 +69,14 @@ SLIPS = slips(
     symmetric=(
         _RANK,
         "less = more = offer != wish",
-        "Whatever differs is refused. Only one direction fails: a writer may offer more than the "
-        "reader asks for.",
+        "Every difference is treated as incompatible. Only one direction fails: a writer may "
+        "offer more than the reader requests.",
     ),
     reader_and_writer_swapped=(
         _RANK,
         "less, more = wish < offer, wish > offer",
-        "Offered and requested have changed places: a best-effort writer is let through to a "
-        "reliable reader, and the reverse refused.",
+        "Offered and requested are swapped: a best-effort writer is accepted for a reliable "
+        "reader, and a reliable writer is rejected for a best-effort reader.",
     ),
     deadline_reversed=(
         "more[2]",
@@ -88,67 +88,66 @@ SLIPS = slips(
     deadline_alone_reversed=(
         "more[2]",
         "less[2]",
-        "The deadline is the wrong way round. The writer promises a sample at least that often: it "
-        "fails where its time is longer than the reader's.",
+        "The deadline is compared in the wrong direction. The writer promises a message at least "
+        "that often, so it fails if its time is longer than the reader's.",
     ),
     lease_reversed=(
         "more[4]",
         "less[4]",
-        "The lease is the wrong way round: a writer that shows a sign of life more often than "
-        "asked for is welcome.",
+        "The lease is compared in the wrong direction: a writer may prove that it is alive more "
+        "often than requested.",
     ),
     none_taken_as_zero=(
         _NONE,
         "for profile in ():",
-        "A time of 0 is compared as a number. It stands for none, so it is the longest of all: no "
-        "deadline offered fails against any requested one.",
+        "A time of 0 is compared as a number. It means none, so it is the longest of all: a "
+        "writer without a deadline fails every requested one.",
     ),
     none_offered_passes=(
         _NONE,
         "for profile in (wish,):",
-        "Who offers no deadline is let through to a reader that requests one.",
+        "A writer without a deadline is accepted for a reader that requests one.",
     ),
     none_requested_fails=(
         _NONE,
         "for profile in (offer,):",
-        "A reader that requests no deadline refuses every writer that keeps one.",
+        "A reader without a deadline rejects every writer that has one.",
     ),
     lease_forgotten=(
         _LIVELY,
         "lively = less[3]",
-        "The lease is forgotten. Liveliness is a kind and a time: either of them can fail.",
+        "The lease is not compared. Liveliness is a kind and a time, and either of them can fail.",
     ),
     kind_forgotten=(
         _LIVELY,
         "lively = more[4]",
-        "Only the lease is compared. Liveliness fails, too, where its kind is below the one "
-        "requested.",
+        "Only the lease is compared. Liveliness also fails if its kind ranks below the requested "
+        "one.",
     ),
     both_must_fail=(
         _LIVELY,
         "lively = less[3] and more[4]",
-        "Liveliness is let through unless kind and lease both fail. One is enough.",
+        "Liveliness is accepted unless kind and lease both fail. One failure is enough.",
     ),
     equal_fails=(
         _RANK,
         "less, more = offer < wish, offer >= wish",
-        "Equal times are refused. A writer that offers what is requested fits.",
+        "Equal times are rejected. A writer that offers exactly what is requested is compatible.",
     ),
     ownership_ranked=(
         _UNLIKE,
         "unlike = less[6]",
-        "Ownership is ranked. Exclusive offers nothing that a shared reader could take: both ends "
-        "must say the same.",
+        "Ownership is ranked here. It has no ranking: both ends must be equal.",
     ),
     ownership_ignored=(
         _UNLIKE,
         "unlike = False",
-        "Ownership never fails. It must be the same at both ends.",
+        "Ownership never fails here. It must be equal at both ends.",
     ),
     ones_for_what_fits=(
         _RETURN,
         "return 1 - np.array([less[0]",
-        "1 stands where a policy fits. Asked is what fails.",
+        "The answer is 1 for policies that are compatible. It must be 1 for those that fail.",
     ),
 )
 

@@ -120,13 +120,13 @@ SLIPS = slips(
     coriolis_forgotten=(
         _RETURN,
         "return M @ a + weight",
-        "The Coriolis and centripetal torques are missing: one does not see it at rest.",
+        "The Coriolis and centripetal torques are missing. At rest you don't see this.",
     ),
     coriolis_sign=(
         _RETURN,
         "return M @ a - coriolis + weight",
-        "The Coriolis and centripetal torques have the wrong sign: they double what they should "
-        "undo.",
+        "The Coriolis and centripetal torques have the wrong sign: they double what they "
+        "should cancel.",
     ),
     two_forgotten_in_coriolis=(
         _SPIN,
@@ -142,49 +142,50 @@ SLIPS = slips(
     error_reversed=(
         _A,
         _A.replace("(q_ref - q)", "(q - q_ref)"),
-        "The error of the angles has the wrong sign: reference less measured. This drives the arm "
-        "away.",
+        "The error of the angles has the wrong sign: use reference minus measured. With this "
+        "sign the arm is driven away.",
     ),
     rate_error_reversed=(
         _A,
         _A.replace("(v_ref - v)", "(v - v_ref)"),
-        "The error of the rates has the wrong sign: reference less measured.",
+        "The error of the rates has the wrong sign: use reference minus measured.",
     ),
     damping_of_the_whole_rate=(
         _A,
         _A.replace("(v_ref - v)", "-v"),
-        "The damping acts on the whole rate and not on its error, so it brakes the wanted motion.",
+        "The damping acts on the rate instead of the rate error, so it brakes the desired motion.",
     ),
     gains_swapped=(
         _A,
         "a = a_ref + np.asarray(kp) * (v_ref - v) + np.asarray(kd) * (q_ref - q)",
-        "kp and kd have changed places.",
+        "kp and kd are swapped.",
     ),
     model_at_the_reference=(
         "    " + _A + "\n",
         "",
         "    coupling, tip =",
         f"    {_A}\n    q, v = q_ref, v_ref\n    coupling, tip =",
-        "The model is evaluated on the reference. That is a feedforward: it does not cancel what "
-        "the arm does where it is, and the errors of the joints stay coupled.",
+        "The model is evaluated at the reference. That is feedforward: it does not cancel "
+        "the torques of the actual motion, and the errors of the joints stay coupled.",
     ),
     weight_at_the_reference=(
         "math.cos(q[0]) + outer",
         "math.cos(q_ref[0]) + outer",
         _OUTER,
         _OUTER.replace("q[0] + q[1]", "q_ref[0] + q_ref[1]"),
-        "Gravity is that of the wanted posture. The arm hangs where it is measured.",
+        "Gravity is evaluated at the reference. It acts on the arm in the measured posture.",
     ),
     error_wrapped=(
         "(q_ref - q)",
         "((q_ref - q + np.pi) % (2.0 * np.pi) - np.pi)",
-        "The error is brought between -pi and pi. The task takes the difference as it is: a joint "
-        "that is wound up by a turn has to come back.",
+        "The error is wrapped to -pi ... pi. The task uses the plain difference: a joint "
+        "that is one turn away has to turn back.",
     ),
     diagonal_only=(
         "[base, across], [across, tip]",
         "[base, 0.0], [0.0, tip]",
-        "The mass matrix has only its diagonal: each joint is driven as if the other stood still.",
+        "Only the diagonal of the mass matrix is used: each joint is driven as if the other "
+        "were at rest.",
     ),
     absolute_second_angle=(
         _OUTER,

@@ -132,50 +132,52 @@ SLIPS = slips(
         "        share += 0.1\n        if share > 1.0:\n            return 1.0",
         "gap >= speed * (1.0 - share)",
         "speed == 0.0",
-        "You look at some points along the motion, ten or so. What is thinner than the way between "
-        "two of them is passed.",
+        "You check some points along the motion, ten or so. Anything thinner than the distance "
+        "between two of them is missed.",
     ),
     ends_only=(
         _ON,
         "        share = 1.0",
-        "Only start and end are looked at: free ends say nothing about the edge.",
+        "Only the start and the end are checked. Free ends say nothing about the motion between "
+        "them.",
     ),
     own_link_only=(
         _REACH,
         "reach = lengths",
-        "Your bound takes each joint to move its own link only. It carries all links from there "
-        "to the tip, so its reach is the sum of their lengths.",
+        "Your bound assumes that each joint moves only its own link. It carries all links from "
+        "there to the tip, so its reach is the sum of their lengths.",
     ),
     fastest_joint_only=(
         _SPEED,
         "speed = float(np.max(np.abs(move) * reach))",
-        "Only one joint counts in your bound. All turn at once, and what they move adds up.",
+        "Your bound counts only one joint. All joints turn at the same time, and their "
+        "contributions add up.",
     ),
     far_enough_now=(
         "gap >= speed * (1.0 - share)",
         "gap >= 0.1 * speed * (1.0 - share)",
-        "The rest of the motion is called free too early: the gap must be at least as large as "
-        "what is left of the bound, speed (1 - s).",
+        "The rest of the motion is declared free too early. The gap must be at least as large "
+        "as what is left of the bound, speed (1 - s).",
     ),
     joints_only=(
         _NEAREST,
         "(along > 0.5 * lengths[:, None]) * lengths[:, None]",
-        "Only joints and tip are looked at. The links between them touch discs too.",
+        "Only the joints and the tip are checked. The links between them touch discs, too.",
     ),
     centres_for_discs=(
         "apart - discs[:, 2]",
         "apart",
-        "The gap is that to the centres: take off the radius.",
+        "Your gap is the distance to the centres of the discs. Subtract the radius.",
     ),
     angles_from_the_x_axis=(
         "angle = np.cumsum(a + share * move)",
         "angle = a + share * move",
-        "The angles are taken from the x axis. Each is measured from the link before it.",
+        "The angles are measured from the x axis. Each one is relative to the link before it.",
     ),
     shorter_way_round=(
         "move = np.asarray(b, dtype=float) - a",
         "move = np.arctan2(np.sin(np.asarray(b) - a), np.cos(np.asarray(b) - a))",
-        "The motion is turned into the shorter way round. It goes from a to b as they are given.",
+        "The motion takes the shorter way round. It has to go from a to b as they are given.",
     ),
 )
 

@@ -78,50 +78,54 @@ SLIPS = slips(
     parts_alone=(
         _WEIGHT,
         "weight = float(s == 0)",
-        "Each stage is taken at fault alone, and squares of parts are added. They sum to the whole "
-        "only if the errors are independent and none has a mean.",
+        "Each stage was taken as real alone, and the squares were added. They add up to the "
+        "whole only if the errors are independent and none has a mean.",
     ),
     share_is_what_its_repair_gains=(
         _WEIGHT,
         "weight = float(s.bit_count() == k - 1)",
-        "The share is what mending this stage alone gains. Where errors cancel these don't sum to "
-        "the whole: mending one of two opposed stages makes it worse.",
+        "The share is what making this stage alone ideal gains. If errors cancel, these gains "
+        "don't add up to the whole: fixing one of two opposed stages makes it worse.",
     ),
     one_order_only=(
         _WEIGHT,
         "weight = float(s == (1 << i) - 1)",
-        "The stages are put at fault in one order, and the shares depend on it. Average over all.",
+        "The stages become real in one order only, and the shares depend on it. Average over "
+        "all orders.",
     ),
     all_sets_alike=(
         _WEIGHT,
         "weight = 0.5 ** (k - 1)",
-        "All sets count alike, as in Banzhaf's index: from three stages on this doesn't sum. "
-        "Average over the orders.",
+        "All sets have the same weight, as in Banzhaf's index: for three stages or more the "
+        "shares don't add up. Average over the orders.",
     ),
     bias_averaged_away=(
         _SQUARE,
         "square = np.sum(np.var(e, axis=1), axis=1)",
-        "That is the variance about the mean: a bias, which is the same in every run, is gone.",
+        "That is the variance about the mean: a bias, which is the same in every run, is lost.",
     ),
     noise_averaged_away=(
         _SQUARE,
         "square = np.sum(np.mean(e, axis=1) ** 2, axis=1)",
-        "The mean error is squared: what changes from run to run has been averaged away.",
+        "The mean error is squared, so the noise, which differs from run to run, has been "
+        "averaged away.",
     ),
     root_mean_square=(
         "axis=1)\n    values",
         "axis=1) ** 0.5\n    values",
-        "The root is taken before the parts are: what adds up is the square.",
+        "The root is taken before the shares are computed. Mean squares add up; their roots do"
+        " not.",
     ),
     signs_ignored=(
         _MEAN,
         "np.mean(np.abs(e), axis=1), square",
-        "Sizes are averaged instead of vectors: parts that point in opposite directions then add.",
+        "Absolute values are averaged instead of vectors: contributions in opposite directions"
+        " then add instead of cancelling.",
     ),
     negative_share_refused=(
         _RETURN,
         _RETURN.replace("parts[:, 2]", "np.abs(parts[:, 2])"),
-        "A share has lost its sign. A stage that cancels another's error has a negative one.",
+        "A share has lost its sign. A stage that cancels another's error has a negative share.",
     ),
     forced_to_sum=(
         _WEIGHT,
@@ -130,12 +134,14 @@ SLIPS = slips(
         _RETURN.replace(
             "parts[:, 2]", "parts[:, 2] * (square[-1] - square[0]) / parts[:, 2].sum()"
         ),
-        "The parts alone are scaled until they sum. That hides that they don't.",
+        "The errors of single real stages are scaled until they add up. That hides that they "
+        "don't.",
     ),
     only_it_at_fault=(
         "square[-1 - (1 << i)]",
         "square[1 << i]",
-        "That is the error with this stage alone at fault. Asked is the one with it alone mended.",
+        "That is the error with only this stage real. The task wants the error with only this "
+        "stage ideal.",
     ),
 )
 

@@ -83,39 +83,39 @@ _DEPTH = ("depth, command, came = 1,", "depth, command, came = 10,")
 SLIPS = slips(
     stamp_at_publishing=(
         *_STAMP,
-        "The stamp is still the time of publishing: right for a part that stands. A place belongs "
-        "to the moment at which the picture was taken.",
+        "The timestamp is still the time of publishing, which is right only for a part that "
+        "stands still. A position belongs to the time at which the image was taken.",
     ),
     deep_queue=(
         *_DEPTH,
-        "The drive's queue is still ten deep: right while the drive is as quick as the controller. "
-        "A slower one obeys commands that are ten old.",
+        "The drive's queue still has depth ten, which is right only if the drive is as fast as "
+        "the controller. A slower drive uses commands that are ten periods old.",
     ),
     relative_sleep=(
         *_SLEEP,
-        "The loop still sleeps for a period after each cycle: right while none begins late. Every "
-        "lateness moves all cycles that follow.",
+        "The loop still sleeps for a period after each cycle, which is right only if no cycle "
+        "begins late. Every lateness moves all later cycles.",
     ),
     one_callback_group=(
         *_GROUP,
-        "Images still wait while a log is saved: right while nobody saves one. Give the two "
-        "callbacks a group each.",
+        "Images still wait while a log is saved, which is right only if no log is saved. Give "
+        "each of the two callbacks its own group.",
     ),
     unit_of_the_deadline=(
         *_UNIT,
-        "The deadline comes in milliseconds and is compared with seconds: it never applies, which "
-        "is right while the camera sees something.",
+        "The deadline is in milliseconds and is compared with seconds. So it never applies, which "
+        "is right only while the camera sees the part.",
     ),
     stamp_and_deadline=(
         *_STAMP,
         *_UNIT,
-        "Queue, sleep and groups are right. Stamp and deadline are left: with a stamp of "
-        "publishing nothing ever looks old.",
+        "Queue, sleep and groups are right. Timestamp and deadline are still wrong: with the time "
+        "of publishing as the timestamp, no position looks old.",
     ),
     queue_and_sleep=(
         *_DEPTH,
         *_SLEEP,
-        "The camera's node is right. A queue and a sleep are left in how commands are sent.",
+        "The camera node is right. The drive's queue and the controller's sleep are still wrong.",
     ),
     all_still_there=(
         *_STAMP,
@@ -123,20 +123,20 @@ SLIPS = slips(
         *_SLEEP,
         *_UNIT,
         *_DEPTH,
-        "All five are still there: stamp, group, sleep, unit, queue.",
+        "All five mistakes are still there: timestamp, group, sleep, unit, queue.",
     ),
     stamp_of_reception=(
         _STAMP[0],
         "(free[group], rows[number, 1],",
-        "The stamp is the time at which the image was received. The part has moved since the "
+        "The timestamp is the time at which the image was received. The part has moved since the "
         "capture.",
     ),
     newest_and_then_older=(
         "command = queue.pop(0)",
         "command = queue.pop()",
         *_DEPTH,
-        "The newest command is taken, and older ones stay in the queue: when there is no new one "
-        "the drive goes back in time.",
+        "The newest command is taken, and older ones stay in the queue. Without a new command, "
+        "the drive goes back to an older one.",
     ),
     sleep_from_waking=(
         _SLEEP[0],
@@ -146,12 +146,13 @@ SLIPS = slips(
     every_call_a_group=(
         _GROUP[0],
         "group = kind\n        free[group] = -np.inf",
-        "No callback waits for any other: images of one group are worked on one at a time.",
+        "No callback waits for any other. Images are in one group, so they are processed one at a "
+        "time.",
     ),
     silent_without_news=(
         "        if queue:\n            command = queue.pop(0)\n",
         "        command = queue.pop(0) if queue else 0.0\n",
-        "Without a new command the drive is told 0. It stays with the last one.",
+        "Without a new command the drive uses 0. It must keep the last command.",
     ),
 )
 

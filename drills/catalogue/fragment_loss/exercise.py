@@ -85,28 +85,29 @@ SLIPS = slips(
     one_fragment=(
         _COUNT,
         "n = 1",
-        "The message is taken for one fragment. It is whole only if each of its fragments is.",
+        "The message is treated as one fragment. It is complete only if all its fragments arrive.",
     ),
     rounded_down=(
         _COUNT,
         "n = max(size // payload, 1)",
-        "The short fragment at the end is forgotten: round up.",
+        "The short fragment at the end is not counted: round up.",
     ),
     one_too_many=(
         _COUNT,
         "n = size // payload + 1",
-        "A fragment too many where the last one is full.",
+        "There is one fragment too many if the last one is full.",
     ),
     a_part_of_a_fragment=(
         _COUNT,
         "n = size / payload",
-        "Fragments are whole: the short one at the end is lost as easily as any other.",
+        "The number of fragments must be an integer: the short one at the end is lost as easily "
+        "as any other.",
     ),
     proportional=(
         _LOST,
         "lost = min(n * loss, 1.0)",
-        "The probabilities of the fragments are added. That is right only while the sum is small; "
-        "multiply the probabilities that each arrives.",
+        "The probabilities of the losses are added. That is right only while the sum is small; "
+        "multiply the probabilities that each fragment arrives.",
     ),
     all_must_be_lost=(
         _LOST,
@@ -116,48 +117,49 @@ SLIPS = slips(
     digits_cancelled=(
         _LOST,
         "lost = 1.0 - (1.0 - loss) ** n",
-        "1 - (1 - p)^n loses its digits on a good link: 1 - p has sixteen, and those of p are at "
-        "their end. -expm1(n log1p(-p)) keeps them.",
+        "1 - (1 - p)^n loses digits on a good link, because 1 - p has only sixteen of them. "
+        "-expm1(n log1p(-p)) preserves the digits of p.",
     ),
     whole_message_again=(
         _WHILE,
         "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
         _RETURN,
         "return lost, rounds, n * rounds",
-        "The whole message is sent again until it gets through at once. Only what is missing is "
-        "sent again.",
+        "The whole message is sent again until one copy is complete. Only the missing fragments "
+        "must be sent again.",
     ),
     rounds_of_a_message=(
         _WHILE,
         "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
-        "The rounds are those of sending everything again. In the second round only what is "
-        "missing is sent, so it nearly always succeeds.",
+        "These rounds would send everything again. The second round sends only the missing "
+        "fragments, so it nearly always succeeds.",
     ),
     rounds_of_one=(
         _WHILE,
         "rounds = 1.0 / (1.0 - loss)\n    while False:",
-        "These are the rounds of one fragment. The last one to arrive counts: the largest of n.",
+        "These are the rounds of one fragment. The message needs the largest number of rounds "
+        "among its n fragments.",
     ),
     two_rounds=(
         _WHILE,
         "rounds += lost\n    while False:",
-        "A second round is counted, and no third. Fragments that are sent again are lost as often "
-        "as at first.",
+        "A second round is counted but no third. Fragments that are sent again are lost as often "
+        "as the first time.",
     ),
     first_round_forgotten=(
         "rounds, missing = 1.0, loss",
         "rounds, missing = 0.0, loss",
-        "Only the repetitions are counted. The first round is one, too.",
+        "Only the repetitions are counted. The first round counts too.",
     ),
     sent_each_round=(
         _RETURN,
         "return lost, rounds, n * rounds",
-        "All fragments are counted in every round. Only what is missing is sent again.",
+        "All fragments are counted in every round. Only the missing ones are sent again.",
     ),
     sent_once_more=(
         _RETURN,
         "return lost, rounds, n * (1.0 + loss)",
-        "What is sent again may be lost again: n (1 + p + p^2 + ...).",
+        "A fragment that is sent again may be lost again: n (1 + p + p^2 + ...).",
     ),
 )
 

@@ -158,31 +158,31 @@ SLIPS = slips(
     proportional_gain_reduced=(
         "kp, ki, kd = 3.0 * pole**2, pole**3, 3.0 * pole",
         "kp, ki, kd = 3.0 * pole**2 - pole**3, pole**3, 3.0 * pole",
-        "kp is made smaller by ki. That mends the program with the bug in it; with the integral "
-        "mended as well, kp is too small.",
+        "kp is reduced by ki. This compensates the bug instead of removing it. Once the "
+        "integral is correct, kp is too small.",
     ),
     trapezoid=(
         _TOTAL,
         "last = error if _ == 0 else last\n"
         "        total, last = total + 0.5 * dt * (error + last) * (1 if _ else 2), error",
-        "The integral is a good one and not the task's: that sums rectangles, dt times the error "
-        "of this sample.",
+        "This integral is accurate, but it is not the task's scheme: a rectangle sum, dt "
+        "times the error of this sample.",
     ),
     gravity_of_the_target=(
         _TORQUE,
         _TORQUE.replace("math.cos(q)", "math.cos(target)"),
-        "The weight is cancelled for the target. It acts where the link is.",
+        "Gravity is cancelled for the target angle. It acts at the actual angle.",
     ),
     load_known=(
         _TORQUE,
         f"{_TORQUE} - load",
-        "The load is taken off in the torque. The controller does not know it; that is what the "
-        "integral is for.",
+        "The load is subtracted from the torque. The controller does not know it; the "
+        "integral is there to compensate it.",
     ),
     explicit_euler=(
         "v = v + dt * (torque + load - weight * math.cos(q)) / inertia\n        q = q + dt * v",
         "q, v = q + dt * v, v + dt * (torque + load - weight * math.cos(q)) / inertia",
-        "The step has become an explicit one: the new rate moves the angle, in the task's scheme.",
+        "The step has become explicit Euler. In the task's scheme the new rate moves the angle.",
     ),
 )
 

@@ -110,78 +110,79 @@ SLIPS = slips(
         "following = stiffness * np.asarray(error)",
         _COMMAND,
         _COMMAND.replace("axes @ ", ""),
-        "The selection is made along the axes of the world. On a turned surface these are neither "
-        "along its normal nor along itself: turn the vectors into its frame first.",
+        "The selection is made along the axes of the world. On a rotated surface these are "
+        "neither its normal nor its tangents: rotate the vectors into its frame first.",
     ),
     frame_ignored=(
         "axes, push = np.asarray(frame, dtype=float)",
         "axes, push = np.eye(3)",
-        "The frame is not used: all is done as if the surface lay along the axes of the world.",
+        "The frame is not used: everything is computed as if the surface were aligned with "
+        "the axes of the world.",
     ),
     frame_transposed=(
         "axes, push = np.asarray(frame, dtype=float)",
         "axes, push = np.asarray(frame, dtype=float).T",
-        "The frame is used the wrong way round. Its columns are the surface's axes: frame.T turns "
-        "into them, frame turns back.",
+        "The frame is used in the wrong direction. Its columns are the surface's axes: "
+        "frame.T rotates into them, frame rotates back.",
     ),
     not_turned_back=(
         _COMMAND,
         "command = along - damping * np.asarray(velocity)",
-        "What comes out along the surface's axes is not turned back into the world before it goes "
-        "to the joints.",
+        "The force along the surface's axes is not rotated back into the world before it is "
+        "mapped to the joints.",
     ),
     wanted_force_in_the_world=(
         "np.asarray(wanted, dtype=float)",
         "np.asarray(frame, dtype=float).T @ np.asarray(wanted)",
-        "The wanted force is taken as a vector of the world. It comes along the axes of the "
-        "surface.",
+        "The desired force is treated as a vector in the world. It is given along the axes "
+        "of the surface.",
     ),
     force_not_turned=(
         _PRESSING,
         _PRESSING.replace("axes.T @ ", ""),
-        "The measured force is used as it comes. It is in the world and has to be turned into the "
-        "surface's axes, as the error of the place.",
+        "The measured force is used as it is. It is given in the world and has to be rotated "
+        "into the surface's axes, like the position error.",
     ),
     no_feedforward=(
         _PRESSING,
         "pressing = gain * (push - axes.T @ np.asarray(force))",
-        "The wanted force itself is missing: where it is right already, the tip would let go. The "
-        "gain only adds to it what is missing.",
+        "The desired force itself is missing: once the force error is zero, the tip would "
+        "let go. The gain only adds a correction.",
     ),
     force_not_fed_back=(
         _PRESSING,
         "pressing = push",
-        "The measured force is not fed back: friction and a wrong model then stay as an error.",
+        "The measured force is not fed back, so friction and a wrong model leave an error.",
     ),
     force_error_reversed=(
         _PRESSING,
         _PRESSING.replace("push + gain", "push - gain"),
-        "The error of the force has the wrong sign: wanted less measured. (The force is the one "
-        "that the tip exerts, not the one that the sensor feels.)",
+        "The force error has the wrong sign: use desired minus measured. (The force is the "
+        "one that the tip exerts, not the one that acts on the sensor.)",
     ),
     damping_along_the_surface_only=(
         _COMMAND,
         "command = axes @ (along - damping * "
         "(1 - np.asarray(forced)) * (axes.T @ np.asarray(velocity)))",
-        "Damping is missing along the forced axes. It acts along all: a force loop without it "
-        "hardly holds against a stiff wall.",
+        "Damping is missing along the force-controlled axes. It acts along all axes: without "
+        "it a force loop is hardly stable at a stiff wall.",
     ),
     damping_reversed=(
         _COMMAND,
         "command = axes @ along + damping * np.asarray(velocity)",
-        "The damping drives instead of braking: it acts against the velocity.",
+        "The damping accelerates instead of braking: it has to act against the velocity.",
     ),
     place_held_everywhere=(
         _SELECT,
         "along = np.where(np.asarray(forced) > 0.5, pressing, 0.0) + following",
-        "The place is held along the forced axes too. There the surface decides where the tip is, "
-        "and the stiffness pushes with a force that nobody wanted.",
+        "The position is also controlled along the force-controlled axes. There the surface "
+        "fixes the position, and the stiffness adds a force that nobody asked for.",
     ),
     inverse_for_transpose=(
         _RETURN,
         "return np.linalg.pinv(np.asarray(J, dtype=float)) @ command",
-        "Forces go to the joints by the transpose of the Jacobian, not by its inverse: power is "
-        "the same at both ends.",
+        "Forces are mapped to joint torques with the transpose of the Jacobian, not with its "
+        "inverse: the power is the same on both sides.",
     ),
     force_returned=(
         _RETURN,

@@ -145,29 +145,32 @@ SLIPS = slips(
         "rate = np.gradient(q, dt)\n    columns = (np.gradient(rate, dt), rate, np.cos(q))",
         _FOUND,
         _FOUND.replace("integral(pushed)", "tau"),
-        "The log is differentiated twice. Without noise that is nearly right; with it the "
-        "acceleration is noise, and a fit finds far too little inertia for it.",
+        "The log is differentiated twice. Without noise that is nearly right. With noise the "
+        "acceleration is mostly noise, and the fit finds far too little inertia.",
     ),
     friction_left_out=(
         _COLUMNS,
         _COLUMNS.replace("integral(q), ", "", 1),
-        "Friction is left out: where there is some, the fit puts it into the inertia.",
+        "Friction is missing in the fit. Where there is friction, the fit attributes it to "
+        "the inertia.",
     ),
     weight_left_out=(
         _COLUMNS,
         _COLUMNS.replace("integral(integral(np.cos(q))), ", ""),
-        "The weight is left out: where there is one, the fit puts it into the inertia.",
+        "The weight is missing in the fit. Where there is one, the fit attributes it to the "
+        "inertia.",
     ),
     start_rate_forgotten=(
         _COLUMNS,
         _COLUMNS.replace(", t, np", ", np"),
-        "The rate at the start is taken to be zero. Integrating twice leaves v0 t, of which v0 is "
-        "not known: give it a column. (Friction makes one of its own, too.)",
+        "The initial rate is assumed to be zero. Integrating twice leaves v0 t with an "
+        "unknown v0: add a column for it. (Friction adds to the same column.)",
     ),
     start_angle_forgotten=(
         _COLUMNS,
         _COLUMNS.replace(", np.ones(q.size)", ""),
-        "The angle at the start is missing: what moves is q - q0. Give the constant a column.",
+        "The initial angle is missing: the double integral gives q - q0. Add a column for "
+        "the constant.",
     ),
     both_constants_forgotten=(
         _COLUMNS,
@@ -182,23 +185,24 @@ SLIPS = slips(
     integrated_once=(
         _FOUND,
         _FOUND.replace("integral(pushed)", "pushed"),
-        "The torque is integrated once and the motion twice: both sides need the same.",
+        "The torque is integrated once and the motion twice. Both sides need the same number "
+        "of integrals.",
     ),
     sample_time_forgotten=(
         _PUSHED,
         _PUSHED.replace("dt * tau", "tau"),
-        "A sum of the torques stands for their integral: each is to be multiplied by dt.",
+        "The torques are summed but not multiplied by dt, so the sum is not their integral.",
     ),
     torque_late=(
         _PUSHED,
         "pushed = np.concatenate(([0.0, 0.0], np.cumsum(dt * tau[:-2])))",
-        "The torque enters a sample late: tau[i] acts from sample i on, not from the next one.",
+        "The torque is one sample late: tau[i] acts from sample i on, not from the next one.",
     ),
     inverse_returned=(_RETURN, "return float(1.0 / fitted[0])", "This is one over the inertia."),
     friction_returned=(
         _RETURN,
         "return float(fitted[1])",
-        "This is the viscous friction, or what a fit takes for it. The inertia is asked for.",
+        "This is the coefficient of the viscous friction. The task asks for the inertia.",
     ),
     weight_returned=(
         _RETURN,

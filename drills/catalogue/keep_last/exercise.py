@@ -73,79 +73,81 @@ SLIPS = slips(
                 else:
                     dropped += 1
 """,
-        "A full cache refuses what comes. It keeps the last: what arrived first is pushed out.",
+        "A full queue rejects new messages. It must store the last ones: the message that arrived "
+        "first is dropped.",
     ),
     age_from_reception=(
         _ENDS,
         "times + (lifespan if lifespan > 0.0 else np.inf)",
-        "The age counts from the arrival. A message is as old as its stamp says: what the link "
-        "took is part of its life.",
+        "The age counts from the arrival. It must count from the stamp, so the time on the link "
+        "is included.",
     ),
     none_taken_as_zero=(
         _ENDS,
         "np.asarray(stamps, dtype=float) + lifespan",
-        "With a lifespan of 0 everything is gone at once. It stands for none.",
+        "With a lifespan of 0 every message expires at once. A lifespan of 0 means none.",
     ),
     lifespan_forgotten=(
         _ENDS,
         "np.full(len(times), np.inf)",
-        "The lifespan does nothing: old messages are handed out.",
+        "The lifespan has no effect: expired messages are returned.",
     ),
     gone_only_at_reading=(
         _FREED,
         "",
         "if at < ends[came]:",
         "if True:",
-        "What is too old is thrown out only when somebody reads. Until then it takes the place of "
-        "others that are fresh.",
+        "Expired messages are removed only at a read. Until then they occupy places that fresh "
+        "messages need.",
     ),
     gone_keeps_its_place=(
         _FREED,
         "",
-        "What is too old still has its place when the next one arrives: it counts as dropped, or a "
-        "fresh one before it is pushed out. The place is free at once.",
+        "An expired message still has its place when the next one arrives. Then it counts as "
+        "dropped, or a fresh message is dropped. The place must be free at once.",
     ),
     gone_on_arrival_taken_in=(
         "if at < ends[came]:",
         "if True:",
-        "A message that is too old when it arrives is taken in, and pushes out a fresh one.",
+        "A message that has expired when it arrives is stored, and a fresh one is dropped for it.",
     ),
     old_is_handed_out=(
         _FRESH,
         "",
-        "What has grown too old since the last arrival is handed out. Look at the ages again when "
-        "somebody reads.",
+        "Messages that have expired since the last arrival are returned. Check the ages again at "
+        "each read.",
     ),
     not_emptied=(
         _EMPTY,
         "cache",
-        "The cache is not emptied: the next read takes the same messages again.",
+        "The queue is not emptied: the next read takes the same messages again.",
     ),
     newest_first=(
         "= cache\n",
         "= cache[::-1]\n",
-        "The newest comes first. A read takes them in the order of arrival.",
+        "The newest message comes first. A read must return them in the order of arrival.",
     ),
     by_stamp=(
         "= cache\n",
         "= sorted(cache, key=lambda k: ends[k])\n",
-        "The messages are sorted by their stamps. They come in the order of arrival.",
+        "The messages are sorted by their stamps. They must be in the order of arrival.",
     ),
     strictly_before=(
         "times[came] <= now",
         "times[came] < now",
-        "A message that arrives at the moment of reading is left for the next one.",
+        "A message that arrives exactly at the time of a read is left for the next read. It must "
+        "be taken.",
     ),
     one_too_many=(
         "len(cache) == depth",
         "len(cache) == max(depth - 1, 1)",
-        "The cache holds one less than its depth.",
+        "The queue holds one message less than its depth.",
     ),
     gone_counted=(
         "    came += 1\n        cache = [k for k in cache if now < ends[k]]",
         "    came += 1\n        dropped += sum(now >= ends[k] for k in cache)\n"
         "        cache = [k for k in cache if now < ends[k]]",
-        "What grew too old is counted as dropped. Only those pushed out of a full cache are.",
+        "Expired messages count as dropped. Only messages that a full queue drops must count.",
     ),
 )
 

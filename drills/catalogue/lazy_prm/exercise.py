@@ -113,24 +113,24 @@ SLIPS = slips(
         "    checks = 0\n",
         "    checks = len(edges)\n    for i, j in edges:\n"
         "        free[min(i, j), max(i, j)] = edge_is_free(points[i], points[j], discs)\n",
-        "All edges are checked before the search. That is PRM as it was; lazily one checks what a "
-        "route uses, which is a small part.",
+        "All edges are checked before the search. That is the ordinary PRM. A lazy one checks "
+        "only the edges that a route uses, a small part of them.",
     ),
     checked_twice=(
         _KNOWN,
         "if True:",
-        "Edges are checked again on every route. Keep what was found out.",
+        "Edges are checked again for every route. Store the results.",
     ),
     goes_on_after_a_hit=(
         "            if not free[edge]:\n                break\n        else:",
         "        if all(free[min(e), max(e)] for e in itertools.pairwise(route)):",
-        "A route is checked to its end although an edge has hit. Stop there: what lies behind may "
-        "never be needed.",
+        "A route is checked to its end although one of its edges has collided. Stop there: the "
+        "edges behind it may never be needed.",
     ),
     gives_up=(
         "                break\n        else:",
         "                return np.zeros(0), checks\n        else:",
-        "The first route that hits ends it all. Drop the edge and search again.",
+        "You give up after the first route that collides. Remove that edge and search again.",
     ),
     not_checked=(
         _TEST,
@@ -141,23 +141,24 @@ SLIPS = slips(
     points_dropped=(
         _EDGE,
         f"{_EDGE} and j not in {{max(e) for e, f in free.items() if not f}} - {{start, goal}}",
-        "With an edge that hits you drop one of its points, and with it all other edges there.",
+        "When an edge collides, you remove one of its points, and with it all other edges "
+        "there. Remove only the edge.",
     ),
     fewest_edges=(
         "length = math.dist(points[i], points[j])",
         "length = 1.0",
-        "The route has the fewest edges. The shortest one in metres is asked for.",
+        "The route has the fewest edges. The task asks for the shortest one in metres.",
     ),
     first_found=(
         "cost + length < best.get(j, np.inf)",
         "j not in best",
-        "A point keeps the first way by which it was seen. A longer row of short edges may reach "
-        "it on a shorter way: replace it while it is in the queue.",
+        "A point keeps the first route by which it was reached. A longer sequence of short "
+        "edges may be a shorter route: update the point as long as it is in the queue.",
     ),
     one_way=(
         "        neighbours[j].append((i, length))\n",
         "",
-        "Edges are used one way only, from the first index to the second.",
+        "Edges are used in one direction only, from the first index to the second.",
     ),
 )
 

@@ -131,25 +131,26 @@ SLIPS = slips(
     sign_of_the_gain=(
         _RETURN,
         _RETURN.replace("return ", "return -"),
-        "The gain has the wrong sign: it is asked for with u = -K x.",
+        "The gain has the wrong sign: the task uses u = -K x.",
     ),
     not_converged=(
         "range(60)",
         "range(6)",
-        "It is right for fast loops and not for slow ones: the recursion was stopped before P had "
-        "settled. A fixed number of rounds, or a change that is small beside 1, is no proof; go "
-        "on until P stays as it is.",
+        "It is right for fast loops but not for slow ones: the recursion stopped before P "
+        "had converged. A fixed number of rounds, or a change that is small compared with 1, "
+        "proves nothing. Continue until P no longer changes.",
     ),
     command_not_charged=(
         _RETURN,
         "return np.linalg.solve(R, B.T @ P @ A)",
-        "B'PB is missing beside R: a command is charged for itself and not for where it leads.",
+        "B'PB is missing next to R: the command is charged for its own cost, but not for the "
+        "cost of the state that it leads to.",
     ),
     state_one_sample_late=(
         _RETURN,
         "return np.linalg.solve(R + B.T @ P @ B, B.T @ P)",
-        "A is missing at the end: what the command has to answer is where the state goes by "
-        "itself, A x, not x.",
+        "A is missing at the end: the command has to act against A x, where the state goes "
+        "by itself, not against x.",
     ),
     one_sample_only=(
         "range(60)",
@@ -162,7 +163,7 @@ SLIPS = slips(
         "B.T @ P @ A.T)",
         "step, G, P = A, B",
         "step, G, P = A.T, B",
-        "A is transposed throughout. That is the dual problem, an estimator's gain, in disguise.",
+        "A is transposed throughout. That solves the dual problem, the gain of an estimator.",
     ),
     weights_of_commands_ignored=(
         "R = np.asarray(Q, dtype=float), np.asarray(R, dtype=float)",
@@ -177,12 +178,12 @@ SLIPS = slips(
     half_of_the_weights=(
         "B @ np.linalg.solve(R, B.T), Q\n",
         "B @ np.linalg.solve(R, B.T), 0.5 * Q\n",
-        "The states are charged half.",
+        "Only half of the state cost is used.",
     ),
     value_returned=(
         _RETURN,
         "return P",
-        "This is P, the cost to go. K follows from it: (R + B'PB)^-1 B'PA.",
+        "This is P, the matrix of the cost-to-go. K follows from it: (R + B'PB)^-1 B'PA.",
     ),
     gain_transposed=(
         _RETURN,
@@ -192,7 +193,7 @@ SLIPS = slips(
     loop_returned=(
         _RETURN,
         _RETURN.replace("return ", "return A - B @ "),
-        "This is the loop's matrix, A - B K. The gain itself is asked for.",
+        "This is the closed-loop matrix, A - B K. The task asks for the gain K.",
     ),
     cost_of_the_command_only=(
         "step, G, P = A, B @ np.linalg.solve(R, B.T), Q",

@@ -150,37 +150,37 @@ SLIPS = slips(
     sign_of_the_exponent=(
         _EXP,
         "np.exp((costs[good] - costs[good].max()) / temperature)",
-        "The dear rollouts get the weight: it is exp of *minus* the cost.",
+        "The expensive rollouts get the weight: use exp of *minus* the cost.",
     ),
     temperature_multiplied=(
         _EXP,
         "np.exp(-(costs[good] - costs[good].min()) * temperature)",
-        "The costs are multiplied by the temperature. They are divided by it: hot means that all "
-        "count alike.",
+        "The costs are multiplied by the temperature. Divide by it: at a high temperature "
+        "all rollouts have about the same weight.",
     ),
     temperature_ignored=(
         _EXP,
         "np.exp(-(costs[good] - costs[good].min()))",
-        "The temperature does nothing.",
+        "The temperature has no effect.",
     ),
     costs_normalised=(
         _EXP,
         "np.exp(-(costs[good] - costs[good].min()) / max(float(np.ptp("
         "costs[good])), 1e-9) / temperature)",
-        "The costs are divided by their range. Some programs do that; here the temperature has "
-        "the unit of the costs and they stay as they are.",
+        "The costs are divided by their range. Some programs do that. Here the temperature "
+        "has the unit of the costs, which are used as they are.",
     ),
     mean_for_the_least=(
         _EXP,
         "np.exp(-(costs[good] - costs[good].mean()) / temperature)",
-        "The mean is taken off and not the least cost: the best rollout may lie thousands of "
-        "temperatures below it, and its weight overflows.",
+        "The mean is subtracted instead of the lowest cost. The best rollout may be "
+        "thousands of temperatures below the mean, and its weight overflows.",
     ),
     best_only=(
         _EXP,
         "1.0 * (np.arange(good.sum()) == costs[good].argmin())",
-        "The best rollout takes all the weight. That is predictive sampling; here all count, by "
-        "their cost.",
+        "The best rollout gets all the weight. That is predictive sampling. In MPPI all "
+        "rollouts count, weighted by their cost.",
     ),
     weights_not_normalised=(
         "weights = weights / weights.sum()",

@@ -82,60 +82,66 @@ _STALE = (
 SLIPS = slips(
     calibration_transposed=(
         *_TURN,
-        "The calibration is transposed: right below a camera that is mounted straight. Points are "
-        "rows here, so it is the transpose of R that stands behind them.",
+        "The rotation of the calibration is on the wrong side or not transposed: right for a "
+        "camera that is mounted straight. Points are rows here, so multiply by the transpose "
+        "of R from the right.",
     ),
     stamp_of_arrival=(
         *_STAMP,
-        "A frame's age is counted from its arrival: right while the belt stands. It shows the part "
-        "where it was when it was captured.",
+        "The age of a frame is counted from its arrival: right while the belt stands still. "
+        "The frame shows the part where it was at the capture.",
     ),
     unit_of_noise=(
         *_UNIT,
-        "The noise comes in millimetres and is compared with metres: it never plans anew, which is "
-        "right while nobody touches the part.",
+        "The noise comes in millimetres and is compared with metres: no new plan is ever made,"
+        " which is right while nobody touches the part.",
     ),
     stale_reference=(
         *_STALE,
-        "A new plan goes on from the old one's start and clock: the reference jumps. It starts "
-        "from where the tip is told to be, now.",
+        "A new plan continues from the old one's start and clock, so the reference jumps. It "
+        "must start now, from the position that the tip was last told to take.",
     ),
     stale_and_unit=(
         *_STALE,
         *_UNIT,
-        "Frames and stamps are right. Unit and reference are left: the one hides the other, as no "
-        "second plan is ever made.",
+        "Frames and time stamps are right. Unit and reference are left: one hides the other, "
+        "because no second plan is ever made.",
     ),
-    turn_and_stamp=(*_TURN, *_STAMP, "Planning is right. Perception is left: a turn, and a stamp."),
+    turn_and_stamp=(
+        *_TURN,
+        *_STAMP,
+        "Planning is right. Two mistakes of perception are left: a rotation and a time stamp.",
+    ),
     all_still_there=(
         *_TURN,
         *_STAMP,
         *_UNIT,
         *_STALE,
-        "All four are still there: a turn, a stamp, a unit, a reference.",
+        "All four are still there: a rotation, a time stamp, a unit, a reference.",
     ),
     stale_clock=(
         "origin, began = command, now",
         "origin, began = command, now if began == -math.inf else began",
         "goal = target + seconds * belt",
         "goal = target + (began + seconds - now) * belt",
-        "A new plan starts from the right place, with the old one's clock: it is half done when it "
-        "begins.",
+        "A new plan starts from the right position, but with the old one's clock: it is half "
+        "done when it begins.",
     ),
     stale_start=(
         "origin, began = command, now",
         "origin, began = (command if began == -math.inf else origin), now",
-        "A new plan starts at the right time from the old one's start: the reference jumps back.",
+        "A new plan starts at the right time, but from the old one's start: the reference "
+        "jumps back.",
     ),
     age_twice=(
         _STAMP[0],
         "ages = 2.0 * (now - recent[:, :1])",
-        "The age is counted twice: ahead by as much as it was behind.",
+        "The age is counted twice: the estimate is ahead by as much as it was behind.",
     ),
     at_every_tick=(
         _UNIT[0],
         "-1.0",
-        "A new plan at every tick: it is always at its slow beginning, and the arm waits.",
+        "A new plan is made at every tick: it is always at its slow beginning, and the arm waits.",
     ),
 )
 

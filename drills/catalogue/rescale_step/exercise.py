@@ -79,35 +79,36 @@ SLIPS = slips(
     gamma_kept=(
         _GAMMA,
         "scaled, gamma",
-        "The discount per step is kept: with a tenth of the step the agent looks a tenth as far "
-        "ahead in seconds.",
+        "The discount per step is unchanged: with a tenth of the step the agent looks only a "
+        "tenth as far ahead in seconds.",
     ),
     gamma_linear=(
         _GAMMA,
         "scaled, gamma * part",
-        "The discount is scaled as if it were a rate. It is a factor: what counts is its power.",
+        "The discount is scaled as if it were a rate. It is a factor per step: take a power of it.",
     ),
     gamma_first_order=(
         _GAMMA,
         "scaled, 1.0 - (1.0 - gamma) * part",
-        "1 - (1 - gamma) new / dt is the first order only, right near 1.",
+        "1 - (1 - gamma) new / dt is only the first-order approximation, good near 1.",
     ),
     gamma_other_way=(
         _GAMMA,
         "scaled, gamma ** (1.0 / part)",
-        "The power is the other way up: a shorter step discounts less.",
+        "The exponent is inverted: a shorter step discounts less.",
     ),
     rewards_not_scaled=(
         _ONCE,
         "1.0",
-        "The rewards are kept. A price of every step is then paid ten times as often, and goals "
-        "that were worth the way no longer are.",
+        "The rewards are unchanged. A price per step is then paid ten times as often, and "
+        "goals that were worth the effort no longer are.",
     ),
     reward_by_the_time_alone=(
         _FACTOR,
         "factor = part",
-        "The price is scaled by new / dt. That is right without discount; with it the parts of a "
-        "step are discounted one after the other, and have to sum to what the step paid.",
+        "The price is scaled by new / dt. That is right without a discount. With one, the new "
+        "steps are discounted one after the other, and together have to pay what the old step "
+        "paid.",
     ),
     reward_other_way=(
         _FACTOR,
@@ -119,28 +120,28 @@ SLIPS = slips(
     goals_scaled=(
         _ONCE,
         "factor",
-        "What an event pays is scaled, too. It is paid once, however short the step.",
+        "The reward of an event is scaled, too. It is paid once, however short the step is.",
     ),
     once_swapped=(
         _ONCE,
         "np.where(np.asarray(once) != 0, factor, 1.0)",
-        "Goals are scaled and prices are not: it is the other way round.",
+        "Rewards of events are scaled and prices per step are not: it is the other way round.",
     ),
     limit_in_steps=(
         _STEPS,
         "steps",
-        "The time limit is kept in steps: with a tenth of the step the episode ends ten times too "
-        "early.",
+        "The time limit has the same number of steps: with a tenth of the step the episode "
+        "ends ten times too early.",
     ),
     limit_other_way=(
         _STEPS,
         "round(steps * part)",
-        "A shorter step needs more of them for the same seconds.",
+        "A shorter step needs more steps for the same seconds.",
     ),
     limit_cut_off=(
         _STEPS,
         "int(steps / part)",
-        "The time limit is cut off; asked is the nearest whole number.",
+        "The time limit is cut off; the task wants the nearest integer.",
     ),
 )
 

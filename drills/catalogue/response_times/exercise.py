@@ -75,26 +75,26 @@ SLIPS = slips(
     floor_for_ceiling=(
         _RELEASES,
         "releases = before // T[:i]",
-        "Releases are rounded down. Each of the others is released at the start of the window, "
-        "too: round up.",
+        "Releases are rounded down. Each of the other tasks is also released at the start of the "
+        "window: round up.",
     ),
     one_release_too_many=(
         _RELEASES,
         "releases = before // T[:i] + 1",
-        "A release at the moment at which the task ends is counted. It comes too late to delay it: "
-        "ceil, not floor and one more.",
+        "A release exactly at the end of the task is counted. It comes too late to delay the "
+        "task: use ceil, not floor plus one.",
     ),
     own_task_left_out=(
         _SUM,
         "response = B[i] + releases @ C[:i]",
-        "The task's own execution is left out: that is how long it waits, not when it is done.",
+        "The task's own execution time is missing: this is how long it waits, not when it ends.",
     ),
     lower_priorities_counted=(
         _RELEASES,
         "releases = np.where(np.arange(len(C)) == i, 0, -(-before // T))",
         _SUM,
         "response = C[i] + B[i] + releases @ C",
-        "The less important tasks are counted. They are interrupted; of them only the blocking "
+        "The less important tasks are counted. They are interrupted, so only their blocking "
         "counts.",
     ),
     utilisation_test_only=(
@@ -103,58 +103,57 @@ SLIPS = slips(
         if np.sum(C[:n] / T[:n]) <= n * (2.0 ** (1.0 / n) - 1.0):
             times[i] = response
 """,
-        "A task is refused because the utilisation is above n (2^(1/n) - 1). That bound is enough "
-        "and not needed: below it all is well, above it one has to look.",
+        "A task is rejected because the utilization is above n (2^(1/n) - 1). That bound is "
+        "sufficient and not necessary: above it, compute the response time.",
     ),
     full_processor_test=(
         _MET,
         """        if np.sum(C[: i + 1] / T[: i + 1]) <= 1.0:
             times[i] = min(response, D[i])
 """,
-        "A utilisation below 1 is taken for enough. Fixed priorities may miss a deadline below it: "
-        "compare the response time.",
+        "A utilization below 1 is taken as sufficient. With fixed priorities a deadline may still "
+        "be missed: compare the response time.",
     ),
     not_repeated=(
         _WHILE,
         "for before in (C[i] + B[i],):",
-        "One pass only. The more important tasks are released again while the window grows: repeat "
-        "until it stays as it is.",
+        "There is only one iteration. The more important tasks are released again while the "
+        "window grows: repeat until it does not change.",
     ),
     all_once=(
         _RELEASES,
         "releases = np.ones(i, dtype=int)",
-        "Each of the others is counted once. A quick one is released several times while a slow "
-        "one waits.",
+        "Each of the other tasks is counted once. A fast one is released several times while a "
+        "slow one waits.",
     ),
     blocking_forgotten=(
         _SUM,
         "response = C[i] + releases @ C[:i]",
         "C[i] + B[i]\n",
         "C[i]\n",
-        "The blocking is forgotten: a less important task that holds the resource makes this one "
+        "The blocking is missing: a less important task that holds the resource makes this one "
         "wait.",
     ),
     blocking_at_every_release=(
         _SUM,
         "response = C[i] + B[i] + releases @ (C[:i] + B[:i])",
-        "The blocking of the others is added. While this task waits only one resource is held "
-        "below it.",
+        "The blocking of the other tasks is added. Only this task's own entry counts, once.",
     ),
     deadline_is_the_period=(
         "np.asarray(x, dtype=int) for x in (executions, periods, deadlines,",
         "np.asarray(x, dtype=int) for x in (executions, periods, periods,",
-        "The period is taken for the deadline, which may be earlier.",
+        "The period is used as the deadline, which may be earlier.",
     ),
     strictly_before=(
         "if response <= D[i]:",
         "if response < D[i]:",
-        "A task that is done at its deadline has met it.",
+        "A task that ends exactly at its deadline has met it.",
     ),
     miss_not_told=(
         "        if response <= D[i]:\n            times[i]",
         "        times[i]",
-        "The response time of a task beyond its deadline is given, at the point where the sum was "
-        "stopped. It must be -1.",
+        "A task that misses its deadline gets the value at which the iteration stopped. It must "
+        "get -1.",
     ),
     sorted_by_rate=(
         "    times = np.full(len(C), -1)",
@@ -162,13 +161,13 @@ SLIPS = slips(
         "    C, T, D, B = C[order], T[order], D[order], B[order]\n    times = np.full(len(C), -1)",
         "return times",
         "return times[np.argsort(order)]",
-        "The tasks are sorted by their periods. The order of the arguments is that of importance, "
-        "even where it is not rate-monotonic.",
+        "The tasks are sorted by their periods. The order of the arguments is the order of "
+        "importance, even if it is not rate-monotonic.",
     ),
     stops_at_a_miss=(
         _MET,
         _MET + "        else:\n            break\n",
-        "The tasks below one that misses are given up. They still get what the fixed point says.",
+        "The tasks below one that misses its deadline get no result. They still need theirs.",
     ),
 )
 

@@ -79,27 +79,27 @@ SLIPS = slips(
         _MEET,
         "if grow(tree, sample, False) and grow(other, tree[0][-1], False) and "
         "np.array_equal(other[0][-1], tree[0][-1]):",
-        "The other tree makes one step towards the new node. It is to be greedy: step after step "
-        "until it is there or stopped. Without that these are two RRTs, and open ground costs a "
-        "sample a step.",
+        "The other tree takes only one step towards the new node. It has to be greedy: step "
+        "after step, until it arrives or is blocked. Without that you have two RRTs, and "
+        "crossing open space takes one sample per step.",
     ),
     both_greedy=(
         _MEET,
         _MEET.replace("False", "True"),
-        "Both trees are greedy. The one that goes to the sample makes a single step; only the "
-        "other one goes all the way.",
+        "Both trees are greedy. The tree that goes towards the sample takes a single step; only "
+        "the other one goes all the way.",
     ),
     towards_the_sample=(
         _MEET,
         _MEET.replace("tree[0][-1], True", "sample, True") + "\n            "
         "other[0][-1] = tree[0][-1]",
-        "The other tree goes towards the sample. It has to meet the node that was just added, "
-        "which is not the sample but a step on the way to it.",
+        "The other tree goes towards the sample. Its target is the node that was just added, "
+        "which is usually not the sample but one step towards it.",
     ),
     never_swapped=(
         _ROLES,
         "tree, other = trees",
-        "The trees keep their roles. They change after every sample, so that both explore.",
+        "The trees never swap roles. They swap after every sample, so that both explore.",
     ),
     swapped_when_grown=(
         "path = np.zeros((0, 2))",
@@ -109,12 +109,13 @@ SLIPS = slips(
         _MEET,
         "added = grow(tree, sample, False)\n        if added:\n            order.reverse()\n"
         "        if added and grow(other, tree[0][-1], True):",
-        "The trees change only when a node was added. They change whatever came of the sample.",
+        "The trees swap only if a node was added. They swap after every sample, whatever "
+        "happened with it.",
     ),
     ends_only=(
         _FREE,
         "if not edge_is_free(new, new, discs):",
-        "Only the ends of edges are checked. Check the segment between them.",
+        "Only the ends of each edge are checked. Check the segment between them.",
     ),
     last_edge_unchecked=(
         _FREE,
@@ -129,12 +130,12 @@ SLIPS = slips(
     meeting_point_twice=(
         _STACK,
         _STACK.replace("halves[1][1:]", "halves[1]"),
-        "The meeting point is in the path twice: it is in both trees.",
+        "The meeting point appears twice in the path, because it is in both trees.",
     ),
     path_of_the_last_turn=(
         "for nodes, parents in trees:",
         "for nodes, parents in (tree, other):",
-        "When the goal's tree has grown last the path comes out from the goal to the start.",
+        "If the goal's tree grew last, your path runs from the goal to the start.",
     ),
 )
 

@@ -111,14 +111,15 @@ SLIPS = slips(
     bug_still_there=(
         _SUBTREE,
         _NODE,
-        "The bug is still there: a rewired node gets a new cost, and what hangs on it keeps the "
+        "The bug is still there: a rewired node gets a new cost, and its descendants keep the "
         "old one. Later parents are then chosen by costs that are too high.",
     ),
     children_only=(
         _SUBTREE,
         f"{_NODE}                for k, p in enumerate(parents):\n"
         "                    if p == i:\n                        costs[k] -= saved\n",
-        "The children get nearer, and their children don't. Go down the whole subtree.",
+        "The costs of the children are updated, and those of their children are not. Update the "
+        "whole subtree.",
     ),
     mended_at_the_end=(
         _SUBTREE,
@@ -127,30 +128,30 @@ SLIPS = slips(
         "    for _ in nodes:\n        for k, p in "
         "enumerate(parents[1:], 1):\n            costs[k] = costs[p] + "
         f"float(np.hypot(*(nodes[k] - nodes[p])))\n{_END}",
-        "The costs are right at the end and were stale while parents were chosen: the tree is "
-        "another one. Mend them when a node is rewired.",
+        "The costs are right at the end, but they were out of date while parents were chosen, "
+        "so the tree is a different one. Update them whenever a node is rewired.",
     ),
     cost_of_the_parent=(
         _SUBTREE,
         _SUBTREE.replace("costs[below[-1]] -= saved", "costs[below[-1]] = cost + apart[below[-1]]"),
-        "All of the subtree gets costs as if it hung on the new node directly. Each keeps its own "
-        "parent, and is nearer by what was saved.",
+        "All nodes of the subtree get costs as if they were connected to the new node directly. "
+        "Each keeps its own parent, and its cost falls by what was saved.",
     ),
     rewired_unchecked=(
         _AROUND,
         "around = around",
-        "The check of the new edges is gone: the tree goes through discs.",
+        "The check of the new edges is missing, so the tree goes through discs.",
     ),
     nearest_parent=(
         _PARENT,
         "parent = near",
-        "The nearest node is the parent, as in RRT. RRT* takes the neighbour over which the new "
-        "node is nearest to the start.",
+        "The nearest node becomes the parent, as in RRT. RRT* takes the neighbour that gives "
+        "the shortest path from the start.",
     ),
     not_rewired=(
         "if saved > 0.0:",
         "if False:",
-        "Nothing is rewired any more. The costs are right then, and the paths not short.",
+        "Nothing is rewired any more. The costs are then right, but the paths are not short.",
     ),
 )
 

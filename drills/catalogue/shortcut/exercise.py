@@ -100,7 +100,7 @@ _PLACES = "places = np.sort(pair) * along[-1]"
 _KEEP = "np.vstack((path[: i + 1], p, q, path[j + 1 :]))"
 
 SLIPS = slips(
-    not_checked=(_FREE, "if True:", "The new edge is not checked: cuts go through discs."),
+    not_checked=(_FREE, "if True:", "The new edge is not checked, so cuts go through discs."),
     points_only=(
         _FREE,
         "if edge_is_free(p, p, discs) and edge_is_free(q, q, discs):",
@@ -111,8 +111,9 @@ SLIPS = slips(
         "np.vstack((path[: i + 1], path[j + 1 :]))",
         "p, q = path[[i, j]] + share[:, None] * (path[[i + 1, j + 1]] - path[[i, j]])",
         "p, q = path[i], path[j + 1]",
-        "You cut between vertices. The places lie on edges, wherever the draw says, and become "
-        "vertices: that is what takes corners off that no two vertices see across.",
+        "You cut between vertices. The two points lie on edges, wherever the draw says, and "
+        "become vertices. Only this removes corners whose neighbouring vertices can't see each "
+        "other.",
     ),
     by_number_of_edges=(
         "(places - along[[i, j]]) / edges[[i, j]]",
@@ -121,30 +122,31 @@ SLIPS = slips(
         "places = np.sort(pair) * len(edges)",
         'i, j = np.searchsorted(along, places, side="right") - 1',
         "i, j = np.floor(places).astype(int)",
-        "A draw is taken as a share of the number of edges. It is one of the length, so that long "
-        "edges are tried more often.",
+        "A draw is treated as a fraction of the number of edges. It is a fraction of the "
+        "length, so that long edges are tried more often.",
     ),
     order_of_the_draw=(
         "np.sort(pair)",
         "pair",
-        "When the second place comes before the first one the path is put together wrongly. Sort "
+        "If the second fraction is smaller than the first, the path is assembled wrongly. Sort "
         "the two.",
     ),
     one_vertex_too_many=(
         _KEEP,
         _KEEP.replace("path[j + 1 :]", "path[j:]"),
-        "A vertex before the second place stays: the path goes back to it. Keep from j + 1 on.",
+        "A vertex before the second point stays, so the path runs back to it. Keep the vertices "
+        "from j + 1 on.",
     ),
     one_vertex_too_few=(
         _KEEP,
         _KEEP.replace("path[: i + 1]", "path[: max(i, 1)]"),
-        "The vertex before the first place is lost: the edge to it was never checked.",
+        "The vertex before the first point is lost. The edge that replaces it was never checked.",
     ),
     stops_at_a_hit=(
         "            path = np.vstack",
         "            pass\n        else:\n            "
         "break\n        if True:\n            path = np.vstack",
-        "The first cut that touches a disc ends it all. Go on with the next draw.",
+        "The first cut that touches a disc ends the whole loop. Go on with the next draw.",
     ),
     split_edges=(
         "        if i == j:\n            continue\n",

@@ -77,74 +77,73 @@ SLIPS = slips(
     one_joints_inertia=(
         _QUICKEST,
         "quickest = 1.0 / np.moveaxis(M, 2, 0)[:, 1, 1]",
-        "One joint's inertia is taken, as if the other were clamped. A free arm is lighter: the "
-        "joints move against each other.",
+        "The inertia of one joint is used, as if the other were clamped. In a free arm the "
+        "joints can move against each other, with less inertia.",
     ),
     first_joints_inertia=(
         _QUICKEST,
         "quickest = 1.0 / np.moveaxis(M, 2, 0)[:, 0, 0]",
-        "The inertia of the whole arm about its first joint decides nothing: the lightest way to "
-        "move is what the step has to follow.",
+        "The inertia of the whole arm about its first joint is used. What limits the step is "
+        "the motion with the least inertia.",
     ),
     diagonal_of_the_inverse=(
         _QUICKEST,
         f"quickest = {_INVERSE}[:, 1, 1]",
-        "An element of the inverse is below its largest eigenvalue: the mode moves both joints.",
+        "A diagonal element of the inverse is smaller than its largest eigenvalue: the mode "
+        "moves both joints.",
     ),
     heaviest_mode=(
         "[:, 0]\n",
         "[:, 1]\n",
-        "That is the heaviest way to move. The lightest one becomes unstable first.",
+        "That is the mode with the most inertia. The one with the least becomes unstable first.",
     ),
     folded_posture=(
         _BEND,
         "bend = -np.ones(len(np.asarray(elbow)))",
-        "The folded posture is taken for all. There the arm allows the largest step; a stretched "
-        "arm needs a smaller one.",
+        "The folded posture is used for all. A stretched arm needs a smaller step.",
     ),
     angle_in_degrees=(
         _BEND,
         "bend = np.cos(np.deg2rad(elbow))",
-        "The elbow is taken for degrees; it comes in radians.",
+        "The elbow is treated as degrees; it comes in radians.",
     ),
     kd_left_out=(
         _DRAG,
         "damping * quickest",
-        "The rate gain is left out. For the step it is damping like any other, and lowers the "
-        "limit.",
+        "The derivative gain is missing. It acts as damping like any other, and lowers the limit.",
     ),
     joints_damping_left_out=(
         _DRAG,
         "kd * quickest",
-        "The damping of the joints is left out: it acts besides kd.",
+        "The damping of the joints is missing: it acts in addition to kd.",
     ),
     no_damping_at_all=(
         _DRAG,
         "0.0 * quickest",
-        "That is the undamped limit, 2 / omega. Damping from the old rate lowers it.",
+        "That is the undamped limit, 2 / omega. Damping from the old velocity lowers it.",
     ),
     explicit_euler=(
         _LIMIT,
         "drag / np.maximum(stiffness, 1e-300)",
-        "That is the limit of explicit Euler, d / k, zero without damping. Here q takes the new "
-        "rate.",
+        "That is the limit of explicit Euler, d / k, which is zero without damping. Here q "
+        "uses the new velocity.",
     ),
     damping_raises_it=(
         _LIMIT,
         "(np.sqrt(drag**2 + 4.0 * stiffness) + drag) / np.maximum(stiffness, 1e-300)",
-        "The other root: damping would raise the limit. It does if it is taken implicitly, from "
-        "the new rate.",
+        "That is the other root: damping would raise the limit. It does if it is taken "
+        "implicitly, from the new velocity.",
     ),
     half_the_drag=(
         _LIMIT,
         "4.0 / (np.sqrt(drag**2 / 4.0 + 4.0 * stiffness) + drag / 2.0)",
-        "The damping counts half: the root is that of k h^2 + 2 d h = 4.",
+        "The damping counts only half: the limit is the root of k h^2 + 2 d h = 4.",
     ),
     divided_by_nothing=(
         _LIMIT,
         "(np.sqrt(drag**2 + 4.0 * stiffness) - drag) / stiffness",
-        "Right until kp is small: then a difference of nearly equal numbers is divided by nearly "
-        "nothing. Multiply by the sum: 4 / (sqrt(d^2 + 4 k) + d).",
+        "Right until kp is small: then a difference of nearly equal numbers is divided by "
+        "almost zero. Use the equivalent form 4 / (sqrt(d^2 + 4 k) + d).",
     ),
 )
 

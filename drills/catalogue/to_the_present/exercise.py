@@ -97,72 +97,75 @@ SLIPS = slips(
     from_arrival=(
         _AGE,
         "age = now - np.asarray(arrived)[newest]",
-        "It is carried forward from its arrival. The state is that of the capture: exposure, "
-        "perception and the wire belong to the age.",
+        "The state is predicted from its arrival. It describes the moment of capture: "
+        "exposure, perception and transmission belong to the age.",
     ),
     covariance_not_grown=(
         _MOVED,
         "np.asarray(covariances, dtype=float)[newest]",
         _PLUS,
         "",
-        "The covariance is as old as the message: an estimate that was carried forward is less "
-        "certain than it was.",
+        "The covariance is still that of the message: a predicted estimate is less certain "
+        "than the original one.",
     ),
     age_counted_twice=(
         "return F @ np",
         "return F @ F @ np",
-        "The age is counted twice: the state is as far ahead of the target as it was behind.",
+        "The age is counted twice: the state is now as far ahead of the target as it was behind.",
     ),
     frame_period_for_age=(
         _AGE,
         "age = stamps[here].max() - np.sort(np.append(stamps, stamps.min() - 0.1))[-2]",
-        "The time between two pictures is taken for the age. How old the newest one is has nothing "
-        "to do with it.",
+        "The time between two frames is used as the age. The age of the newest one has nothing"
+        " to do with it.",
     ),
     last_arrived=(
         _NEWEST,
         "newest = here[np.argmax(np.asarray(arrived)[here])]",
-        "The message that arrived last is taken for the newest: it may have been overtaken.",
+        "The message that arrived last is used as the newest: it may have been overtaken.",
     ),
     last_in_the_list=(
         _NEWEST,
         "newest = here[-1]",
-        "The last of the list is taken for the newest. It stands in any order.",
+        "The last message in the list is used as the newest. The list is in no particular order.",
     ),
     from_the_future=(
         "np.asarray(arrived) <= now",
         "stamps <= now",
-        "Messages count from their capture on. Nobody has them before they arrive.",
+        "Messages are used as soon as they are captured. Nobody has them before they arrive.",
     ),
     strictly_before=(
         "np.asarray(arrived) <= now",
         "np.asarray(arrived) <= now - 1e-12",
-        "A message that arrives at the moment of reading is left out.",
+        "A message that arrives exactly at `now` is ignored.",
     ),
     no_acceleration_noise=(
         _PLUS,
         "",
-        "The unknown acceleration is missing: only the doubt of the rate is carried along.",
+        "The unknown acceleration is missing: only the uncertainty of the velocity is propagated.",
     ),
     doubt_of_the_rate_forgotten=(
         _MOVED,
         "np.asarray(covariances, dtype=float)[newest]",
-        "Noise is added, but the doubt of the rate is not carried into the position: F P F^T.",
+        "Noise is added, but the uncertainty of the velocity is not propagated into the "
+        "position: F P F^T.",
     ),
     transposed_transition=(
         _MOVED,
         "F.T @ np.asarray(covariances, dtype=float)[newest] @ F",
-        "F is transposed in the covariance: the doubt of the position goes into the rate.",
+        "F is transposed in the covariance: the uncertainty of the position goes into the "
+        "velocity.",
     ),
     not_correlated=(
         _DIAGONAL,
         "np.diag([age**3 / 3.0, age])",
-        "An acceleration moves position and rate together: T^2 / 2 stands between them.",
+        "An acceleration changes position and velocity together: the term T^2 / 2 between them"
+        " is missing.",
     ),
     noise_into_the_rate_only=(
         _DIAGONAL,
         "np.diag([0.0, age])",
-        "The acceleration noise is in the rate only; the position takes T^3 / 3 of it.",
+        "The acceleration noise is in the velocity only; the position takes T^3 / 3 of it.",
     ),
 )
 

@@ -108,14 +108,14 @@ SLIPS = slips(
         _V.replace("min(", "max("),
         _A,
         _A.replace("min(", "max("),
-        "The joint with the most to spare sets the pace. The one with the least does: the smallest "
-        "of limit / |move|.",
+        "The joint with the most slack sets the pace. It has to be the joint with the least: "
+        "take the smallest of limit / |move|.",
     ),
     one_joint_for_both=(
         _A,
         "float((acceleration / size)[np.argmin(speed / size)])",
-        "The acceleration is taken from the joint that limits the speed. Another joint may limit "
-        "it: take both minima by themselves.",
+        "The acceleration limit is taken from the joint that limits the speed. Another joint "
+        "may limit the acceleration, so take the two minima separately.",
     ),
     each_joint_alone=(
         _V,
@@ -126,51 +126,54 @@ SLIPS = slips(
         "    v = a * (ramp := np.minimum(ramp, 1.0 / np.sqrt(a)))\n",
         "return duration,",
         "return float(np.max(duration)),",
-        "Each joint is timed by itself, and the arm leaves the line. One share s moves them all.",
+        "Each joint is timed on its own, and the arm leaves the line. One share s moves all "
+        "joints.",
     ),
     limits_as_they_are=(
         _V,
         "float(np.min(speed))",
         _A,
         "float(np.min(acceleration))",
-        "The limits are not divided by the way of their joint. s goes from 0 to 1, and a joint "
-        "moves at |move| times its rate.",
+        "The limits are not divided by the distances of their joints. s runs from 0 to 1, and a "
+        "joint moves at |move| times the rate of s.",
     ),
     no_triangle=(
         "if v * ramp > 1.0:",
         "if False:",
-        "A short way has no stretch at full speed: the ramps meet half way.",
+        "A short motion has no stretch at full speed: the two ramps meet in the middle.",
     ),
     speed_kept_when_short=(
         "        v = a * ramp\n",
         "",
-        "On a short way full speed is never reached: its peak is acceleration times ramp.",
+        "In a short motion full speed is never reached. Its peak is the acceleration times the "
+        "ramp.",
     ),
     ramps_forgotten=(
         _DURATION,
         "duration = max(1.0 / v, 2.0 * ramp)",
-        "The duration is that at full speed. Both ramps together cost the time of one more.",
+        "The duration is that of a motion at full speed. The two ramps together add the time of "
+        "one ramp.",
     ),
     ramps_on_top=(
         _DURATION,
         "duration = 2.0 * ramp + 1.0 / v",
-        "The ramps make a part of the way too: the stretch at full speed is shorter by that.",
+        "The ramps also cover a part of the line, so the stretch at full speed is shorter by that.",
     ),
     end_not_mirrored=(
         _LAST,
         "0.5 * a * left**2",
-        "The last ramp ends at the start. It is the first one mirrored: 1 - a (duration - t)^2 / "
-        "2.",
+        "The last ramp ends at the start. It is the first ramp mirrored: 1 - a (duration - t)^2 "
+        "/ 2.",
     ),
     runs_on=(
         "t = np.clip(times, 0.0, duration)",
         "t = np.asarray(times)",
-        "Outside of the motion the arm rests. Clip the times to it.",
+        "Before and after the motion the arm rests. Clip the times to the motion.",
     ),
     rate_of_the_share=(
         "move[:, None] * rate",
         "0.0 * move[:, None] + rate",
-        "The rate is that of s. A joint's is its move times that.",
+        "You return the rate of s. The rate of a joint is its move times the rate of s.",
     ),
 )
 

@@ -84,8 +84,8 @@ _RETURN = "return high, 2.0 * math.pi * dt / abs(float(np.angle(swinging)))"
 SLIPS = slips(
     hold_forgotten=(
         _RULE.format(late="delay"),
-        "The hold is forgotten: a torque that is kept for a sample comes half a sample late on "
-        "average, also without any other delay. Your limit is too high, and infinite without "
+        "The hold is missing: a torque that is held for a sample is half a sample late on "
+        "average, even without any other delay. Your limit is too high, and infinite without "
         "delay.",
     ),
     whole_sample_for_half=(
@@ -95,62 +95,62 @@ SLIPS = slips(
     ),
     half_sample_rule=(
         _RULE.format(late="delay + 0.5 * dt"),
-        "This is the rule that takes the hold as half a sample of delay: right to three digits "
-        "where friction and sample time are small, far off elsewhere. Solve the motion from "
-        "sample to sample instead, and look at the matrix.",
+        "This is the rule that counts the hold as half a sample of delay. It is accurate to "
+        "three digits where friction and sample time are small, and far off elsewhere. Solve "
+        "the motion from sample to sample instead, and use the matrix.",
     ),
     delay_forgotten=(
         _SPLIT,
         "    whole, rest = 0, 0.0\n",
-        "The delay does nothing: this is the limit of the hold alone.",
+        "The delay has no effect: this is the limit of the hold alone.",
     ),
     part_of_a_sample_dropped=(
         _SPLIT,
         "    whole, rest = int(delay / dt + 1e-6), 0.0\n",
-        "Only whole samples of the delay count. The rest of one costs gain too: for that long the "
-        "older torque still acts.",
+        "Only whole samples of the delay are counted. The rest of a sample matters too: for "
+        "that time the older torque still acts.",
     ),
     delay_rounded=(
         _SPLIT,
         "    whole, rest = round(delay / dt), 0.0\n",
-        "The delay is rounded to whole samples. Within a sample the torque changes once: at the "
-        "rest of the delay.",
+        "The delay is rounded to whole samples. But within a sample the torque changes once, "
+        "after the rest of the delay.",
     ),
     delay_rounded_up=(
         _SPLIT,
         "    whole, rest = math.ceil(delay / dt - 1e-6), 0.0\n",
-        "The delay is rounded up to whole samples. Within a sample the torque changes once: at "
-        "the rest of the delay.",
+        "The delay is rounded up to whole samples. But within a sample the torque changes "
+        "once, after the rest of the delay.",
     ),
     parts_swapped=(
         "first, late = driven(rest)",
         "first, late = driven(dt - rest)",
         "second, now = driven(dt - rest)",
         "second, now = driven(rest)",
-        "Within a sample the two torques act for each other's time: first the older one, for the "
-        "rest of the delay, then the newer one.",
+        "The two torques within a sample act for each other's time. The older one acts "
+        "first, for the rest of the delay, then the newer one.",
     ),
     one_sample_more=(
         "whole = int(delay // dt)",
         "whole = int(delay // dt) + 1",
         "rest = delay - whole * dt",
         "rest = delay - (whole - 1) * dt",
-        "There is a sample of delay too much, as where a command is computed from the measurement "
-        "before: here the one of this sample counts.",
+        "There is one sample of delay too many, as if the command were computed from the "
+        "previous measurement. It is computed from the measurement of this sample.",
     ),
     euler_between_samples=(
         "np.array([[1.0, lost / rate], [0.0, 1.0 - lost]])",
         "np.array([[1.0, t], [0.0, 1.0 - rate * t]])",
         "np.array([t - lost / rate, lost]) / damping",
         "np.array([0.0, t / inertia])",
-        "Between samples the joint moves by an Euler step. The task lets it move as its equation "
-        "says: with exponentials.",
+        "Between samples the joint moves by an Euler step. The task asks for the exact "
+        "solution of its equation, with exponentials.",
     ),
     torque_moves_only_the_rate=(
         "np.array([t - lost / rate, lost]) / damping",
         "np.array([0.0, lost]) / damping",
-        "A torque that is held changes the rate alone in your matrix. Within the same sample it "
-        "moves the angle too.",
+        "In your matrix a held torque changes only the rate. Within the same sample it also "
+        "moves the angle.",
     ),
     frequency_for_period=(
         _RETURN,
@@ -165,7 +165,7 @@ SLIPS = slips(
     half_a_period=(
         _RETURN,
         "return high, math.pi * dt / abs(float(np.angle(swinging)))",
-        "The period is halved: from one side to the other is half of it.",
+        "This is half of the period, from one side to the other.",
     ),
 )
 

@@ -65,7 +65,8 @@ SLIPS = slips(
     two_for_every_delay=(
         _LIMIT,
         "limit = 2.0",
-        "2 is the limit without delay. A frame of delay halves it, each further one lowers it.",
+        "2 is the limit without delay. One frame of delay halves it, and each further frame "
+        "lowers it.",
     ),
     one_frame_too_many=(
         _LIMIT,
@@ -85,45 +86,47 @@ SLIPS = slips(
     half_the_angle=(
         _LIMIT,
         "limit = 2.0 * math.sin(math.pi / (2.0 * delay + 1.0))",
-        "That is the sine of the whole angle a frame. The size of e^(i w) - 1 is 2 sin(w / 2).",
+        "That is the sine of the full angle per frame. The magnitude of e^(i w) - 1 is 2 sin(w"
+        " / 2).",
     ),
     one_over_the_delay=(
         _LIMIT,
         "limit = 2.0 / (2.0 * delay + 1.0)",
-        "A straight line for the sine: right for no delay, and too small by up to half for many.",
+        "The sine is replaced by a straight line: right without delay, and too small by up to "
+        "half for long delays.",
     ),
     no_delay_for_the_noise=(
         _RETURN,
         "return limit, gain / (2.0 - gain)",
-        "g / (2 - g) is the variance without delay. With delay noise is corrected late, and more "
-        "of it stays.",
+        "g / (2 - g) is the variance without delay. With delay, noise is corrected late, and "
+        "more of it stays.",
     ),
     noise_once=(
         _RETURN,
         "return limit, gain**2",
-        "That is what one picture adds. The noise of earlier ones is still there.",
+        "That is what one image adds. The noise of earlier images is still there.",
     ),
     deviation_for_variance=(
         _RETURN,
         "return limit, float(np.sqrt(covariance[0]))",
-        "This is the standard deviation; asked is the variance.",
+        "This is the standard deviation; the task wants the variance.",
     ),
     limit_not_looked_at=(
         _CHECK,
         "if not 0.0 < gain < 2.0:",
-        "A variance is given where nothing settles: beyond the limit the linear system still has a "
-        "solution, and it means nothing.",
+        "A variance is returned where nothing settles: beyond the limit the linear system "
+        "still has a solution, but it is meaningless.",
     ),
     wrong_sign_accepted=(
         _CHECK,
         "if gain >= limit:",
-        "A gain of 0 or below it never brings the error to an end: -1.",
+        "With a gain of 0 or less the error never settles: return -1.",
     ),
     a_hundred_frames=(
         _RETURN,
         "e = [0.0] * n + [-gain]\n    for _ in range(100):\n        "
         "e.append(e[-1] - gain * e[-1 - delay])\n    return limit, sum(x * x for x in e)",
-        "The sum of squares stops after a hundred frames. Near the limit an impulse lives longer.",
+        "The sum of squares stops after a hundred frames. Near the limit an impulse lasts longer.",
     ),
 )
 

@@ -79,60 +79,62 @@ SLIPS = slips(
         "requested[i] = start if i == 0 else done + period",
         _SKIPPED,
         "skipped[i] = 0",
-        "The loop sleeps for a period after its work: every cycle takes a period and what it "
-        "worked and was late. Sleep until a time on the grid.",
+        "The loop sleeps for a period after its work, so every cycle takes a period plus its work "
+        "and lateness. Sleep until a time on the grid.",
     ),
     drift_from_waking=(
         _ASKED,
         "requested[i] = start if i == 0 else requested[i - 1] + lateness[i - 1] + period",
         _SKIPPED,
         "skipped[i] = 0",
-        "The next time counts from when the cycle really began, so every lateness moves all that "
-        "follow.",
+        "The next time counts from when the cycle really began, so every lateness moves all later "
+        "cycles.",
     ),
     bursts=(
         _LATER,
         "later = turn + 1",
         "No period is ever skipped: after a long cycle the loop runs without a pause until it has "
-        "caught up, on commands that are too late.",
+        "caught up.",
     ),
     lost_phase=(
         _ASKED,
         "requested[i] = start if i == 0 else max(requested[i - 1] + period, done)",
-        "After an overrun the loop goes on at once, off its grid. The phase is lost, and with it "
-        "its place beside the other loops.",
+        "After an overrun the loop continues at once, off its grid. So its phase relative to "
+        "other loops is lost.",
     ),
     lost_phase_and_a_period=(
         _ASKED,
         "requested[i] = start if i == 0 else (requested[i - 1] + period if "
         "done <= requested[i - 1] + period else done + period)",
-        "After an overrun the grid begins anew at now. Only whole periods may be left out.",
+        "After an overrun a new grid starts at the current time. Only whole periods may be "
+        "skipped.",
     ),
     always_one_skipped=(
         _LATER,
         "later = turn + 1 + (done > requested[i] + period)",
-        "One period is skipped for an overrun, however long it was.",
+        "Exactly one period is skipped for an overrun, however long it was.",
     ),
     just_now_is_too_late=(
         _LATER,
         "later = max(turn + 1, (done - start) // period + 1)",
-        "A time that is just now is skipped. It has not passed.",
+        "A grid time that equals the current time is skipped. It has not passed.",
     ),
     lateness_forgotten=(
         _DONE,
         "done = requested[i] + works[i]",
-        "The cycle is taken to begin when it asked to. It ends later by its lateness, which may "
-        "cost a period.",
+        "The cycle is assumed to begin at its requested time. It ends later by its lateness, "
+        "which may cost a period.",
     ),
     work_forgotten=(
         _DONE,
         "done = requested[i] + lateness[i]",
-        "What has passed is asked at the beginning of the cycle. The work comes on top.",
+        "Passed times are determined at the beginning of the cycle. They must be determined at "
+        "its end, after the work.",
     ),
     nearest=(
         _LATER,
         "later = max(turn + 1, round((done - start) / period))",
-        "The nearest time of the grid is taken; it may have passed.",
+        "The nearest grid time is requested, and it may have passed.",
     ),
     one_skipped_too_many=(
         _SKIPPED,
@@ -142,7 +144,7 @@ SLIPS = slips(
     skipped_in_all=(
         _SKIPPED,
         "skipped[i] = later - 1 - i",
-        "The skipped periods are added up. Asked are those right after each cycle.",
+        "The skipped periods are added up. Return those right after each cycle.",
     ),
     skipped_before=(
         "return requested, skipped",

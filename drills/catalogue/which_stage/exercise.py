@@ -92,75 +92,77 @@ SLIPS = slips(
     last_stage_blamed=(
         _CONTRACT,
         "contract = int(np.flatnonzero(broken.any(axis=1))[-1]) if broken.any() else -1",
-        "The last row that is broken is blamed. What comes in wrong goes out wrong: a failure "
-        "shows at the end, and its cause lies before.",
+        "The last broken row is blamed. Each stage passes on what it receives: a failure shows"
+        " at the end, and its cause lies earlier.",
     ),
     first_anomaly=(
         _BROKEN,
         "r = np.asarray(record)\n    broken = r > (r.mean(axis=1) + 2.0 * r.std(axis=1))[:, None]",
-        "That is the first value that is unusual for its row. Unusual is not broken: a contract "
-        "says what is allowed.",
+        "That is the first value that is unusual for its row. Unusual is not broken: a "
+        "contract says what is allowed.",
     ),
     largest_breach=(
         _CONTRACT,
         "contract = int(np.argmax((np.asarray(record) / "
         "np.asarray(limits)[:, None]).max(axis=1))) if broken.any() else -1",
-        "The largest breach is blamed. A disturbance grows on its way through the stages.",
+        "The largest breach is blamed. A disturbance can grow from stage to stage.",
     ),
     upstream_whenever=(
         _CONTRACT,
         "contract = int(np.argmax(broken.any(axis=1))) if broken.any() else -1",
-        "The most upstream row that ever breaks is blamed. The loop is closed: what is upstream "
-        "sees the failure too, later. Time comes first.",
+        "The row closest to the camera that ever breaks is blamed. The loop is closed, so "
+        "early stages see the failure too, only later. Time comes first.",
     ),
     downstream_of_equals=(
         _CONTRACT,
         "contract = len(ticks) - 1 - int(np.argmin(ticks[::-1])) if broken.any() else -1",
-        "Of contracts that break at the same tick the downstream one is taken.",
+        "If contracts break at the same tick, the one furthest from the camera is taken.",
     ),
     limit_itself_broken=(
         _BROKEN,
         _BROKEN.replace(">", ">="),
-        "A value at its limit counts as broken; it is allowed.",
+        "A value exactly at its limit counts as broken; it is allowed.",
     ),
     row_zero_for_none=(
         "if broken.any() else -1",
         "if broken.any() else 0",
-        "Where no contract is broken the first one is blamed.",
+        "If no contract is broken, the first one is blamed.",
     ),
     single_repairs_only=(
         _SIZES,
         "for size in (1,):",
-        "Only single repairs are tried. Where two faults come together, such as an old picture of "
-        "a target that moves, neither repair helps alone.",
+        "Only single stages are tried. If two faults come together, such as an old image and a"
+        " lagging arm, neither helps alone.",
     ),
     pairs_at_once=(
         _SIZES,
         "for size in (2,):",
-        "Pairs are tried where a single repair is enough: the second one does nothing to the "
-        "cause.",
+        "Pairs are tried where a single stage is enough: the second one has nothing to do with"
+        " the cause.",
     ),
     all_that_it_takes=(
         _SIZES,
         "for size in range(1, stages + 1):",
-        "All stages but none left: that cures anything, and tells nothing. Stop after pairs.",
+        "Sets of more than two stages are tried: making everything ideal cures anything and "
+        "explains nothing. Stop after pairs.",
     ),
     best_not_cured=(
         "if left[sum(1 << i for i in best)] <= tolerance:",
         "if size == 2 or left[sum(1 << i for i in best)] <= tolerance:",
-        "The best pair is given, though the run still fails with it.",
+        "The best pair is returned, though the run still fails with it.",
     ),
     first_that_cures=(
         _BEST,
         "best = next((g for g in tried if left[sum(1 << i for i in g)] <= tolerance), tried[0])",
-        "The first repair that is good enough is taken; asked is the one that leaves the least.",
+        "The first stage that is good enough is taken; the task wants the one that leaves the "
+        "smallest error.",
     ),
     greedy_pair=(
         _BEST,
         "kept = [] if size == 1 else [min(range(stages), key=lambda i: "
         "left[1 << i])]\n        tried = [g for g in tried if set(kept) <= set(g)]\n        "
         + _BEST,
-        "The pair is built on the best single repair. Of two faults that hide each other neither "
+        "The pair is built on the best single stage. If two faults hide each other, neither "
         "looks good alone: try all pairs.",
     ),
 )
