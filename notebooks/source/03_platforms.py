@@ -316,8 +316,7 @@ for scene in (scenes.brake(np.radians(22.5)), scenes.grasp()):
 # Fair settings have a price, too. You saw it at the top: MuJoCo's block hops. The reason is how MuJoCo solves contact.
 # Coulomb's law by itself leads to a problem that is hard to solve. MuJoCo solves a **convex relaxation** instead, a
 # nearby problem with a unique solution. In it, friction and separation are coupled: a contact that slides also
-# separates (chapter 2, *the block that hops*). The stiffer the contact, the faster it separates. Here is the braking
-# block over its whole motion:
+# separates (chapter 2, *the block that hops*). Here is the braking block over its whole motion:
 
 # %%
 braking = scenes.brake()
@@ -474,7 +473,7 @@ print_figures("platform_paths", "brake    own", "brake    MuJoCo", "Fair, MuJoCo
 
 # %% [markdown]
 # In the sliding scenes, the hop of MuJoCo is the largest difference that fair settings leave between the engines. It
-# comes from MuJoCo's formulation. No default is to blame, and no setting removes it.
+# comes from MuJoCo's formulation: none of the settings that this page tries removes it.
 #
 # Here are seven jobs, written as needs on both tables. A position may be off by 1 mm, and a braking block by 1 cm on its
 # way:
