@@ -33,10 +33,9 @@ simulation("touch")
 # ## How this chapter works
 #
 # Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
-# Some cards show a statement, which you judge: true, false, or true only under a condition. Statements about engines
-# often use **MuJoCo**, a widely used free simulator of robots. Derivations are folded away. You can rerun all checks of
-# this page with `python -m course.derivations 2`. The code is the package `course.contact`. Five exercises wait in
-# section 8:
+# Some cards show a statement, which you judge: true, false, or true only under a condition. **MuJoCo**, in many of
+# them, is a widely used free simulator. Derivations are folded away. You can rerun all checks of this page with `python
+# -m course.derivations 2`. The code is the package `course.contact`. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -132,9 +131,9 @@ more_claims(
 # **contact normal** is a unit vector that points from the first body to the second. If they overlap, it is the
 # direction in which the second body has to move.
 #
-# For two circles this is one line: the distance of the centres minus both radii. Boxes and meshes have corners, edges
-# and faces. Every combination of them would need its own formula, and there are too many. One idea covers all
-# **convex** shapes, those that contain the straight line between any two of their points.
+# For two circles this is one line: the distance of the centres minus both radii. For boxes and meshes, every
+# combination of corners, edges and faces would need its own formula. One idea covers all **convex** shapes, those that
+# contain the straight line between any two of their points.
 #
 # Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference** $A
 # \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the shapes
@@ -366,9 +365,8 @@ answer("contact_limit_explicit", "1000*sqrt(1/100000)")
 # %%
 answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
-# The lower right plot of the simulation of the falling mass showed this limit as a dashed curve; you can drag the point
-# across it. In the upper panels the measured limits coincide with the formulas. The lower panel is MuJoCo's soft
-# contact, explained later.
+# (The simulation of the falling mass shows this limit as a dashed curve.) In the upper panels the measured limits
+# coincide with the formulas. The lower panel is MuJoCo's soft contact, explained later.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -695,8 +693,7 @@ more_claims("iterations_50_to_100")
 # ### Removing penetration: Baumgarte, split impulses, ERP and CFM, sub-steps
 #
 # Sooner or later bodies overlap: a solver stopped early, a robot was placed badly, a mesh was too coarse. A velocity
-# constraint $u_n \ge 0$ does not remove an overlap. So engines add a correction. Most contact parameters of an engine
-# control this correction.
+# constraint $u_n \ge 0$ does not remove an overlap. So engines add a correction.
 #
 # **Baumgarte stabilisation** asks for a separating velocity that removes a share $\beta$ of the depth $\delta$ in one
 # step: $u_n \ge \beta\,\delta/h$. In this course $\beta$ is called `recovery` and is 0.2. Look at the $h$ in the
