@@ -130,6 +130,13 @@ def faults(cells: Sequence[NotebookNode], limits: Limits = LIMITS) -> list[str]:
     result = []
     for number, cell in enumerate(cells):
         if cell.cell_type == "markdown":
+            # Markdown takes such a line for an entry of a list, which tears the formula.
+            formulas = re.split(r"(?<!\\)\$", _FENCE.sub("", cell.source).replace("$$", ""))[1::2]
+            result += [
+                f"cell {number}: a line of the formula {formula!r} begins like a list"
+                for formula in formulas
+                if re.search(r"\n[-+*>] ", formula)
+            ]
             for paragraph in paragraphs(cell.source):
                 if (count := words(paragraph)) > PARAGRAPH:
                     result.append(

@@ -506,9 +506,9 @@ table(("reward", "share of the optimum after training", "interval"),
 #
 # The classic case is a bonus for being near the goal. Suppose each step near it pays $b$, and entering the disc pays a
 # prize $P$ and ends the episode. Go in, or wait another step? Entering now pays $b + P$, since the last step is near
-# the goal too. Waiting pays $b$ now and $\gamma (b + P)$ one step later. The difference is $\gamma b
-# - (1 - \gamma) P$, so waiting pays if $\gamma b > (1 - \gamma) P$. With $P = 1$ and $\gamma = 0.99$ that is a bonus
-# above 0.0101, one hundredth of the prize.
+# the goal too. Waiting pays $b$ now and $\gamma (b + P)$ one step later. The difference is
+# $\gamma b - (1 - \gamma) P$, so waiting pays if $\gamma b > (1 - \gamma) P$. With $P = 1$ and $\gamma = 0.99$ that
+# is a bonus above 0.0101, one hundredth of the prize.
 
 # %%
 show("hovering")
@@ -896,8 +896,9 @@ simulation("denoising")
 # \alpha_t\,\epsilon$. Its output is called $\hat v$. This target is convenient: $\alpha_t (\alpha_t x + \sigma_t
 # \epsilon) + \sigma_t (\sigma_t x - \alpha_t \epsilon) = x$, so $\hat x = \alpha_t\,x_t + \sigma_t\,\hat v$ is the
 # guess of the clean action. The sampler DDIM (denoising diffusion implicit model) goes from $t$ to a later $t'$ in two
-# moves. It computes the noise that the guess implies, $\hat\epsilon = (x_t
-# - \alpha_t \hat x)/\sigma_t$. Then it mixes guess and noise again as the path does at $t'$, with less noise:
+# moves. It computes the noise that the guess implies,
+# $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it mixes guess and noise again as the path does at $t'$,
+# with less noise:
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #

@@ -772,8 +772,8 @@ predict("one_step_two_postures")
 # the simulation *less* stable here: the damping torque of the old velocity overshoots. Damping that is taken at the new
 # velocity does not lower the limit.
 #
-# *Derive it yourself.* <details><summary>Hint</summary>Write one step as a matrix with two rows. Its determinant is $1
-# - h d$, because damping comes from the old velocity. The first eigenvalue to leave the unit circle does so at $-1$:
+# *Derive it yourself.* <details><summary>Hint</summary>Write one step as a matrix with two rows. Its determinant is
+# $1 - h d$, because damping comes from the old velocity. The first eigenvalue to leave the unit circle does so at $-1$:
 # set the determinant of the matrix plus the identity to zero.</details>
 
 # %%
@@ -1027,11 +1027,11 @@ rows += [
 table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, best, v in rows))
 
 # %% [markdown]
-# The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is $\gamma
-# = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward paid per step is a price of
-# time: scale it with the step. A reward paid once, for reaching the goal, stays. A limit on the number of steps becomes
-# a limit in seconds. What no conversion can fix: with a shorter step the values of the actions lie closer together and
-# are harder to tell apart.
+# The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is
+# $\gamma = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward paid per step is a
+# price of time: scale it with the step. A reward paid once, for reaching the goal, stays. A limit on the number of
+# steps becomes a limit in seconds. What no conversion can fix: with a shorter step the values of the actions lie
+# closer together and are harder to tell apart.
 
 # %%
 show("repeated_actions")

@@ -266,6 +266,13 @@ def test_a_long_paragraph_is_a_fault_also_in_a_fold_out() -> None:
     assert form.faults([markdown(table)]) == []
 
 
+def test_a_formula_that_a_line_break_makes_a_list_is_a_fault() -> None:
+    for text in ("a gap $a\n- b$ of", "so $x\n+ 1 > 0$, then $c$", "$c$ and $a\n> b$"):
+        assert len(form.faults([markdown(text)])) == 1
+    for text in ("a gap\n$a - b$ of", "for 5 \\$\n- and $b$", "$a$ and\n- a list $b$", "$$a\n$$"):
+        assert form.faults([markdown(text)]) == []
+
+
 def test_a_wide_or_long_output_is_a_fault() -> None:
     rows = "".join(f"row {n}\n" for n in range(7))
     folded = f"<details><summary>all</summary>\n\n```text\n{rows}\n```\n\n</details>"
