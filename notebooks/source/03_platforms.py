@@ -137,11 +137,11 @@ Image(film.getvalue(), format="png")
 
 # %% [markdown]
 # All positions are from runs at a step of 1 ms. The height of the block was run for this picture in our code and in
-# MuJoCo. Drake's and PyBullet's blocks are drawn on the floor, because they were never measured to leave it for more
-# than 1 % of the braking (section 3).
+# MuJoCo. Drake's and PyBullet's blocks are drawn on the floor, because they were in the air for less than 1 % of the
+# braking (section 3).
 #
-# Three faults are visible. **MuJoCo's block hops**: its contact was set stiffer than it comes, and a stiff contact
-# of this kind throws a sliding block upwards. **Towers sag**: a soft contact yields under load, and the lowest one
+# Three faults are visible. **MuJoCo's block hops**: its convex contact throws a sliding block upwards, and it was set
+# stiffer here than it comes, so it hops higher. **Towers sag**: a soft contact yields under load, and the lowest one
 # carries the most. **Parts creep**: a part sinks through a grip that should hold it, slowly and steadily, or it falls.
 # The rest of the chapter measures each fault, explains it, and says which setting causes it.
 #
@@ -189,8 +189,9 @@ plt.show()
 # %% [markdown]
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
 # acceleration up to rounding, whatever algorithm they use inside. So if they also use the same scheme and the same
-# step, they must make the *same error*. We test this with **fair settings**, which change nothing that the scene didn't
-# ask for. The scenes are a tumbling body, a chain of six links and an arm:
+# step, and update rotations alike, they make the *same error*. We test this with **fair settings**, which switch off
+# everything that the engine adds and the scene doesn't have. The scenes are a tumbling body, a chain of six links and
+# an arm:
 
 # %%
 for make in ("tumble", "chain", "arm"):
@@ -206,8 +207,9 @@ for make in ("tumble", "chain", "arm"):
 # error on the arm is larger than the tolerance for both of them. It is an error of the scheme at this step, and
 # changing the program does not help.
 #
-# The chart shows all four. Left to right: the error against the step on three scenes. The last panel shows how far
-# the other programs' errors are from ours.
+# The chart shows all four. Left to right: the error against the step on three scenes. The last panel shows how far the
+# other programs' errors are from ours. MuJoCo and PyBullet agree with us nearly up to rounding; Drake differs in the
+# third or fourth digit.
 #
 # ![Error over the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -232,8 +234,8 @@ show("engines_agree")
 # times in each step and is of order four on smooth motion.
 #
 # **A worked example.** At 1 ms the chain is off by 21.4 mrad, and you may be off by 10 mrad. With a scheme of first
-# order you need a step below 0.47 ms. So you pay about twice as much. RK4 costs four force evaluations per step, and at
-# the same 1 ms it is already far below the limit.
+# order you need a step of about half a millisecond or less. So you pay at least twice as much. RK4 costs four force
+# evaluations per step, and at the same 1 ms it is already far below the limit.
 
 # %%
 show("halving_halves")
@@ -291,10 +293,10 @@ show("defaults_differ")
 
 # %% [markdown]
 # Which default is to blame? Start from the fair settings and take one change back at a time. The chart shows how much
-# the error grows when one setting returns to its default. One of the settings is the shape of the **friction cone**, the
-# set of contact forces that friction allows. By Coulomb's law it is round. MuJoCo's default is a pyramid inside it,
-# which is cheaper. A bar to the left means that the change made the result worse: with the pyramid, the tower would
-# sink even less.
+# the error grows when one setting returns to its default. One of the settings is the shape of the **friction cone**,
+# the set of contact forces that friction allows. By Coulomb's law it is round. MuJoCo's default is a pyramid inside it,
+# which is cheaper. A bar to the left means that the engine's default is better than the fair setting: with the default
+# pyramid the tower sinks less.
 #
 # ![Error without one change over that with all, by engine and scene](../docs/charts/platform_effects.png)
 
@@ -313,10 +315,11 @@ for scene in (scenes.brake(np.radians(22.5)), scenes.grasp()):
 #
 # ### The price of a stiff contact: the block that hops
 #
-# Fair settings have a price, too. You saw it at the top: MuJoCo's block hops. The reason is how MuJoCo solves contact.
-# Coulomb's law by itself leads to a problem that is hard to solve. MuJoCo solves a **convex relaxation** instead, a
-# nearby problem with a unique solution. In it, friction and separation are coupled: a contact that slides also
-# separates (chapter 2, *the block that hops*). Here is the braking block over its whole motion:
+# Fair settings don't remove every difference. You saw one at the top: MuJoCo's block hops, higher with its stiffer fair
+# settings. The reason is how MuJoCo solves contact. Coulomb's law by itself leads to a problem that is hard to solve.
+# MuJoCo solves a **convex relaxation** instead, a nearby problem with a unique solution. In it, friction and separation
+# are coupled: a contact that slides also separates (chapter 2, *the block that hops*). Here is the braking block over
+# its whole motion:
 
 # %%
 braking = scenes.brake()
@@ -338,9 +341,9 @@ for label, engine, how in (
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Where nothing touches, engines with the same scheme and the same step agree to three digits. Their
-# defaults can differ a hundredfold. Where bodies touch, the contact models differ by design, and no setting makes them
-# equal. So a comparison that doesn't list its settings compares settings, and "which simulator?" comes after "which
-# scheme, which step, which contact?"
+# defaults can differ a hundredfold. Where bodies touch, the contact models differ by design: hop, creep and sag remain
+# with all settings that this page tries. So a comparison that doesn't list its settings compares settings, and "which
+# simulator?" comes after "which scheme, which step, which contact?"
 #
 # </div>
 #
@@ -356,18 +359,15 @@ for label, engine, how in (
 simulation("platforms", "Collapsing tower")
 
 # %% [markdown]
-# <table>
-# <tr><th>engine</th> <th>from</th> <th>how it solves contact</th> <th>what you pay</th></tr>
-# <tr><td>MuJoCo</td> <td>Todorov, Erez, Tassa (IROS 2012); DeepMind since 2021, open source since 2022</td>
-# <td>a convex problem at each step, softened so that its solution is unique</td> <td>sticking contacts may slide a
-# little; sliding ones hop</td></tr>
-# <tr><td>Drake</td> <td>begun at MIT's CSAIL, led by the Toyota Research Institute</td> <td>at points, or by
-# pressure over a patch</td> <td>time; you also have to choose a stiffness for the patch</td></tr>
+# <table> <tr><th>engine</th> <th>from</th> <th>how it solves contact</th> <th>what you pay</th></tr>
+# <tr><td>MuJoCo</td> <td>Todorov, Erez, Tassa (IROS 2012); DeepMind since 2021, open source since 2022</td> <td>a
+# convex problem at each step, softened so that its solution is unique</td> <td>sticking contacts may slide a little;
+# sliding ones hop</td></tr> <tr><td>Drake</td> <td>begun at MIT's CSAIL, led by the Toyota Research Institute</td>
+# <td>at points, or by pressure over a patch</td> <td>time; you also have to choose a stiffness for the patch</td></tr>
 # <tr><td>PyBullet</td> <td>Coumans and Bai, from 2016; uses the solver of Bullet</td> <td>sweeps over the contacts, one
-# at a time, until they change little</td> <td>of several possible solutions, you don't know which one it finds</td></tr>
-# <tr><td>own code</td> <td>chapter 2</td> <td>Coulomb's law, solved with Newton's method</td> <td>time: it runs Python
-# at every step</td></tr>
-# </table>
+# at a time, until they change little</td> <td>several sets of corner forces can carry a load; which one you get depends
+# on the sweeps</td></tr> <tr><td>own code</td> <td>chapter 2</td> <td>Coulomb's law, solved with Newton's method</td>
+# <td>time: it runs Python at every step</td></tr> </table>
 #
 # A **point contact** applies a force at each of a few points. Between two boxes, Drake finds a single point, and a box
 # tips over on a single point. That is why its tower collapses in the simulation above. A **hydroelastic contact** gives
@@ -417,9 +417,9 @@ for settings in (AS_SHIPPED, FAIR):
     print("unexplained: none" if one.unexplained < 1e-12 else f"unexplained {one.unexplained:.0e}")
 
 # %% [markdown]
-# *Unexplained* tests our own reading of the report: do the reported forces produce the velocities that the engine
-# reached? They do, up to rounding. Complementarity is violated a little, because a soft contact pushes while it
-# overlaps. The cone is not violated.
+# *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
+# engine reached? They do, up to rounding. Complementarity, which should be 0, is violated a little, because a soft
+# contact pushes while it overlaps. The cone is not violated.
 #
 # ### Does a better scheme help with contact?
 #
@@ -655,8 +655,8 @@ predict("millions_a_second")
 predict("five_numbers")
 
 # %% [markdown]
-# The dashboard's radar chart has five axes. Each is a formula on measured figures with both ends stated. All but the
-# last are logarithmic, and the value is the median over scenes.
+# The dashboard's radar chart has five axes. Each axis is computed from measured values; the table gives the values at
+# its centre and at its end. All but the last are logarithmic, and the value is the median over scenes.
 
 # %%
 print(f"{'axis':<18}{'0 is':>9}{'1 is':>9}  " + "".join(f"{name:>11}" for name in outcome.engines))
@@ -666,14 +666,15 @@ for k, (axis, (low, high)) in enumerate(AXES.items()):
     )
 
 # %% [markdown]
-# *Smooth accuracy* is error over tolerance at the cost of MuJoCo at 1 ms. *Contact accuracy* is error over tolerance at
-# 1 ms, in three scenes with contact. *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is
-# the largest step [s] that stays within the tolerance. *Honesty* is the share of faulty models that the engine rejects
-# or warns about.
+# *Smooth accuracy* gives each engine the computing time that MuJoCo needs at 1 ms, and is its error over the tolerance
+# at the step it can afford. *Contact accuracy* is error over tolerance at 1 ms, in three scenes with contact. *Speed in
+# contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays within the
+# tolerance. *Honesty* is the share of faulty models that the engine rejects or warns about.
 #
-# The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is
-# $\tfrac12 \sin 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*.
-# Reorder the axes, and other pairs become neighbours. Here are the areas of the same numbers over all orders:
+# The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is $\tfrac12 \sin
+# 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*. Reorder the axes, and
+# other pairs become neighbours. Here are the areas of the same numbers over all orders, as a share of the full
+# pentagon:
 
 # %%
 for name, five in zip(outcome.engines, outcome.radar[:, :, 1], strict=True):
@@ -683,8 +684,9 @@ for name, five in zip(outcome.engines, outcome.radar[:, :, 1], strict=True):
     )
 
 # %% [markdown]
-# Nothing was measured again, and one area changed by nearly a third. Read the values on the axes, never the area. And
-# remember that each value is a median over scenes, which can hide one bad scene.
+# Nothing was measured again, and one area changed by nearly a third. (Here the ranking of the four stays the same; with
+# closer values it need not.) Read the values on the axes, not the area. And remember that each value is a median over
+# scenes, which can hide one bad scene.
 
 # %%
 more_claims("radar_area")
@@ -837,9 +839,8 @@ print_figures(
 
 # %% [markdown]
 # Where nothing touches, a scheme of order four wins as soon as the tolerance is tight, in whichever engine it is. The
-# tolerance of the tumble is loose, so Euler with a long step is enough. With contact, these schemes are of first
-# order at best, and what counts is the price of a step. There our Python code is two orders of magnitude too expensive,
-# although it is exact on the tower.
+# tolerance of the tumble is loose, so Euler with a long step is enough. With contact, what counts is the price of a
+# step. There our Python code is hundreds of times too expensive, although it is exact on the tower.
 #
 # ### How the cost grows with the scene
 #
@@ -858,9 +859,9 @@ print_figures(
 )
 
 # %% [markdown]
-# The last panel shows a trap. PyBullet is called from Python once per step and pays for the call. The other engines can
-# take many steps in one call. For a single cube, more than half of PyBullet's step is the call. So a rate that you
-# measure on a small scene through Python is largely Python's.
+# The last panel shows a trap. PyBullet is called from Python once per step. The other engines can take many steps in
+# one call. On the smallest scene, more than half of PyBullet's step is what even an empty world costs, call included.
+# So a rate that you measure on a small scene says little about the engine's work on bodies.
 #
 # On these scenes, the measurements suggest: RK4 for smooth motion with weak damping, in any engine that has it. MuJoCo
 # with elliptic cones for bodies that rest within a millimetre, at the largest step within the tolerance. PyBullet
@@ -898,10 +899,11 @@ show("braking_short")
 print_figures("platform_braking", "own code", "MuJoCo, as", "PyBullet, as")
 
 # %% [markdown]
-# All engines with fair settings lie on one line: where the block stops is an error of the scheme. (How it gets there
-# differs, because MuJoCo's block hops.) Whatever leaves the line is a default. PyBullet *multiplies* the coefficients of
-# both bodies, so its block slides nearly twice as far. Drake as shipped stops at once: its two boxes touch in one point,
-# and its default solver `lagged` stops the block there. With the other solver, `sap`, the same point stays near the law.
+# Along an axis, engines with fair settings lie nearly on one line: where the block stops is an error of the scheme.
+# (How it gets there differs, because MuJoCo's block hops; and PyBullet leaves the line at the longest step.) The large
+# deviations come from defaults. PyBullet *multiplies* the coefficients of both bodies, so its block slides nearly twice
+# as far. Drake as shipped stops far too early: its two boxes touch in one point, and with its default contact
+# approximation `lagged` the block soon stops there. With the approximation `sap`, the same point stays near the law.
 
 # %%
 show("friction_rules")
@@ -1022,14 +1024,14 @@ for name, share in least.items():
     print(f"MuJoCo {name:<11} smallest force that holds: {share:.3f} of m g / (2 mu)")
 
 # %% [markdown]
-# (In the chart's lines a dot means dropped, an x held; the squeeze grows to the right.) Three of the four have a
-# threshold. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold down to 0.98 of it: the
-# part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave the cone by 2 %. It counts as
-# held only because it moves evenly.
+# (In the printed lines a dot means dropped and an x held; the squeeze grows to the right. A part that sinks steadily
+# without accelerating counts as held.) Three of the four have a threshold. Our code and MuJoCo drop the part close to
+# Coulomb's force. Drake's patches hold down to 0.98 of it: the part sinks by 12 mm in half a second, the patches tilt,
+# and the reported forces leave the cone by 2 %. It counts as held only because it moves evenly.
 #
-# PyBullet has no threshold at 1 ms. It holds the part, and drops it again when squeezed harder. More iterations would
-# not help: its sweeps end with most of the force on one corner of a finger. This satisfies Coulomb's law, since four
-# corners can share a load in many ways. But the part swings about that corner.
+# PyBullet has no threshold at 1 ms. It holds the part, and drops it again when squeezed harder. Its sweeps end with
+# most of the force on one corner of a finger. This satisfies Coulomb's law, since four corners can share a load in many
+# ways. But the part swings about that corner.
 
 # %%
 show("grasp_threshold")
@@ -1103,7 +1105,7 @@ figures(
 )
 
 # %% [markdown]
-# Chapter 4's reader isn't better than the others. It reads few kinds of joint and rejects all others by name. Readers
+# Chapter 4's reader rejects the most faults, but it reads few kinds of joint and refuses all others by name. Readers
 # also change with versions. In September 2026, an importer lost all damping and friction of joints without a message
 # (Isaac Sim, issue 841). So read the loaded model back and compare; an exercise below does that.
 
@@ -1183,10 +1185,11 @@ simulation("platforms", "Sinking grasp")
 # worlds</td></tr>
 # <tr><td>a held part sinks</td> <td>creep</td> <td>is tangential over normal force below µ?</td> <td>`impratio`,
 # noslip</td></tr>
-# <tr><td>a block stops beside its heading</td> <td>pyramid</td> <td>the same at 0 and 45 degrees</td> <td>elliptic
+# <tr><td>a block stops beside its heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic
 # cone</td></tr>
 # <tr><td>a sliding block leaves the floor</td> <td>convex contact, set stiff</td> <td>height and contact count on the
-# way</td> <td>a softer `solref`; another engine</td></tr>
+# way</td> <td>another engine, if the hop matters; a
+# softer `solref` lowers it</td></tr>
 # <tr><td>only the first episode differs</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the
 # world again, or restore a saved state</td></tr>
 # </table>
@@ -1407,8 +1410,9 @@ for (name, settings), one in reach.items():
 #
 # Now take the importer's bug of 2026: the joints' damping $d$ is lost on the way into the simulator. The controller
 # still believes in it and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like *negative*
-# damping. The controller's own damping is $2\,\omega M \dot q$, where $\omega$ is its bandwidth and $M$ the mass matrix.
-# The bug wins where the smallest inertia (the smallest eigenvalue of $M$) is below $d/(2\,\omega)$:
+# damping. The controller's own damping is $2\,\omega M \dot q$, where $\omega$ is its bandwidth and $M$ the mass
+# matrix. With $q$ as the deviation from the target, $M\ddot q + (2\,\omega M - d)\,\dot q + \omega^2 M q = 0$. The arm
+# is unstable as soon as an eigenvalue of $M$ is below $d/(2\,\omega)$:
 
 
 # %% tags=["hide-code"]

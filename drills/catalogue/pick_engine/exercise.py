@@ -184,7 +184,7 @@ SLIPS = slips(
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "quotients: rounding", explain=coarse),
     examples=(
-        "pick_engine([[4e5, 1e-3], [9e6, 2e-2], [5e5, float('nan')]], [1e5, 5e-3], [1, 0], "
+        "pick_engine([[4e5, 1e-3], [9e6, 3e-2], [5e5, float('nan')]], [1e5, 5e-3], [1, 0], "
         "[2.0, 1.0, 1.5])",
         "pick_engine([[5e4, 1e-3], [9e6, 2e-2]], [1e5, 5e-3], [1, 0], [2.0, 1.0])",
     ),
