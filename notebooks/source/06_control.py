@@ -180,9 +180,9 @@ show("integral_removes_the_error")
 show("error_derivative_kick")
 
 # %% [markdown]
-# The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen and
-# switch it off: the feedback loop, and with it the stability, is the same with both derivatives. So differentiate the
-# measurement.
+# The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
+# switch to the derivative of the measurement. The spike is gone. Stability does not change, because for a constant
+# set-point both derivatives are the same. So differentiate the measurement.
 
 # %%
 more_claims("p_alone_overshoots", "critical_settles_fastest", "one_gain_one_symptom", "too_much_d")
@@ -206,8 +206,8 @@ predict("jammed")
 #   term, so that the I term shrinks while the command is at the limit.
 #
 # A third idea is often seen in tutorials: keep the I term itself within a fixed range, for example $\pm$ the torque
-# limit. This is a second limit, independent of the motor's. A wide range changes nothing, and one that is narrower than
-# the load leaves an error for ever.
+# limit. But this range does not know whether the motor is at its limit. A range that the sum never reaches changes
+# nothing, and one that is narrower than the load leaves an error for ever.
 #
 # The chart shows a milder case than the card: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the
 # right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the
@@ -277,12 +277,11 @@ predict("more_p")
 # \begin{pmatrix} 1 - \dfrac{K_p\,dt^2}{2J} & dt\\[1ex] -\dfrac{K_p\,dt}{J} & 1\end{pmatrix}
 # \begin{pmatrix} q_k\\ v_k\end{pmatrix}.$$
 #
-# The loop comes to rest exactly if all eigenvalues of this matrix are smaller than 1 in absolute value. The largest of
-# these values is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the matrix,
-# which
-# is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So without
-# friction, P alone is unstable at any gain. A delay adds the commands that are still waiting to the vector, and
-# the matrix becomes larger; the method is the same.
+# The loop comes to rest if and only if all eigenvalues of this matrix are smaller than 1 in absolute value. The largest
+# of these values is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the matrix,
+# which is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So without
+# friction, P alone is unstable at any gain. With a delay, the vector also contains the commands that were computed but
+# have not reached the motor. The matrix becomes larger; the method is the same.
 
 # %%
 show("hold_is_half_a_sample")
@@ -318,8 +317,8 @@ for late in (0.0, 0.005, 0.02, 0.05):
     )
 
 # %% [markdown]
-# A delay of 20 ms, common on a slow bus, lowers the largest gain from 1000 to 24 N m/rad. The left chart shows the same
-# for all delays. The right one shows that a simulator can hide the limit; section 7 explains why:
+# A delay of 20 ms lowers the largest gain from 1000 to 24 N m/rad. The left chart shows the same for all delays. The
+# right one shows that a simulator can hide the limit; section 7 explains why:
 #
 # ![Ultimate gain against delay, and against a simulator's steps](../docs/charts/delay_limit.png)
 
@@ -329,10 +328,10 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # %% [markdown]
 # ### Stability margins
 #
-# How far is a tuned loop from its limit? Cut the loop at the motor, feed in a sine, and compare the torque that comes
-# back with the one that went in. Their ratio is the **open-loop gain**, and the shift of the sine is its **phase lag**.
-# If a sine comes back with the same size and a lag of 180 degrees, the minus sign of the feedback turns it into the
-# sine that went in. The oscillation then keeps itself going.
+# How far is a tuned loop from its limit? Cut the loop at the motor and feed in a sine. Leave out the minus sign of the
+# feedback, and compare the torque that comes back with the one that went in. Their ratio is the **open-loop gain**, and
+# the shift of the sine is its **phase lag**. If a sine comes back with the same size and a lag of 180 degrees, it is
+# inverted, and the minus sign turns it into the sine that went in. The oscillation then keeps itself going.
 #
 # * The **gain margin** is the factor by which all gains can be multiplied before the loop becomes unstable.
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
@@ -388,22 +387,22 @@ plt.show()
 # is
 # to instability.
 #
-# What does the closed loop do to a sine? The feedback subtracts $L$ times the error, so a disturbance $d$ leaves
-# the error $e = d - L\,e$. This gives two functions of the frequency:
+# What does the closed loop do to a sine? Let $d$ be the error without control. The controller reacts to the remaining
+# error $e$ and moves the joint by $L\,e$. So $e = d - L\,e$. This gives two functions of the frequency:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
 # * The **sensitivity** $S$ is the share of a disturbance that is left. Where $\lvert S\rvert$ is 0.1, the loop
 #   removes 90 %.
 #   Where it is above 1, the loop amplifies the disturbance.
-# * The **complementary sensitivity** $T$ is the share of sensor noise that moves the joint. With the derivative of the
-#   error it is also the share of the set-point that arrives. The **bandwidth** is the frequency at which
-#   $\lvert T\rvert$ falls below $1/\sqrt2$.
+# * The **complementary sensitivity** $T$ says how much of the sensor noise the joint follows. If D acts on the error,
+#   the joint follows the set-point by the same $T$. The **bandwidth** is the frequency at which $\lvert T\rvert$ falls
+#   below $1/\sqrt2$.
 #
 # The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
-# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$.
-# **Worked example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. It crosses the negative axis between $-0.5$ and
-# 0, so the gain margin is at least 2.
+# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$. **Worked
+# example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. Where it crosses the negative axis to the right of $-1$,
+# it does so between $-0.5$ and 0, so the gain can grow at least by the factor 2.
 #
 # The picture shows the loop above (blue) and the same loop with 8 times the gains (orange):
 
@@ -453,10 +452,10 @@ more_claims("peak_sensitivity_bounds_margins")
 # ### Stable PD gains: damping and the delay of the rate
 #
 # Now leave out friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without
-# units: $K_p\,dt^2/J$ and $K_d\,dt/J$. In the left chart each combination of gains is one point. For each way of
-# getting the rate, the stable gains lie below a line or curve. With the exact rate they form a triangle. If $K_d$ is
-# small, the hold makes the loop unstable, as in the worked example. If $K_d$ is large, the damping torque, held for a
-# whole sample, reverses the velocity and makes it larger.
+# units: $K_p\,dt^2/J$ and $K_d\,dt/J$. The left chart has $K_d$ along the horizontal and $K_p$ along the vertical axis.
+# Each colour is one way to get the rate; the gains below its curve are stable. With the exact rate they form a
+# triangle. If $K_d$ is small, the hold makes the loop unstable, as in the worked example. If $K_d$ is large, the
+# damping torque, held for a whole sample, reverses the velocity and makes it larger.
 #
 # ![Stable gains of PD, and MuJoCo's position servo](../docs/charts/pd_triangles.png)
 
@@ -480,11 +479,11 @@ for one in stored("pd_triangles")[0].series:
 predict("faster_loop")
 
 # %% [markdown]
-# Every estimator of the rate trades noise for lag. A plain difference has the least lag and the most noise. A low-pass
-# filter with time constant $\tau$ averages the difference over about that time. A **tracking observer** predicts angle
-# and rate one sample ahead, and corrects both with the error of the predicted angle. Under constant acceleration the
-# filtered rate is late by its time constant plus the half sample of the difference. The observer with the same time
-# constant is late by about twice as much.
+# An estimator that sees only angles trades noise for lag. A plain difference has the least lag and the most noise. A
+# low-pass filter with time constant $\tau$ averages the difference over about that time. A **tracking observer**
+# predicts angle and rate one sample ahead, and corrects both with the error of the predicted angle. Under constant
+# acceleration the filtered rate is late by its time constant plus the half sample of the difference. The observer with
+# the same time constant is late by about twice as much.
 #
 # The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
 # noise than the filter (orange):
@@ -501,10 +500,12 @@ for one in stored("rate_estimates")[0].series:
 
 # %% [markdown]
 # Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As
-# soon as it is smaller than the friction $F$, the joint can stop. So dry friction leaves an error of up to $F/K_p$.
+# soon as it is smaller than the friction $F$, the joint can stop. So dry friction leaves an error of up to $F/K_p$
+# (with the larger friction at rest, if there is one).
 #
-# An I term removes this error if friction at rest, **static friction**, is no larger than Coulomb friction. If it is
-# larger, the torque that breaks the joint loose is more than what keeps it moving. The joint jumps, and hunts:
+# An I term removes this error, step by step with longer and longer pauses, if friction at rest, **static friction**, is
+# no larger than Coulomb friction. If it is larger, the torque that breaks the joint loose is more than what keeps it
+# moving. The joint jumps, and hunts:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -541,8 +542,8 @@ print(f"the same for the linear model of the pendulum:          {reached[2]:.4f}
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, half a sample for the difference of two
-# angles, the time constant of the filter, and the communication. Their sum, the inertia and the friction decide how
-# much gain is possible. Tuning by hand only rediscovers that limit.
+# angles, the time constant of the filter, and the communication. Together with the inertia and the friction they limit
+# how much gain is possible. Compute this limit before you tune by hand.
 #
 # </div>
 
@@ -552,9 +553,9 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # %% [markdown]
 # ### Tuning with the Ziegler-Nichols rules
 #
-# **Ziegler-Nichols** (1942) is the tuning procedure that interviewers ask for. (1) Set $K_i$ and $K_d$ to zero. (2)
-# Raise $K_p$ until the loop oscillates with constant amplitude; this is the ultimate gain $K_u$. (3) Measure the period
-# $T_u$ of the oscillation. (4) Take the gains from a row of the table.
+# **Ziegler-Nichols** (1942) is the classical tuning procedure. (1) Set $K_i$ and $K_d$ to zero. (2) Raise $K_p$ until
+# the loop oscillates with constant amplitude; this is the ultimate gain $K_u$. (3) Measure the period $T_u$ of the
+# oscillation. (4) Take the gains from a row of the table.
 #
 # | controller | $K_p$ | $K_i$ | $K_d$ |
 # |---|---|---|---|
@@ -562,19 +563,22 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
-# Step 2 assumes that an ultimate gain exists. A joint has one only because its loop has a delay, if only that of the
-# hold. And a constant amplitude does not prove that you have found it: with a torque limit, larger gains end in an
-# oscillation of constant amplitude, too. So the delay must be stated. Suppose it is 20 ms. Before you look at the
-# result: the rules were made for plants that
-# settle by themselves, such as a heated tank. A joint under constant torque does not settle at an angle; it keeps
-# turning. Its angle is already an integral.
+# Step 2 assumes that an ultimate gain exists. Without any delay, P alone is stable at every gain. The hold is a delay,
+# so a sampled joint always has an ultimate gain. And a constant amplitude does not prove that you have found it: with a
+# torque limit, larger gains end in an oscillation of constant amplitude, too. So the delay must be stated; we use 20
+# ms.
+#
+# Note that the rules were made for plants that come to rest under a constant input, such as a heated tank. A joint does
+# not: constant torque gives constant *speed*, and the angle is the integral of that. An I term adds a second
+# integration.
 
 # %%
 show("ziegler_nichols_is_safe")
 
 # %% [markdown]
-# The alternative takes the same three numbers, $J$, $b$ and the delay. With PD and the total delay $D$ of hold,
-# difference and communication, the closed loop can move as $e^{st}$ if $s$ solves
+# The alternative takes three numbers that you know: $J$, $b$ and the delay. With PD and the total delay $D$ of hold,
+# difference and communication (a small approximation: the difference delays only the D term), the closed loop can move
+# as $e^{st}$ if $s$ solves
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
 #
@@ -668,10 +672,10 @@ _ = axis.legend(fontsize=9, ncols=2, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# The two controllers with the full model are about a hundred times more accurate than PD with gravity compensation.
-# Feedforward assumes that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back
-# alone. Computed torque uses the state that was measured. To see what this buys, put its torque into the equation of
-# motion. The velocity terms and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
+# The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward assumes
+# that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone. Computed
+# torque uses the state that was measured. To see what this buys, put its torque into the equation of motion. The
+# velocity terms and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
@@ -686,9 +690,9 @@ show("computed_torque_law")
 # ahead. This is called **half-sample preview**, and section 6 shows how much it saves.
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
-# changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, $\tau =
-# Y\theta$, with the regressor $Y$ of chapter 4. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the
-# update is
+# changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, with the
+# regressor $Y$ of chapter 4; here $Y$ takes a reference velocity and acceleration in place of the measured ones. With
+# $s = \dot e + \Lambda e$, a weighted sum of both errors, the law commands $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
@@ -717,9 +721,9 @@ predict("wrong_inertia")
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
-# The right side is the missing torque, divided by $\hat J$. Each kind of model error leaves its own signature there.
-# The picture shows one joint. Its true inertia is 20 % larger than in the model, or it has viscous or Coulomb friction
-# that the model lacks:
+# The right side is the missing torque, divided by $\hat J$. Each missing torque has its own shape: a missing inertia
+# follows the acceleration, a missing viscous friction the velocity. The picture shows one joint. Its true inertia is 20
+# % larger than in the model, or it has viscous or Coulomb friction that the model lacks:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -760,8 +764,8 @@ plt.show()
 # | the angle | gravity |
 # | only the largest torques | a torque limit |
 #
-# Two causes in one row need a second experiment. A wrong torque constant scales all torques alike, so gravity or
-# friction tells it from a wrong inertia.
+# Two causes in one row need a second experiment. Hold the arm still against gravity: a wrong torque constant gives an
+# error there, a wrong inertia does not.
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -790,7 +794,8 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 #
 # $$J\int \ddot w\,q\,dt - b\int \dot w\,q\,dt = \int w\,\tau\,dt .$$
 #
-# Only the measured angle appears, not its derivatives. Each window gives one linear equation for $J$ and $b$, and least
+# Only the measured angle appears, not its derivatives. (Coulomb friction would need the sign of the velocity as well,
+# which noise leaves alone except near standstill.) Each window gives one linear equation for $J$ and $b$, and least
 # squares over many windows gives both:
 
 # %% tags=["hide-code"]
@@ -846,8 +851,8 @@ for name, named in causes.items():
 
 # %% [markdown]
 # The chart varies the noise. On the left, second differences (orange) are wrong at every noise level, while the
-# integral form (blue) stays accurate. On the right, six of seven causes are always identified; only Coulomb friction
-# (green) is lost in the largest noise:
+# integral form (blue) stays accurate. On the right, the causes that are drawn are identified at every noise level,
+# except Coulomb friction (green), which is lost in the largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -920,9 +925,10 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan contains
-# the braking with the limited force. Where no limit becomes active later in the motion, both give the same command, and
-# MPC's computing time is wasted. The left chart shows how much MPC saves for longer horizons. The right one shows its
-# computing time. A **warm start** begins the search at the previous plan:
+# the braking with the limited force. Where no limit becomes active later in the motion, and the plan's end is priced
+# with LQR's cost-to-go, both give the same command, and MPC's computing time is wasted. The left chart shows how much
+# MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the
+# previous plan:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 
@@ -932,9 +938,9 @@ more_claims("mpc_beats_clipping")
 # %% [markdown]
 # ### MPPI: plans from sampled rollouts
 #
-# Some tasks have no useful linear model or gradient: a swing-up, or a hand that pushes through contacts.
-# **MPPI** (model predictive path integral control, Williams and others 2017) needs only a simulator. At every sample
-# it does three things:
+# For some tasks a linear model or a gradient helps little, for example for a hand that pushes through contacts. We try
+# it on a swing-up, which is easy to look at. **MPPI** (model predictive path integral control, Williams and others
+# 2017) needs only a simulator. At every sample it does three things:
 #
 # 1. Make $n$ copies of the current plan, add random noise to each, and simulate them. A simulated plan is called a
 #    **rollout**.
@@ -969,8 +975,8 @@ plt.show()
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
-# With a horizon of 20 samples, 16 rollouts are enough. With a horizon of 8 samples, even 64 rollouts never succeed:
-# within such a short time, swinging away from the target only looks expensive.
+# With a horizon of 20 samples, 16 rollouts succeed nearly always. With a horizon of 8 samples, even 64 rollouts hardly
+# ever do: within such a short time, swinging away from the target only looks expensive.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1074,13 +1080,13 @@ show("damping_is_safe")
 # %% [markdown]
 # Force control and admittance control have other limits. Proportional **force control** commands the desired force plus
 # a gain $g$ times the force error. The wall turns motion into force, so its stiffness multiplies the loop gain. For a
-# short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: the stiffer the wall, the lower the gain. Admittance is
-# limited on the other side. At a stiff wall the virtual mass cannot be small:
+# short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: the stiffer the wall, the lower the gain. For admittance
+# control, a stiff wall sets a *lower* limit on the virtual mass:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, look at the green curve. A simulated contact with default settings allows a gain that
-# is far too large; section 7 returns to this.
+# In the left chart, look at the green curve. At a stiff wall, a simulated contact with default settings allows a gain
+# that is far too large, and at a soft one a gain that is too small; section 7 returns to this.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1184,8 +1190,9 @@ plt.show()
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** In contact, the wall is part of the loop. Ask what its stiffness multiplies: the loop gain (force
-# control), the force per position error (impedance control), or the smallest stable virtual mass (admittance control).
+# **Key insight.** In contact, the wall is part of the loop. Ask what its stiffness does: it multiplies the loop gain
+# (force control), it is in series with the controller's spring (impedance control), and it raises the smallest stable
+# virtual mass (admittance control).
 #
 # </div>
 #
@@ -1216,8 +1223,9 @@ for regime, name, use in (
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# The stiff controller's peak is its steady pressing force, not the impact. The chart confirms the formula for the
-# impact: the first peak hardly changes with the controller's stiffness, until that reaches the stiffness of the wall.
+# The stiff controller's peak is its steady pressing force, not the impact. (The other peaks are below the formula,
+# because the hand arrives more slowly than its set-point.) In the chart, the first peak hardly changes with the
+# controller's stiffness, until that comes near the stiffness of the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
@@ -1268,8 +1276,9 @@ plt.show()
 #
 # The closed loop as a matrix. The state vector contains the plant's state, the commands that are still waiting in the
 # delay, and the controller's state. Each row block of the matrix says how one of them gets its next value. `transition`
-# is the plant's own matrix. `now` and `before` say how the newest command that has arrived and the one before it act
-# within a sample, `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
+# is the plant's own matrix. A command may arrive in mid-sample: `before` is the effect of the old command until then,
+# `now` that of the new one afterwards; `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe
+# the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
@@ -1402,8 +1411,8 @@ plt.show()
 #
 # Other parts of a simulator are models with their own stability limits, too. A built-in position servo is computed
 # inside the physics step, so it is not a sampled loop. In MuJoCo, the attribute `delay` of a position actuator delays
-# the set-point, not the feedback. A soft contact passes part of the command straight to the contact force, whatever
-# the wall.
+# the set-point, not the feedback. In MuJoCo's soft contact, a fixed share of the pushing force shows up at once as
+# contact force, even before the hand has moved.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1456,8 +1465,7 @@ plt.show()
 # %% [markdown]
 # A is a loop beyond its stability limit, whose torque limit keeps the oscillation constant. B is hunting, with pauses.
 # C is the torque at rest, which rattles with the encoder counts. D is windup: the command was at its limit for most of
-# the step. How you tell them apart, and what helps (in B, take the friction's sign from the reference velocity, since
-# the measured one chatters):
+# the step. How you tell them apart, and what helps:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1471,9 +1479,9 @@ plt.show()
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
-# and there is an I term, suspect windup. Next, switch the I term off: if the overshoot goes away, the I term was
-# too large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the growth per sample is
-# close to 1, look for the delay. Finally, ask whether the set-point has to jump at all.
+# and there is an I term, suspect windup. Next, switch the I term off: if the overshoot goes away, the I term was too
+# large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the delay margin is small, look
+# for the delay. Finally, ask whether the set-point has to jump at all.
 #
 # <details><summary>A common mistake</summary>
 #
@@ -1663,8 +1671,8 @@ answer("pd_sample_late", "V")
 #
 # A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
 # Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns the second term
-# with reinforcement learning, the subject of chapter 9. Most of the benefit comes from starting with a controller that
-# already works. You will often read that it "converges much faster". That depends on the model it starts from.
+# with reinforcement learning, the subject of chapter 9. It starts with a controller that already works. You will often
+# read that it "converges much faster". That depends on the model it starts from.
 #
 # In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. Its
 # data come from the motions that the arm has made.
@@ -1685,8 +1693,8 @@ print_figures("learned_beside_adaptive", "adaptive", "learned")
 
 # %% [markdown]
 # On the trained motion both are accurate to a few milliradians. On the larger motion the learned correction is many
-# times worse, because it has no data there. The adaptive law stays accurate: its parameters are physical, and
-# they are the same in both motions.
+# times worse, because it has no data there. The adaptive law stays accurate: its model has the form of the arm's
+# equations, which hold for both motions, and it goes on adapting.
 #
 # | work | year | idea |
 # |---|---|---|
@@ -1734,8 +1742,9 @@ interview("control")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page. You can derive them from what is: the closed-loop equation of the joint, the
-# springs in contact, and the torque of gravity on a pendulum. The chapter counts as passed when all three are right.
+# Three formulas that are not derived on this page. You can derive them from what is: the closed-loop equation of the
+# joint, the springs in contact, and the torque of gravity on a pendulum. The chapter counts as passed when all three
+# are right.
 
 # %%
 checkpoint(

@@ -27,9 +27,10 @@ simulation("middleware")
 # rates and policies. **Know first:** the age of data from chapter 0, which is the time from taking an image until it
 # has an effect.
 #
-# No ROS 2 installation is needed. The examples run on a small simulated message bus that imitates DDS, the system
-# below ROS 2. It has its own simulated clock, so ten seconds take a fraction of a second, and every run is identical.
-# We checked its compatibility rules against a real DDS, Eclipse Cyclone.
+# No ROS 2 installation is needed. The examples run on a small simulated message bus that imitates DDS, the system below
+# ROS 2. It has its own simulated clock, so ten seconds take a fraction of a second, and every run of it is identical.
+# (Timings of real threads, of Cyclone and of Linux differ from run to run.) We checked its compatibility rules against
+# a real DDS, Eclipse Cyclone.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -82,10 +83,10 @@ def timeline(axis, rows, unit="ms"):
 #
 # ### What middleware is
 #
-# A robot's software consists of many programs that run at different rates on different computers. **Middleware** is
-# the layer that carries messages between them, so that no program needs to know where the others run. **ROS 2** is the
-# middleware that most robots use. By default it is built on **DDS** (Data Distribution Service), a standard of the
-# Object Management Group (OMG) with several implementations.
+# A robot's software consists of many programs that run at different rates on different computers. **Middleware** is the
+# layer that carries messages between them, so that no program needs to know where the others run. **ROS 2** is a widely
+# used one. By default it is built on **DDS** (Data Distribution Service), a standard of the Object Management Group
+# (OMG) with several implementations.
 #
 # A **node** is a software component with a name. It publishes messages, subscribes to messages of other nodes and
 # answers requests. A named stream of messages is a **topic**. The publisher's end of a topic is called a **writer** in
@@ -140,8 +141,8 @@ plt.show()
 # %% [markdown]
 # The top layer decides what to do next. A state machine or a behaviour tree (two ways of writing such decisions) picks
 # "grasp the cup", for instance. The middle layer is **soft real time**: a late result is a worse result. The bottom
-# layer is **hard real time**: a missed period is a fault. It runs in a thread of its own, and the planner
-# hands it each new trajectory without making it wait for a lock.
+# layer is **hard real time**: a missed period is a fault. It runs in a thread of its own, and the planner passes each
+# new trajectory in a way that never makes this thread wait.
 #
 # ROS 2 offers four ways to interact with a node. The drawing shows who sends what, with time running downwards:
 
@@ -173,8 +174,8 @@ for axis, (name, arrows) in zip(axes, talks.items(), strict=True):
 plt.show()
 
 # %% [markdown]
-# A parameter is the fourth: a named value that belongs to one node. The table gives typical uses. Its last column was
-# measured here, between two threads of one Python process.
+# A parameter is the fourth: a named value that belongs to one node. The table gives typical uses. For its last column
+# we imitated each way with two Python threads; these are not times of ROS 2.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 bus = Bus()
@@ -251,10 +252,11 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # * History, depth: how many messages each end's queue holds.
 # * **Lifespan**: the age at which a message is discarded.
 #
-# The writer *offers*, the reader *requests*. Four policies are ranked: reliability, durability, deadline, and
-# liveliness with its lease. If the writer offers less than the reader requests in any of them, DDS does not connect the
-# two at all. For times, shorter means more: a writer with a 50 ms deadline promises more than one with 100 ms.
-# The queue settings and the lifespan are each end's own affair and never prevent a connection.
+# The writer *offers*, the reader *requests*. Five policies are ranked: reliability, durability, deadline, liveliness
+# with its lease, and (used in an exercise) the order of messages at the destination. If the writer offers less than the
+# reader requests in any of them, DDS does not connect the two at all. For times, shorter means more: a writer with a 50
+# ms deadline promises more than one with 100 ms. Each end sets its queue and the lifespan for itself; these are not
+# compared and never prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -330,8 +332,8 @@ for (name, pair), cyclone in zip(queried.items(), observed, strict=True):
 table(*rows)
 
 # %% [markdown]
-# We ran all combinations of values, and then depths, late joiners and events. The first line counts the agreement. The
-# fold-out lists every row.
+# We tested every pair of values of each policy, then queue depths, late subscribers and events, on the bus and on
+# Cyclone. The first line counts the agreement. The fold-out lists every row.
 
 # %% tags=["hide-code"]
 figures(read("qos_verdicts"), "93", "deadline mis")
@@ -379,7 +381,7 @@ plt.show()
 # **A worked example.** A camera writes every 33 ms, and the reader's depth is 10. The images that a slow reader takes
 # are at least $9 \cdot 33 = 297$ ms old. With depth 1 it always takes the newest image. The chart compares the formula
 # with the bus and with Cyclone DDS. The lowest curve is a reader that empties its queue and uses only the newest
-# message: it avoids the age at any depth.
+# message: its data are fresh, however deep the queue.
 #
 # ![Age of what a slow reader takes over the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 #
@@ -521,10 +523,10 @@ answer("relative_sleep", "1/(T + C)")
 # and a task of higher priority interrupts (**preempts**) the others. **Rate-monotonic** priorities give the highest
 # priority to the task with the shortest period.
 #
-# A task's **response time** is the time from its release to the end of its work. When is it longest? Every more
-# urgent task delays it. If one of them were released a little before it, part of that work would already be done. So
-# the worst case is a **critical instant**: all tasks are released at the same moment. The picture shows it for a
-# controller, a filter and a planner.
+# A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
+# task delays it. If one of them started a little earlier, some of its work would be over before ours begins, so it
+# would delay ours less. So the worst case is a **critical instant**: all tasks are released at the same moment. The
+# picture shows it for a controller, a filter and a planner.
 
 # %% tags=["hide-code"]
 C, T = np.array([0.25, 2.0, 40.0]), np.array([1.0, 10.0, 100.0])
@@ -600,8 +602,8 @@ table(
 
 # %% [markdown]
 # Both simple tests reject a set that is in time. The left panel of the chart shows which share of random task sets each
-# test accepts. The right panel shows the utilization at which sets first miss a deadline when their computing times
-# are scaled up.
+# test accepts. For the right panel, all computing times are lengthened by the same factor until a deadline is missed;
+# it shows the utilization at that point.
 #
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
 
@@ -641,8 +643,8 @@ plt.show()
 # %% [markdown]
 # This is **priority inversion**: the most urgent task waits for the least urgent one, and therefore for every task
 # between them. **Priority inheritance** cures it: while a task holds a lock, it runs at the priority of the most urgent
-# task that waits for it. With a **priority ceiling** it does so from the moment it takes the lock, at the priority of
-# the most urgent task that ever uses this lock. The simulated scheduler gives these waits:
+# task that waits for it. With a **priority ceiling**, the holder's priority is raised at once, even if nobody waits: to
+# that of the most urgent task that ever uses this lock. The simulated scheduler gives these waits:
 
 # %% tags=["hide-code"]
 # high, middle, low: the low one has the lock when the high one comes, 2 ms later.
@@ -676,9 +678,9 @@ show("inversion_is_bounded")
 # ### Executors: who waits for a thread
 #
 # In ROS 2 a callback can wait even if the processor is idle. An **executor** calls your callbacks. Each of its threads
-# runs one callback at a time and never interrupts it. ROS 2's executor collects the callbacks that are ready, its
-# **ready set**, runs all of them, and only then looks again (Casini and others, 2019). So a fast callback may have to
-# wait for all the others, whatever its rate.
+# runs one callback at a time and never interrupts it. ROS 2's executor makes a list of the callbacks that are ready,
+# its **ready set**, and runs the whole list. One that becomes ready meanwhile waits for the next list (Casini and
+# others, 2019). So a fast callback may have to wait for all the others, whatever its rate.
 #
 # With several threads, a **callback group** says which callbacks may run at the same time. Callbacks in a *mutually
 # exclusive* group, the default, never overlap. Those in a *reentrant* group may.
@@ -760,9 +762,10 @@ more_claims("not_real_time_by_default", "callback_over_a_period", "callback_sets
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Silent and late are different faults. If two nodes share a topic and a type, have discovered each
-# other and nothing arrives, compare their QoS profiles. If data are late, they waited somewhere: in a queue, for
-# retransmission on the link, behind other callbacks in the executor, or behind other tasks on the core. Find out where,
-# and compute the longest possible wait. If a wait has no upper limit, you have found the fault.
+# other and nothing arrives, not even a small message, compare their QoS profiles. If data are late, they waited
+# somewhere: in a queue, for retransmission on the link, behind other callbacks in the executor, or behind other tasks
+# on the core. Find out where, and compute the longest possible wait. A wait without an upper limit needs a limit or an
+# alarm.
 #
 # </div>
 
@@ -818,19 +821,15 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# <table>
-# <tr><th>connection</th> <th>policies</th> <th>because</th></tr>
-# <tr><td>camera → perception</td> <td>best effort, depth 1, one process if possible</td> <td>only the newest image
-# counts; a resent one arrives a round trip later, when a newer one is due</td></tr>
-# <tr><td>perception → planner</td> <td>best effort, depth 1, deadline of three camera periods</td> <td>the next scene
-# replaces a lost one; if several in a row are missing, the planner must notice</td></tr>
-# <tr><td>planner → controller</td> <td>reliable, depth 1, a whole trajectory with times</td> <td>the next trajectory
-# comes only after 100 ms; until then the controller interpolates</td></tr>
-# <tr><td>controller → drives</td> <td>no middleware: the same thread</td> <td>a missed period is a physical
-# fault</td></tr>
-# <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1, with a lease</td> <td>a
-# late subscriber needs the current status; a controller that no longer hears the monitor must stop the arm</td></tr>
-# </table>
+# <table> <tr><th>connection</th> <th>policies</th> <th>because</th></tr> <tr><td>camera → perception</td> <td>best
+# effort, depth 1, one process if possible</td> <td>only the newest image counts; on a slow link a resent one would come
+# late, when a newer one is due</td></tr> <tr><td>perception → planner</td> <td>best effort, depth 1, deadline of three
+# camera periods</td> <td>the next scene replaces a lost one; if several in a row are missing, the planner must
+# notice</td></tr> <tr><td>planner → controller</td> <td>reliable, depth 1, a whole trajectory with times</td> <td>the
+# next trajectory comes only after 100 ms; until then the controller interpolates</td></tr> <tr><td>controller →
+# drives</td> <td>no middleware: the same thread</td> <td>a missed period is a physical fault</td></tr> <tr><td>safety
+# monitor → controller, screen</td> <td>reliable, transient local, depth 1, with a lease</td> <td>a late subscriber
+# needs the current status; a controller that no longer hears the monitor must stop the arm</td></tr> </table>
 #
 # How old is the image behind a command at the drives? Chapter 0 added up the execution times and the waits between
 # stages. The chart does the same for four variants of this stack. Each coloured part is one wait.
@@ -887,9 +886,10 @@ table(*lines)
 
 # %% [markdown]
 # The first three columns are computed; the last is the average of 16 simulated runs with random phases. Much of the
-# delay comes from the planner's fixed 10 Hz timer. Starting the planner when a new scene arrives removes that wait,
-# provided it ends before the next image. (That row also uses a faster planner, 30 instead of 40 ms, because 40 ms is
-# longer than the camera's period.) A full queue is worse than everything else together.
+# delay comes from the planner's fixed 10 Hz timer. If the planner starts when a new scene arrives, the scene no longer
+# waits for the timer, and plans come three times as often. That works if planning finishes before the next image. (That
+# row also uses a faster planner, 30 instead of 40 ms, because 40 ms is longer than the camera's period.) A full queue
+# is worse than everything else together.
 #
 # Next, the bandwidth. An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs
 # $w\,h\,c\,f$ bytes per second. Colour takes three bytes per pixel and depth two.
@@ -942,14 +942,14 @@ for output, some in {
 table(*lines)
 
 # %% [markdown]
-# All three need more than a whole core. The task of lowest priority then falls behind without limit, so perception
-# gets a core of its own.
+# All three need more than a whole core. The planner, which has the lowest priority, would never finish. Perception uses
+# the most time, so it gets a core of its own.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** Go through the layers and give a number for each. *"Torques at 1 kHz in a thread of their own, with
-# Linux's real-time priority, locked memory and no allocation. I compare the worst lateness under load with the delay
-# that the loop's phase margin allows. The planner at 10 Hz may be late, because the controller interpolates and comes
+# Linux's real-time priority, locked memory and no allocation. I compare the worst lateness under load with the delay at
+# which the loop would become unstable. The planner at 10 Hz may be late, because the controller interpolates and comes
 # to rest at the end of its trajectory. Perception has a queue of depth 1, so a new image replaces an unread one. It's
 # the depth that does this, not best effort."*
 #
@@ -1024,7 +1024,7 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 # * *The controller* is a plug-in of **ros2_control**, ROS 2's framework for controllers. Its manager has parameters for
 #   rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024). If you write a node of your own, a
 #   parameter called `rate` does only what your code does with it.
-# * *The planner's topic* needs no override, because reliable is the default.
+# * *The planner's topic* needs no override for reliability, because reliable is the default.
 # * *Names depend on the version.* For RealSense cameras, `depth_module.profile` became `depth_module.depth_profile`
 #   with driver 4.55.1 (May 2024). ROS 2 ignores a name that the node does not declare, without a message.
 # * *Tuning at run time* works only if the node reads the parameter again or registers a callback for changes. A value
@@ -1054,8 +1054,9 @@ Markdown(
 # ### A controller in C++
 #
 # Below is the update function of a controller in the form that ros2_control uses. Array sizes are checked once, when
-# the controller is configured. So `update` needs no check of sizes, no memory allocation and no lock. That matters
-# because an allocation or a lock can take arbitrarily long. The picture shows where `update` is called:
+# the controller is configured. So `update` needs no check of sizes and no memory allocation, and it never waits for a
+# lock. That matters because an allocation or a wait for a lock can take arbitrarily long. The picture shows where
+# `update` is called:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.6, 1.7), layout="constrained")
@@ -1111,8 +1112,8 @@ predict("six_positions")
 #
 # </details>
 #
-# We compiled both with a **sanitizer**, a compiler option that checks every memory access while the program runs. Both
-# then received messages, good ones and malformed ones:
+# We compiled both with a **sanitizer**, a compiler option that adds checks of memory accesses and other operations to
+# the running program. Then both received messages:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 rng, six = np.random.default_rng(2), 6
@@ -1186,8 +1187,8 @@ table(
 # ## 6 · Speed against accuracy
 #
 # How long does a message take to another process and back? All transports here return exactly the same bytes, so
-# accuracy is equal, and only speed and convenience differ. Times are multiples of the fastest case, a message of 64
-# bytes passed between two threads through a queue.
+# accuracy is equal, and only speed and convenience differ. Times are multiples of that of a message of 64 bytes passed
+# between two threads through a queue.
 #
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
@@ -1202,10 +1203,10 @@ table(*lines)
 
 # %% [markdown]
 # For small messages the differences are overhead: waking a background thread, numbering messages, acknowledging them.
-# For large ones each copy costs time. Up to the size of an image, the slowest curve is a Python problem: a message
-# field declared as `sequence[uint8]` turns every byte into a Python object. Declare it as `array[uint8, n]`. At 4 MB,
-# Cyclone DDS no longer fits the message into the socket's receive buffer. Packets are lost and sent again, and the time
-# jumps.
+# For large ones each copy costs time. Up to the size of an image, the curve *Cyclone DDS, sequence* is slow because of
+# Python: a message field declared as `sequence[uint8]` turns every byte into a Python object. Declare it as
+# `array[uint8, n]`. At 4 MB, Cyclone DDS no longer fits the message into the socket's receive buffer. Then packets can
+# be lost and have to be sent again, and the time jumps.
 #
 # *What to choose.* In one process, hand over a pointer. On one machine, use shared memory for large messages. Between
 # machines, use what the rest of your robots use, and compute bandwidth and packets first. No transport makes an old
@@ -1235,7 +1236,7 @@ print(f"response times of 1,000 sets of 8 tasks: {1e3 * (perf_counter() - begun)
 
 # %% [markdown]
 # The bus has a simple model: no processes, no copies, no discovery, and its acknowledgements are never lost. So it
-# predicts which pairs connect and what the queues hold, but not the overhead at the left edge of the chart.
+# predicts which pairs connect and what the queues hold, but no times.
 #
 # ## 7 · Debug: messages that are lost or late
 #
@@ -1255,8 +1256,8 @@ predict("one_in_ten_thousand")
 # %% [markdown]
 # A reliable reader repairs this. It sends a **negative acknowledgement**, the list of the fragments that are missing,
 # and the writer sends those again. This happens in rounds. After $k$ rounds a given fragment is still missing with
-# probability $p^k$, and the image needs another round with probability $1 - (1 - p^k)^n$. So the mean number of rounds
-# is
+# probability $p^k$, and the image needs another round with probability $1 - (1 - p^k)^n$. The mean of a count is the
+# sum, over $k$, of the probability that more than $k$ rounds are needed:
 #
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
 #
@@ -1354,8 +1355,9 @@ for one in stored("loop_lateness")[0].series:
 table(*lines)
 
 # %% [markdown]
-# The last column translates lateness into control: the largest proportional gain with which the joint from chapter 6
-# is stable, if every cycle were as late as the 99th percentile. With the default scheduler, only a much softer controller is stable.
+# The last column says what that means for control: if every cycle were as late as the 99th percentile, it is the
+# largest proportional gain with which the joint of chapter 6 is stable. Under this assumption the default scheduler
+# allows only a much softer controller.
 #
 # Requesting a priority does not mean that you get it: the request needs a permission. So read back what was granted.
 # For this process, now:
@@ -1377,9 +1379,9 @@ with loop.urgent() as granted:
 # * **Real-time throttling**: by default Linux gives real-time tasks at most 950 ms of each second
 #   (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never sleeps is stopped for the other 50 ms.
 #
-# A real-time kernel does not remove these either. *PREEMPT_RT* is a configuration of the Linux kernel that makes most
-# of the kernel's own code interruptible. Xenomai's *Cobalt* is a second kernel next to Linux with its own real-time
-# threads (Xenomai 3 documentation).
+# A real-time kernel shortens some of these waits, but page faults and garbage collection remain. *PREEMPT_RT* is a
+# configuration of the Linux kernel that makes most of the kernel's own code interruptible. Xenomai's *Cobalt* is a
+# second kernel next to Linux with its own real-time threads (Xenomai 3 documentation).
 
 # %%
 show("fifo_makes_real_time")
@@ -1453,22 +1455,19 @@ plt.show()
 more_claims("mismatch_is_late")
 
 # %% [markdown]
-# <table>
-# <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>nothing arrives</td> <td>incompatible QoS; or another topic name, type or domain; or no server for a
-# service</td> <td>compare both profiles; list the matched ends</td> <td>raise the offer, or lower the request</td></tr>
-# <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set the depth to 1</td> <td>depth 1, or read
-# everything and use the newest</td></tr>
-# <tr><td>late, and later the larger they are</td> <td>serialisation, or fragments sent again</td> <td>send a small
-# message; then the same over loopback</td> <td>another message type, one process, shared memory, compression</td></tr>
-# <tr><td>late between reception and callback</td> <td>other callbacks run first</td> <td>time each callback, add them
-# up</td> <td>a group and a thread of its own, or a process</td></tr>
-# <tr><td>jitter grows with load</td> <td>ordinary scheduling, or a lock</td> <td>read back scheduler, core and memory
-# locking; test under load</td> <td>SCHED_FIFO; priority inheritance; no lock in the loop</td></tr>
-# <tr><td>period too long by a constant</td> <td>the loop sleeps for a period</td> <td>measure the drift over a thousand
-# periods</td> <td>sleep until the release</td></tr>
-# <tr><td>a display that starts late stays empty</td> <td>durability is volatile, or transient local at one end
-# only</td> <td>start it first</td> <td>transient local at both ends; treat unknown as unsafe</td></tr>
+# <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>nothing arrives</td>
+# <td>incompatible QoS; or another topic name, type or domain; or no server for a service</td> <td>compare both
+# profiles; list the matched ends</td> <td>raise the offer, or lower the request</td></tr> <tr><td>messages late by
+# whole periods</td> <td>a full queue</td> <td>set the depth to 1</td> <td>depth 1, or read everything and use the
+# newest</td></tr> <tr><td>the larger the message, the later it is</td> <td>serialisation, or fragments sent again</td>
+# <td>send a small message; then the same over loopback</td> <td>another message type, one process, shared memory,
+# compression</td></tr> <tr><td>late between reception and callback</td> <td>other callbacks run first</td> <td>time
+# each callback, add them up</td> <td>a group and a thread of its own, or a process</td></tr> <tr><td>jitter grows with
+# load</td> <td>ordinary scheduling, or a lock</td> <td>read back scheduler, core and memory locking; test under
+# load</td> <td>SCHED_FIFO; priority inheritance; no lock in the loop</td></tr> <tr><td>period too long by a
+# constant</td> <td>the loop sleeps for a period</td> <td>measure the drift over a thousand periods</td> <td>sleep until
+# the release</td></tr> <tr><td>a display that starts late stays empty</td> <td>durability is volatile, or transient
+# local at one end only</td> <td>start it first</td> <td>transient local at both ends; treat unknown as unsafe</td></tr>
 # </table>
 #
 # ## 8 · Exercises
@@ -1685,9 +1684,10 @@ answer("picture_lost_like_packet", "12*p")
 # * *PREEMPT_RT in the mainline kernel* (Linux 6.12, November 2024; x86, ARM64, RISC-V): no patch is needed any more.
 #   You still have to assign the priorities.
 #
-# A larger change comes from learning. A policy that maps images to actions replaces perception, planner and some of
-# the controller. One **inference**, the computation from an image to its output, is slow. So the policy outputs
-# several actions at once, an **action chunk**, and the arm plays them while the next inference runs.
+# A larger change comes from learning. A learned controller that maps images to actions, also called a policy (not a QoS
+# policy), replaces perception, planner and some of the controller. One **inference**, the computation from an image to
+# its output, is slow. So the policy outputs several actions at once, an **action chunk**, and the arm plays them while
+# the next inference runs.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.4, 2.2), layout="constrained")
@@ -1725,10 +1725,10 @@ for n in (1, 5, 10):
 table(*lines)
 
 # %% [markdown]
-# A chunk hides the *pause*, not the age. With five actions the arm moves all the time, on images that are as old as
-# before; with ten it acts on older ones. The last action of a chunk uses an image as old as the inference and the whole
-# chunk together. So keep the fast feedback loop in its own real-time thread, and watch the policy's output with
-# a deadline.
+# A chunk hides the *pause*, not the age. With five actions the arm moves all the time. Its images are as old as before
+# on average (if the command that is held during a pause is counted); with ten they are older. The last action of a
+# chunk uses an image that is older by the inference and the whole chunk together. So keep the fast feedback loop in its
+# own real-time thread, and watch the policy's output with a deadline.
 #
 # Where should a large model run? Each inference reads all weights of the model from memory once. With $n$ weights of
 # $b$ bytes, $k$ actions per inference and $f$ actions per second, it reads $n\,b\,f/k$ bytes per second. Compare this

@@ -231,4 +231,4 @@ def test_an_animated_picture_retains_all_its_frames() -> None:
     frames[0].save(raw, "PNG", save_all=True, append_images=frames[1:], duration=50, loop=0)
     png = base64.b64encode(raw.getvalue()).decode()
     built = Image.open(io.BytesIO(base64.b64decode(notebooks.smaller(png))))
-    assert built.n_frames == 3
+    assert getattr(built, "n_frames", 1) == 3
