@@ -113,8 +113,8 @@ def bare(axis, title, low=0.0, high=10.0):
 #
 # The price is the shape of the obstacles. A configuration is blocked when any part of the arm touches anything, and the
 # set of blocked configurations has no simple formula. But one operation is always possible: take a single
-# configuration, place the arm accordingly, and test whether it touches something. This is a **collision check**. The
-# planners of this chapter need nothing else.
+# configuration, place the arm accordingly, and test whether it touches something. This is a **collision check**. Most
+# planners of this chapter build everything on such checks, of configurations and of edges.
 
 # %%
 predict("shape_of_a_disc")
@@ -152,9 +152,9 @@ plt.show()
 
 # %% [markdown]
 # Left: the arm at successive times, dark colours first. Right: the same motion as a curve in configuration space, with
-# the same colours. Each disc on the left becomes one curved region on the right. The narrow region at the left border
-# belongs to the big one at the right border: at $\pm\pi$ the shoulder angle wraps around, and the two borders are the
-# same place.
+# the same colours. Each disc on the left becomes one curved region on the right. Three patches are visible, but only
+# two regions: at $\pm\pi$ the shoulder angle wraps around, so the left border and the right border are the same angle,
+# and the patches there belong together.
 #
 # ### Why not plan a path for the tip?
 #
@@ -262,10 +262,10 @@ for axis, count in zip(axes[2:], (60, 600), strict=True):
 plt.show()
 
 # %% [markdown]
-# Why does the tree spread instead of clumping? Look at the second picture. Each colour marks the points that are
-# nearest to one node. A node at the border of the tree owns a large empty region, so most samples fall there and pull
-# that node outwards. The right half shows a **bug trap**, a room whose only exit is a funnel that leads back inside.
-# The tree fills the room long before it finds the way out.
+# Why does the tree spread instead of clumping? Look at the second picture. All points of one colour have the same
+# nearest node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that
+# node outwards. The right half shows a **bug trap**, a room whose only exit is a corridor that leads back inside. The
+# tree fills the room long before it finds the way out.
 #
 # **A worked example.** The nearest node is (2, 1), the sample is (5, 5), the step size 1 m. The sample is 5 m away, so
 # the new node lies a fifth of the way: (2.6, 1.8).
@@ -273,9 +273,9 @@ plt.show()
 # ### What "probabilistically complete" promises
 #
 # A planner is **probabilistically complete** if the probability that it has found an existing path approaches one as
-# the number of samples grows. Two things must be true for RRT. Some path must have room on both sides, because a random
-# sample never lands exactly on a path of zero width. And samples must be able to fall everywhere, so they can't all be
-# the goal.
+# the number of samples grows. For RRT two things are enough. Some path stays a little away from all obstacles, so that
+# samples have a region to hit. And random samples fall everywhere, so the goal bias is below 1 (and above 0, so that
+# the goal is tried).
 #
 # Note what this does not promise. It gives no number of samples. It says nothing about your deadline. And if there is
 # no path, RRT will not tell you so: it uses up its budget and reports exactly what it reports when it was merely
@@ -322,14 +322,14 @@ plt.show()
 
 # %% [markdown]
 # If you have to use points, enlarge the obstacles first. The middle picture shows why. Two check points are a distance
-# $s$ apart, and the edge passes the centre of a disc of radius $r$ at a distance $h$. If the edge touches the disc,
-# $h \le r$. The point of the edge that is nearest to the centre is at most $s/2$ away from a check point, so that check
-# point is at most $\sqrt{h^2 + s^2/4} \le \sqrt{r^2 + s^2/4}$ away from the centre. Enlarge the disc to this radius,
-# and
-# a check point lies inside it whenever an edge touches the original disc.
+# $s$ apart, and the edge passes the centre of a disc of radius $r$ at a distance $h$. If the edge touches the disc, $h
+# \le r$. Take the point of the edge that is nearest to the centre. A check point lies within $s/2$ of it, so by
+# Pythagoras that check point is at most $\sqrt{h^2 + s^2/4}$ from the centre. Since $h \le r$, this is at most
+# $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and a check point lies inside it whenever an edge touches the
+# original disc.
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
-# 0.04} = 0.36$ m. So the points cost 6 cm of free space around each post.
+# 0.04} = 0.36$ m. So checking at points makes each post 6 cm thicker.
 #
 # For a point robot among discs and polygons, checking points is unnecessary. The distance from a disc's centre to a
 # segment has a closed form, costs about as much as one point, and misses nothing. The chart compares both:
@@ -345,8 +345,8 @@ plt.show()
 #
 # How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$. From here on, $s$ is the share of
 # the edge that is done, from 0 to 1, and no longer a spacing. When joint $i$ turns by $\Delta q_i$, a point at a
-# distance $r$ from that joint moves at most
-# $r\,|\Delta q_i|$. With $r_i$ for the largest such distance, the safe step is
+# distance $r$ from that joint moves at most $r\,|\Delta q_i|$. With $r_i$ for the largest distance from joint $i$ of
+# any point beyond it, in any posture, the safe step is
 #
 # $$\boxed{\;\Delta s = \frac{g(q)}{\sum_i r_i\,|\Delta q_i|}\;}$$
 #
@@ -446,8 +446,8 @@ plt.show()
 # %% [markdown]
 # **A worked example.** Start and goal are 11.3 m apart, nothing is in the way, the step size is 1 m. In the first round
 # the tree of the start adds one node. The tree of the goal then walks all the way to it, about eleven nodes, and the
-# problem is solved with a single sample. Two ordinary RRTs that add one edge per sample would need at least six
-# samples, usually many more.
+# problem is solved with a single sample. If instead each tree adds one edge per sample, the two approach by 2 m per
+# sample and need at least six samples, usually many more.
 #
 # What can the second tree not do? A **narrow passage** is a part of the free space that every path has to cross and
 # that random samples rarely hit. Both trees have to find it by chance.
@@ -491,9 +491,9 @@ for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
 table(*lines)
 
 # %% [markdown]
-# Read the last two columns together. A gap that is hard to find makes the search longer, but not the path. After
-# shortening (section 3) both planners return practically the shortest path, so nobody should choose between them by
-# path length. For the 2 % gap the ranges of the two planners overlap.
+# Read the last two columns together. A gap that is hard to find makes the search longer, and before shortening
+# RRT-Connect's path too. After shortening (section 3) both planners return practically the shortest path, so in this
+# scene path length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -502,7 +502,7 @@ more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
 # ### Where to sample
 #
 # Since samples decide everything, it is natural to help them a little. The first idea is more goal bias. In an empty
-# room that works. Now think of the bug trap, where the goal lies behind the back wall.
+# room that works. Now think of the bug trap, where the straight way to the goal is blocked by the wall.
 
 # %%
 predict("pull_of_the_goal")
@@ -529,8 +529,8 @@ for axis, name in zip(axes, ("uniform", "gaussian", "bridge"), strict=True):
 plt.show()
 
 # %% [markdown]
-# Both samplers pay for this with extra collision checks per sample. The bridge must also have the right length: shorter
-# than the passage is wide, it never spans it. In wide open space, neither helps.
+# Both samplers pay for this with extra collision checks per sample. The bridge must also have the right length: if the
+# two samples are closer than the passage is wide, they can't both be in walls. In wide open space, neither helps.
 
 # %%
 more_claims("goal_bias_in_passages", "bridge_test")
@@ -584,7 +584,8 @@ show("rrt_star_converges")
 
 # %% [markdown]
 # **Informed RRT\*** (Gammell and others 2014) adds one idea. Once a path of length $c_{\text{best}}$ is known, a
-# configuration $q$ can improve it only if the detour over $q$ is shorter. With start $q_a$ and goal $q_b$:
+# configuration $q$ can improve it only if the way from start to $q$ to goal in straight lines is shorter than this
+# path. With start $q_a$ and goal $q_b$:
 #
 # $$\lVert q - q_a\rVert + \lVert q - q_b\rVert < c_{\text{best}} .$$
 #
@@ -689,8 +690,8 @@ plt.show()
 
 # %% [markdown]
 # Blue and green are a start and a goal configuration, each with the fingertip inside a compartment. The open shelf has
-# two rows of compartments, the tight one three lower ones. Now somebody places a ball of 8 cm radius in front of the
-# shelf before each query, and any edge of the stored roadmap might be blocked.
+# two rows of compartments, the tight one has three rows, each of them lower. Now somebody places a ball of 8 cm radius
+# in front of the shelf before each query, and any edge of the stored roadmap might be blocked.
 
 # %%
 predict("after_the_ball")
@@ -726,8 +727,8 @@ more_claims("cached_roadmap")
 #
 # The path of a tree zigzags, because it runs through random points. **Shortcutting** repairs that: pick two points on
 # the path at random, and if the straight edge between them is free, replace the part between them by this edge. Repeat
-# a few hundred times. If the two points may lie anywhere on the path, and not only at its waypoints, even a single
-# corner can be cut off.
+# a few hundred times. Choose the points anywhere on the path: between waypoints only, a path with a single corner could
+# not be improved.
 
 # %%
 show("shortcut_never_lengthens")
@@ -785,15 +786,15 @@ table(*rows)
 #
 # ### Smoothing and trajectory optimisation
 #
-# Three kinds of smoothing are common. A **B-spline** replaces corners by short curves. The curves leave the edges that
-# were checked, so they have to be checked again; where a curve collides, the corner stays.
+# A **B-spline** replaces corners by short curves. The curves leave the edges that were checked, so they have to be
+# checked again; where a curve collides, the corner stays.
 #
 # An **optimiser** takes a whole trajectory and deforms it to reduce a cost. **CHOMP** (Zucker and others 2013) follows
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
-# that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) solves a sequence of convex problems;
-# each lets the waypoints move a little and penalises those that come too close to an obstacle. **STOMP** (Kalakrishnan
-# and others 2011) needs no gradient: it samples noisy variations of the trajectory and averages them, weighted by their
-# cost.
+# that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) replaces the problem near the current
+# path by an easier one with a single minimum, which penalises waypoints too close to an obstacle; it solves that, moves
+# the path a little, and repeats. **STOMP** (Kalakrishnan and others 2011) needs no gradient: it samples noisy
+# variations of the trajectory and averages them, weighted by their cost.
 #
 # All of them start from an **initial guess**, and it decides a lot. Paths on different sides of an obstacle belong to
 # different **homotopy classes**: you can't deform one into the other without crossing the obstacle. A small deformation
@@ -833,8 +834,8 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# The weights matter too: with five times the obstacle weight, fewer of CHOMP's results collide. The remedy is a better
-# initial guess, such as a planner's path, or several guesses of which you keep the best valid result.
+# The weights matter too. The remedy is a better initial guess, such as a planner's path, or several guesses of which
+# you keep the best valid result.
 
 # %%
 show("optimisers_get_stuck")
@@ -923,9 +924,8 @@ plt.show()
 #
 # </details>
 #
-# In a computer the two passes visit a grid of points along the path, and the usual implementation applies the limits at
-# the beginning of each grid interval. A motor drive shuts down when a limit is exceeded, whether or not that happens at
-# a grid point.
+# In a computer the two passes visit a grid of points along the path, and the usual implementation checks the limits at
+# the start of each interval, not at its end. But a motor drive may shut down whenever a limit is exceeded.
 
 # %%
 show("limits_between_grid_points")
@@ -1007,7 +1007,7 @@ print(f"for a motion of {motion.duration:.2f} s between two compartments of the 
 
 # %% [markdown]
 # Shortcutting takes longer here than planning. It tries 60 edges, and an edge of a seven-joint arm next to a shelf is
-# an expensive thing to check. If you want to save time after the planner has become fast, save it there.
+# an expensive thing to check. So once the planner is fast, look at the shortcuts.
 #
 # ## 5 · Code: from your own collision check to a motion
 #
@@ -1118,15 +1118,15 @@ table(
 # %% [markdown]
 # What each version contributed:
 #
-# * *1 to 3.* One tree with short steps. Compiling makes it faster by a large factor, and so do edge checks that take
-#   long steps in open space. But about half of the queries stay unsolved within the sample budget.
+# * *1 to 3.* One tree with short steps, then compiled, then with edge checks that take long steps in open space. Many
+#   queries stay unsolved within the sample budget.
 # * *4. Longer steps.* One number changed, and nearly all queries are solved.
 # * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
 #   than finding the way into one.
 # * *6. Bridge samples.* They cost more than they find.
 # * *7. A lazy roadmap, built for the query.* Few edge checks, but some queries stay unsolved.
-# * *8 and 9. A stored roadmap.* The median hardly changes. What improves is the slow end, if start and goal are joined
-#   to the roadmap by small trees (9) instead of straight edges to neighbours (8).
+# * *8 and 9. A stored roadmap.* The median hardly changes. The slow queries get faster, most of all with small trees at
+#   start and goal (9).
 # * *10. Earlier paths added.* On the unchanged shelf the slowest queries got slower again.
 #
 # <div class="alert alert-block alert-success">
@@ -1170,13 +1170,12 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# With the same compiled edge check, the two are within a factor of about two of each other. Part of our lead in the
-# small planar scenes is that OMPL has to
-# call back into Python for each edge; without these calls, OMPL's own part is the faster one in most of them. For the
+# With the same compiled edge check, the two are within a factor of little more than two of each other. In the small
+# planar scenes OMPL has to call Python once per edge. If we subtract that time, OMPL is faster in most of them. For the
 # seven-joint arm nearly all the time is edge checking, and the two are equal. With a collision check in Python,
 # planning is many times slower, and at OMPL's default spacing some of the returned paths are in collision.
 #
-# So what should you pick? OMPL, with a compiled edge check that you trust. The choice of the library hardly matters;
+# So what should you pick? OMPL, with a compiled edge check that you trust. Between these two the choice hardly matters;
 # the edge check does.
 #
 # <details><summary>Is it the same algorithm? Samples of both, and the seven-joint arm in detail</summary>
@@ -1201,9 +1200,9 @@ more_claims("ompl_defaults")
 # ### Narrow in how many directions?
 #
 # "It has seven joints, so planning is hard" is a common excuse. What counts is in how many directions a passage is
-# narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *tube* is narrow in
-# every direction across the wall, like a letter box that you have to hit exactly. A *cube* is a tube that is as long as
-# it is wide.
+# narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *tube* is a small
+# hole, narrow in every direction along the wall, like a pipe through it. A *cube* is a tube that is as long as it is
+# wide.
 
 # %% tags=["hide-code"]
 figure_ = plt.figure(figsize=(8.5, 2.9), layout="constrained")
@@ -1280,18 +1279,15 @@ show("slow_plans_are_slow_questions")
 #
 # </div>
 #
-# <table>
-# <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>the path hits something thin</td> <td>edges are checked at points</td> <td><code>check_path</code>; halve the
-# spacing</td> <td>use an exact edge check, or enlarge the obstacles by the depth that points can miss</td></tr>
-# <tr><td>the path ends near the goal, not at it</td> <td>success is declared within a tolerance</td> <td>compare the
-# last configuration with the goal</td> <td>connect the goal by a checked edge</td></tr>
-# <tr><td>fast on average, sometimes far too slow</td> <td>a heavy tail</td> <td>look at the 99th percentile, counting
-# failures as infinite; find out which queries are slow</td> <td>help at the ends of those queries: longer steps, small
-# trees onto a stored roadmap</td></tr>
-# <tr><td>a different result in each run</td> <td>the seed or the time limit comes from the clock</td> <td>make the same
-# call twice</td> <td>pass a seed; limit the number of samples instead of seconds</td></tr>
-# </table>
+# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>the path hits something thin</td>
+# <td>edges are checked at points</td> <td><code>check_path</code>; halve the spacing</td> <td>use an exact edge check,
+# or enlarge the obstacles as section 2 computes</td></tr> <tr><td>the path ends near the goal, not at it</td>
+# <td>success is declared within a tolerance</td> <td>compare the last configuration with the goal</td> <td>connect the
+# goal by a checked edge</td></tr> <tr><td>fast on average, sometimes far too slow</td> <td>a heavy tail</td> <td>look
+# at the 99th percentile, counting failures as infinite; find out which queries are slow</td> <td>help at the ends of
+# those queries: longer steps, small trees onto a stored roadmap</td></tr> <tr><td>a different result in each run</td>
+# <td>the seed or the time limit comes from the clock</td> <td>make the same call twice</td> <td>pass a seed; limit the
+# number of samples instead of seconds</td></tr> </table>
 
 # %%
 more_claims("blocked_ends_are_named")
@@ -1309,7 +1305,7 @@ more_claims("blocked_ends_are_named")
 #   form a thin curved surface, a **constraint manifold**, and a random sample never lies on it. Planners project each
 #   sample onto the surface (CBiRRT, Berenson and others 2009).
 # * *Dynamics.* A car can't move sideways, and a fast arm can't turn a corner at full speed. **Kinodynamic** planning
-#   samples controls instead of positions and simulates them forward (LaValle and Kuffner 2001).
+#   extends its edges by simulating controls (LaValle and Kuffner 2001).
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.8), layout="constrained")
@@ -1637,9 +1633,9 @@ plt.show()
 # once</td> <td>a check at points along each edge</td></tr>
 # </table>
 #
-# VAMP confirms the lesson of section 6 in the extreme: the algorithm is the one from the year 2000, and what became
-# hundreds of times faster is the edge check. (We read the newer works as abstracts and documentation; none of them was
-# run here.)
+# VAMP makes one of the two factors small: the algorithm is the one from the year 2000, and the edge check became
+# hundreds of times faster, according to its authors. It checks points along the edge, with the risk that section 2
+# shows. (We read the newer works as abstracts and documentation; none of them was run here.)
 #
 # ## 10 · Interview
 #

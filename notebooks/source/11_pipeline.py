@@ -37,8 +37,8 @@ simulation("pipeline")
 #
 # **The task.** A planar arm with two links has to bring its tip to a slowly moving target without touching any of the
 # discs in its way. A run lasts 4 s. It succeeds if the tip then is within 20 mm of the target, half the opening of a
-# gripper. We leave out the third dimension, elastic joints, the hand, and contact. Camera images appear only in section
-# 6. These exercises wait in section 8:
+# gripper. We leave out the third dimension, elastic joints, the hand, and contact. Camera images appear only where a
+# library replaces perception (section 3) and in section 6. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -222,13 +222,13 @@ table(
 
 # %% [markdown]
 # Halving the latency pays most. The period of the camera matters little here because it is much shorter than the
-# latency. The planning time is not in the sum: plans are rare, and each new estimate shifts the end of the present
-# plan.
+# latency. Planning time does not add to the age: between plans, each new estimate moves the end of the current plan
+# directly.
 #
 # An **overrun** is a frame whose processing takes longer than the camera's period. There are four ways to handle it. A
-# *pipelined* camera gives the frame to another worker. A camera that *blocks* waits until the frame is done. One that
-# *drops* skips the frames that come meanwhile. A *queue* stores all frames and processes them in order. Guess which one
-# you would not want before you look at the chart.
+# *pipelined* camera gives the frame to another worker. A camera that *blocks* takes its next image as soon as the
+# worker is free. With *drop*, images keep their fixed times, and those that find the worker busy are lost. A *queue*
+# stores all frames and processes them in order. Guess which one you would not want before you look at the chart.
 
 # %% tags=["hide-code"]
 late = replace(settings, latency=0.25, frame=0.1)
@@ -260,12 +260,13 @@ more_claims("every_stage_its_clock")
 # ### Predict each stage's error
 #
 # An **error budget** lists what each stage adds to the final error. It comes from two sources: a prediction from
-# formulas, and an experiment. If the two disagree, something is missing from the list.
+# formulas, and an experiment. If formulas and experiment disagree, a cause is missing from the list.
 #
 # We start with the arm. A PD law that brakes the joint's own speed resists every motion, also the desired one. Let the
 # reference move at a constant rate $v$, and let $e$ be the steady distance by which the joint stays behind. The torques
-# balance: the spring pulls forward with $k_p\,e$, while damping and friction pull back with $k_d\,v$ and $c\,v$. Solve
-# for $e$. The answer in the cell below is wrong on purpose<span class="kernel-only">; correct it</span>.
+# balance: the $k_p$ term pulls forward with $k_p\,e$ like a spring, while damping and friction pull back with $k_d\,v$
+# and $c\,v$. Solve for $e$. The answer in the cell below is wrong on purpose<span class="kernel-only">; correct
+# it</span>.
 
 # %%
 answer("lag_of_the_arm", "kd*v/kp")
@@ -277,9 +278,9 @@ show("lag_of_the_arm")
 # Here are the other formulas of the budget.
 #
 # * **Bias** reaches the tip unchanged. No filter can see it, because every frame has the same error.
-# * **Noise** is reduced twice. The filter's **noise gain** is the variance of its output divided by the variance of one
-#   frame. The arm is a **low pass**: it follows slow changes and averages out those that are faster than its time
-#   constant $(k_d + c)/k_p$.
+# * **Noise** is reduced by the filter first, then by the slow arm. The filter's **noise gain** is the variance of its
+#   output divided by the variance of one frame. The arm is a **low pass**: it follows slow changes and averages out
+#   those that are faster than its time constant $(k_d + c)/k_p$.
 # * **Age** costs speed times age, as above.
 # * **A tilted table** makes the arm sag. At rest only the spring carries the load, so a joint gives way by the torque
 #   of gravity divided by $k_p$.
@@ -311,7 +312,8 @@ predict("how_parts_add")
 
 # %% [markdown]
 # The next picture draws the mean errors of three stages tip to tail, for a camera whose bias points ahead of the moving
-# target. Both other errors point back along the motion. Arrows that would cover each other are drawn slightly apart.
+# target. Both other errors point back along the motion. The arrows form one chain; we shifted some sideways to keep
+# them visible.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -364,12 +366,13 @@ show("mending_makes_worse")
 # ### Shares that add up: Shapley's value
 #
 # In a squared error, "the share of a stage" depends on which other stages are still real. Take two stages, a bias of +4
-# mm and a lag of -3 mm. Together they give 1 mm, squared 1 mm². Fixing the bias first changes 1 into 9, a contribution
-# of -8. Fixing it second changes 16 into 0, a contribution of +16. Which one is right?
+# mm and a lag of -3 mm. Together they give 1 mm, squared 1 mm². Remove the bias first: the squared error goes from 1 to
+# 9, so the bias contributed 1 - 9 = -8 mm². Remove the lag first (1 to 16) and then the bias: 16 to 0, so it
+# contributed +16 mm². Which one is right?
 #
 # **Shapley's value** takes the average over all orders in which the stages could be fixed. Here the bias gets (-8 +
 # 16)/2 = +4 mm², and the lag (-15 + 9)/2 = -3 mm². The two add up to the whole, 1 mm². A negative share is no mistake:
-# in these runs, the lag removes more squared error than it adds.
+# averaged over the orders, the squared error is smaller with the lag than without it.
 #
 # The pipeline has five stages to attribute: perception, age, planning, control and physics. The chart keeps planning
 # ideal, because about one run in fifty takes the detour around an obstacle, and its large error would hide everything
@@ -398,8 +401,8 @@ table(head, *rows)
 
 # %% [markdown]
 # Perception dominates because its noise is large; age and control follow. All formulas agree with the experiment to
-# about a tenth, so nothing important is missing from the list. `predicted` covers a PD law and a pipelined camera; it
-# raises an error for anything else.
+# about a tenth, so nothing important is missing from the list of these stages. `predicted` covers a PD law and a
+# pipelined camera; it raises an error for anything else.
 
 # %%
 more_claims("root_sum_square")
@@ -408,12 +411,12 @@ more_claims("root_sum_square")
 # ### How many runs does a comparison need?
 #
 # You change the filter, run the robot ten times before and ten times after, and the success rate rises from 8 to 9. Is
-# the filter better? Both rates carry chance, and chance in two samples adds up.
+# the filter better? Each rate is uncertain, and their difference is more uncertain than either.
 #
-# In a simulator you can remove most of it. Give both variants the same seeds: the same noise in the same frames. What
-# the noise does to both alike then cancels in the difference. These are **common random numbers**. They work only if
-# each stage has its own random-number generator. With one generator for all, a stage that draws one number fewer shifts
-# the numbers of every stage after it, and the two variants no longer face the same noise.
+# In a simulator you can remove most of it. Give both variants the same seeds: the same noise in the same frames. The
+# part of the noise's effect that both share then cancels when you subtract. These are **common random numbers**. They
+# work only if each stage has its own random-number generator. With one generator for all, a stage that draws one number
+# fewer shifts the numbers of every stage after it, and the two variants no longer face the same noise.
 
 # %%
 show("same_seeds")
@@ -457,9 +460,9 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Two details matter. The clearance of a path is measured again from the path itself, because the planner's own word is
-# what is being checked. And the first contract compares an estimate with the true target, which only a simulator knows.
-# On a robot you need a second and better measurement, at least in a test cell.
+# Two details matter. The clearance of a path is measured again from the path itself, because a faulty planner could
+# report a wrong one. And the first contract compares an estimate with the true target, which only a simulator knows. On
+# a robot you need a second and better measurement, at least in a test cell.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -502,12 +505,12 @@ head = ["library", "success", "with our stage", "runs", "error minus ours [mm]",
 table(head, *rows)
 
 # %% [markdown]
-# Success and error agree. MuJoCo's motion and Pinocchio's torques differ from ours by less than a micrometre at the
-# end, so the stages mean the same thing on both sides of each interface.
+# No difference in success or error was found. MuJoCo's motion and Pinocchio's torques differ from ours by less than a
+# micrometre at the end, so both programs interpret the exchanged data alike: units, frames and signs.
 #
 # The *time* column of the chart says nothing about the libraries. A foreign stage is called from Python at every step
 # and makes new objects for each call, while our own run is compiled as a whole. To compare programs, call our own
-# motion through Python as well, or MuJoCo in a C loop. A rate that is measured through Python is Python's rate.
+# motion through Python as well, or MuJoCo in a C loop. Called from Python, you mainly time the calls.
 #
 # ## 4 · Code
 #
@@ -570,8 +573,8 @@ simulation("pipeline", "Stale camera")
 #
 # ### What to break
 #
-# The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is the measured
-# value at which that stage fails.
+# The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is what was
+# measured there; for physics it is the limit.
 
 # %% tags=["hide-code"]
 bent = record.plans[-1].value.goal  # the posture of the reach
@@ -640,9 +643,9 @@ table(
 )
 
 # %% [markdown]
-# Halving the step about halves the error during the motion, as it should for a first-order method. At rest the step
-# does not matter at all. MuJoCo is called through Python here, so the distance between the two curves is again the
-# price of that interface.
+# Halving the step reduces the error during the motion to about a half, as it should for a first-order method. (The last
+# ratio is larger, because the reference has a step itself.) At rest the step does not matter at all. MuJoCo is called
+# through Python here, so the distance between the two curves contains the price of that interface again.
 #
 # Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
 # chart compares the distributions of the final error along the target's motion and across it, quantile against
@@ -671,12 +674,12 @@ table(head, *rows)
 
 # %% [markdown]
 # The spread is the standard deviation of the final error along the motion. A small $p$ means that equal spreads are
-# implausible. The last column is the smallest shift that the test for shifts would detect four times in five. A test
-# that finds nothing is worth little without that number.
+# implausible. The last column belongs to another test, for a shift: with this many runs, a shift of this size would be
+# found with a probability of 80 %. Smaller ones may go unnoticed.
 #
-# With measured noise the two versions cannot be told apart. With the covariance that the camera *states*, the simulated
-# spread is too large, because the stated covariance is too cautious. So render images to calibrate the two parameters,
-# then simulate without images.
+# With measured noise no difference between the two versions was found along the motion. With the covariance that the
+# camera *states*, the simulated spread is too large, because the camera states more noise than it has. So render images
+# to calibrate the two parameters, then simulate without images.
 #
 # *What to pick.* For a reach within 20 mm: two parameters, and any stable physics step. Images cost from some tens to
 # over a thousand times as much, depending on resolution and frame rate. The default noise of this chapter, 50 mm, is
@@ -696,10 +699,10 @@ predict("raw_estimate")
 # ![Success, plans and error over noise, and the last plan over the planner's step](../docs/charts/noise_and_filter.png)
 #
 # Without the filter, success collapses in the left panel once many frames jump by more than the replanning distance.
-# With the filter it falls slowly. A raw estimate thus fails long before its noise exceeds the tolerance: the planner is
-# what can't bear it. The share of frames that jump too far has a closed form. A plan's goal and a later frame both
-# carry noise $s$ on each axis, so their difference has the variance $2 s^2$ on each axis and exceeds the distance $r$
-# with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % of all frames.
+# With the filter it falls slowly. So replanning breaks the run at a noise whose effect on the tip would still be within
+# the tolerance. The share of frames that jump too far has a closed form. A plan's goal and a later frame both carry
+# noise $s$ on each axis, so their difference has the variance $2 s^2$ on each axis. It is longer than $r$ with the
+# probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % of all frames.
 
 # %%
 show("raw_estimate_replans")
@@ -716,8 +719,8 @@ more_claims("planner_step", "high_gain_overshoots")
 # ### Clearance, and a disc that is not where the camera saw it
 #
 # A planner keeps a clearance $b$ from each disc. If the camera's error for a disc is normal with standard deviation
-# $s$, a straight path touches with the probability of a one-sided tail, about 2.3 % at $b = 2 s$. A path that bends
-# *around* the disc is close to it on more sides, and touches more often. The margin is the same, the risk is not.
+# $s$, a straight path touches if the disc is more than $b$ closer than it was seen: 2.3 % at $b = 2 s$. A path that
+# bends *around* the disc is close to it on more sides, and touches more often. The margin is the same, the risk is not.
 
 # %% tags=["hide-code"]
 rng_drawing = np.random.default_rng(1)
@@ -769,8 +772,9 @@ predict("one_step_two_postures")
 # $$
 #
 # Without damping this is $2/\sqrt k$. With much damping it approaches $2/d$, which explains why *more* damping makes
-# the simulation *less* stable here: the damping torque of the old velocity overshoots. Damping that is taken at the new
-# velocity does not lower the limit.
+# the simulation *less* stable here: the damping torque is held for a whole step, and with a long step it reverses the
+# velocity instead of reducing it. If the damping is computed from the velocity at the end of the step, it does not
+# lower the limit.
 #
 # *Derive it yourself.* <details><summary>Hint</summary>Write one step as a matrix with two rows. Its determinant is
 # $1 - h d$, because damping comes from the old velocity. The first eigenvalue to leave the unit circle does so at $-1$:
@@ -794,9 +798,9 @@ table(["angle of the elbow", "largest stable step [ms]"], *rows)
 # Stretched, the arm allows less than a third of the step that it allows with a bent elbow. About the shoulder it has
 # *more* inertia when stretched. But the two joints can then swing against each other with very little.
 #
-# How do you notice an unstable step? Not from the success rate. The limits of the motors turn the explosion into a
-# small rattle, and the tip still arrives. The energy of arm and spring shows it: it may rise only by what the reference
-# and the torques bring in.
+# How do you notice an unstable step? Not from the success rate, near the limit. The limits of the motors turn the
+# explosion into a small rattle, and the tip still arrives. The energy of arm and spring shows it: it may rise only by
+# the work of the moving reference and of the motors.
 
 # %%
 show("largest_step")
@@ -811,9 +815,9 @@ more_claims("step_by_posture")
 # moves by a fraction $g$ of it; then again. With fresh images, any gain between 0 and 2 converges, and $g = 1$ corrects
 # the whole error at once. Why would you choose less?
 #
-# There are two reasons. Each image has noise, and with $g = 1$ all of it goes into the position. And an image that is
-# $n$ frames old shows an error that has already been corrected in part. Correct it again in full, and you overshoot.
-# With $e_j$ for the error at frame $j$:
+# There are two reasons. Each image has noise, and with $g = 1$ all of it goes into the position. And since an image
+# that is $n$ frames old was taken, the hand has already corrected part of the error that it shows. Correct it again in
+# full, and you overshoot. With $e_j$ for the error at frame $j$:
 #
 # $$
 # e_{j+1} = e_j - g\, e_{j-n}, \qquad \text{which settles only for } g < 2\sin\frac{\pi}{2\,(2n + 1)} .
@@ -894,8 +898,8 @@ table(["method", "named correctly", "95 % interval"], *rows)
 # stage, run through that stage again.
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
-# also cures a physics step that is too large. Replays alone name the right stage there only because they try physics
-# before control.
+# also cures a physics step that is too large. There, the answer of replays is right only because physics is tried
+# first.
 
 # %%
 more_claims("last_error_blames")
@@ -913,9 +917,9 @@ print("of these broke:", ", ".join(f"{what} ({n})" for what, n in Counter(lucky)
 # %% [markdown]
 # ### A test by its author proves little
 #
-# We wrote the contracts knowing those ten faults. A fairer test uses faults that nobody had in mind. Here are seven.
-# For each of them, the table counts five failed runs: which contract was broken first, which stage the procedure named,
-# and how many replays it needed on average.
+# We wrote the contracts knowing those ten faults. A fairer test uses faults for which the contracts were not written.
+# Here are seven. For each of them, the table counts five failed runs: which contract was broken first, which stage the
+# procedure named, and how many replays it needed on average.
 
 # %% tags=["hide-code"]
 lag_case = (replace(CASE[0], velocity=(-0.04, 0.03)), replace(CASE[1], kd=12.0))
@@ -950,8 +954,8 @@ table(["fault", "true stage", "first broken contract", "named", "replays"], *row
 # %% [markdown]
 # Read three rows. A late motor and a filter that is too stiff break no contract at all; only the replays find them. In
 # the last row, a stale camera and a lagging arm add up, so that no single ideal stage cures the run. An eighth fault
-# beat the procedure: with a planner that started again at every frame, it ended without naming anybody, because every
-# ideal stage exposed another problem.
+# beat the procedure: with a planner that started again at every frame, no single stage and no pair cured the run,
+# because every ideal stage exposed another problem.
 
 # %%
 show("one_repair_cures")
@@ -1005,8 +1009,9 @@ show("one_repair_cures")
 predict("minus_one_a_step")
 
 # %% [markdown]
-# A walker has 0.2 s to its goal. It may *walk*, *run* (which tires it and may throw it), or *give up* for a fee. The
-# task is small enough to be solved exactly. "Value" is the expected discounted sum of rewards of the best behaviour.
+# Walking to the goal takes 0.2 s. A walker may *walk*, *run* (which tires it and may throw it), or *give up* for a fee.
+# The task is small enough to be solved exactly. "Value" is the expected discounted sum of rewards of the best
+# behaviour.
 
 # %% tags=["hide-code"]
 path = Way()
@@ -1257,16 +1262,16 @@ answer("reward_by_the_step", "1 - dt/H")
 # ## 9 · Frontier: the rare failure
 #
 # A robot that fails five times in ten thousand runs is good enough to ship and bad enough to hurt somebody. To measure
-# such a rate by plain sampling, you need far more runs than you can afford. *Black-box validation* treats pipeline and
-# world as a function from disturbances to success, and searches for a failure, the most likely failure, or its
-# probability (Corso et al., *A survey of algorithms for black-box safety validation of cyber-physical systems*, JAIR
-# 72, 2021; arXiv 2005.02979). We try the third.
+# such a rate by plain sampling, you need very many runs. *Black-box validation* treats pipeline and world as a function
+# from disturbances to success, and searches for a failure, the most likely failure, or its probability (Corso et al.,
+# *A survey of algorithms for black-box safety validation of cyber-physical systems*, JAIR 72, 2021; arXiv 2005.02979).
+# We try the third.
 #
 # **Importance sampling** draws the disturbances from another distribution, the *proposal*, which produces failures
 # often. Each run then gets the weight $w = p/q$: its true probability density divided by that of the proposal. The
 # average of the weights of the failures is the failure rate. The **cross-entropy method** finds a proposal: draw a
 # round of samples, fit a normal distribution to the worst tenth, and repeat. The **effective number** $(\sum w)^2/\sum
-# w^2$ says how many failures of equal weight would carry as much information.
+# w^2$ says how precise the average is: as precise as one of so many failures of equal weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
 # normal around 3.3 instead. Half of the runs now fail, and each gets a weight far below 1.
@@ -1316,8 +1321,8 @@ table(["proposal", "actual scatter", "reported error", "too low by three reporte
 
 # %% [markdown]
 # With the fitted proposal the answers scatter much more than the reported error says, and some repeats are far too low.
-# The effective number does not warn you. It is even *larger* where the answer is wrong, because the weights that were
-# drawn agree with each other. Only repeats with other seeds reveal the problem.
+# The effective number does not warn you. Among repeats with the fitted proposal it is even *larger* where the answer is
+# wrong, because the weights that were drawn agree with each other. Only repeats with other seeds reveal the problem.
 #
 # If the failures lie in one direction only, it helps to keep the width of the proposal at least as large as that of the
 # real disturbances. A **defensive mixture**, which draws a tenth of the runs from the original distribution, did not
@@ -1350,9 +1355,9 @@ for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
 table(["proposal", "seed", "failure rate", "95 % interval", "effective number"], *rows)
 
 # %% [markdown]
-# The intervals of the fitted proposal contradict each other; those with a width of at least 1 lie close together. And
-# if a sample contains no failure at all? Then the estimate is 0, and an error of 0 would be the most confident wrong
-# answer possible. Wilson's interval says what such a sample leaves open:
+# The intervals of the fitted proposal contradict each other; those with a width of at least 1 nearly agree. And if a
+# sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval says what such
+# a sample leaves open:
 
 # %%
 for runs in (100, 1000, 10_000):
@@ -1400,8 +1405,7 @@ table(["rms error [mm]", "seeds used for tuning", "new seeds", "another target"]
 
 # %% [markdown]
 # Both look better on the runs used for tuning than on new ones: with few runs you fit the noise. The difference between
-# the two methods is smaller than this overfitting. Tuning together can also find errors that cancel, which the first
-# section warned about. Tuning one after the other tells you what each stage contributes.
+# the two methods is smaller than this overfitting. Tuning together can also find errors that cancel (section 2).
 #
 # ### One policy instead of three stages
 #
