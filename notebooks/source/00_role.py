@@ -224,14 +224,15 @@ show("reaction_is_age")
 predict("where_to_spend")
 
 # %% [markdown]
-# What can be changed? Besides a faster clock or a shorter execution there are three ways to run a stage.
+# What can be changed? Besides a faster clock or a shorter execution there are two other ways to run a stage:
 #
 # * A stage that starts **on arrival** of its input has no clock, so its input never waits. In a chain of such stages
 #   only the wait for the camera's clock remains.
 # * **Pipelined** workers begin with a new sample before the last one is finished, as two cooks do with two orders.
 #   Results come more often; a single sample takes as long as before.
-# * A stage that needs longer than the interval at which samples arrive is in **overload**. It is busy all the time, and
-#   somebody has to decide which samples it leaves out.
+#
+# A stage that needs longer than the interval at which samples arrive is in **overload**. It is busy all the time, and
+# you have to decide which samples it leaves out.
 #
 # The price is computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided by
 # interval. The table lists the best changes to our chain. Changes that break a hard deadline are not offered. For
@@ -415,8 +416,8 @@ for k, (t, who) in enumerate(events):
 _ = axis.text(0.33, 0.5, "slow way there, $d_1$", ha="right")
 _ = axis.text(1.42, 0.5, "fast way back, $d_2$")
 for who, name in ((0, "asks"), (1, "answers")):
-    _ = axis.axhline(who, color=GREY, lw=0.8, zorder=0)
-    _ = axis.text(-0.12, who, name, ha="right", va="center")
+    _ = axis.hlines(who, -0.05, 2.05, color=GREY, lw=0.8, zorder=0)
+    _ = axis.text(-0.1, who, name, ha="right", va="center")
 _ = axis.set(xlim=(-0.4, 2.1), ylim=(-0.45, 1.45), xlabel="true time", yticks=(), xticks=())
 plt.show()
 
