@@ -33,6 +33,7 @@ REWRITTEN: set[str] = {
     "planning",
     "control",
     "learning",
+    "sim_to_real",
     "pipeline",
     "middleware",
 }

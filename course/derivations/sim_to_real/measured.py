@@ -39,10 +39,10 @@ def after_mending(part, gap, delay, seeds=(0, 1, 2)):
 
 @claim(
     "Measuring a parameter and setting it beats randomising it.",
-    "At gap 1 gains for the measured arm succeed in {known:.0%}, those of the widest range in "
-    "{wide:.0%}, with none in {none:.0%}; with the delay measured and nothing else in {one:.0%}. "
-    "At gap {near} it is {known_near:.1%} against {wide_near:.1%}: there a range needs no robot "
-    "and is as good.",
+    "At gap 1 gains tuned on the measured arm succeed in {known:.0%} of the reaches, gains of the "
+    "widest range in {wide:.0%}, gains tuned without randomisation in {none:.0%}, and gains tuned "
+    "with only the delay measured in {one:.0%}. At gap {near} measuring gives {known_near:.1%} and "
+    "randomising {wide_near:.1%}: there randomisation is as good and needs no robot.",
 )
 def measured_or_randomised(result):
     near, far = result.input("near", 0.2), result.input("far", 0.6)
@@ -66,7 +66,7 @@ def measured_or_randomised(result):
     )
     result.statement_holds(
         all(outside),
-        only_if="all of them are measured, and the gap is {far} or wider",
+        only_if="all parameters are measured, and the gap is {far} or wider",
         inside=inside,
         outside=[*outside, one > wide],
     )
@@ -74,10 +74,10 @@ def measured_or_randomised(result):
 
 
 @claim(
-    "A simulator with one parameter set right makes no policy worse on the robot.",
+    "Correcting one parameter of a simulator never makes the policy worse on the robot.",
     "Errors cancel. At gap 1 gains tuned on the nominal simulator succeed in {none:.0%}; with the "
     "true delay in it and nothing else {delay:.0%}, with the true load alone {load:.0%}. At gap "
-    "{near} and {late_ms:.0f} ms the same mending helps: {before:.0%} become {after:.0%}.",
+    "{near} and {late_ms:.0f} ms the same correction helps: {before:.0%} become {after:.0%}.",
 )
 def mended_parameter(result):
     near, late = result.input("near", 0.3), 1e-3 * result.input("late_ms", 20)
@@ -132,12 +132,12 @@ def trials_to_tell(result):
 
 
 @claim(
-    "A late command makes the arm swing more and more.",
-    "It does beyond the delay margin of the loop. Of joint 2 that is {margin_ms:.1f} ms with gains "
-    "tuned without delay, {ranged_ms:.1f} ms with those of the widest range, while joint 1 is "
-    "held. Free it gives way, joint 2 turns less inertia, and the arm swings from {both_ms:.1f} ms "
-    "on at an elbow of {elbow} rad, from {folded_ms:.1f} ms at {more} rad. Dry friction stops a "
-    "swing that is small.",
+    "A delayed command makes the arm swing more and more.",
+    "It does beyond the delay margin of the loop. With joint 1 locked, the margin of joint 2 is "
+    "{margin_ms:.1f} ms with gains tuned without delay, and {ranged_ms:.1f} ms with those of the "
+    "widest range. When joint 1 is free it recoils, joint 2 feels a smaller inertia, and the arm "
+    "starts to oscillate at {both_ms:.1f} ms with the elbow at {elbow} rad, and at {folded_ms:.1f} "
+    "ms at {more} rad. Dry friction stops a small oscillation.",
 )
 def late_command(result):
     from course.charts.sim_to_real.gap import arm_limit, delay_limit, swings
@@ -157,10 +157,10 @@ def late_command(result):
     # 5 % to both sides of the margin, and beyond it with dry friction.
     inside, outside, stuck = ([drawn(x, dry) for _ in range(8)]
                               for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1)))  # fmt: skip
-    result.statement = "Joint 2 with drawn gains, 5 % to both sides of its margin, joint 1 held."
+    result.statement = "Random gains of joint 2, 5 % to both sides of its margin, joint 1 locked."
     result.statement_holds(
         all(outside),
-        only_if="it is later than the delay margin of the whole loop, and no "
+        only_if="the delay exceeds the delay margin of the whole loop, and no "
         "dry friction holds the joint",
         inside=inside,
         outside=outside + stuck,
@@ -182,10 +182,11 @@ def fitted(seed=0, **changed):
 
 
 @claim(
-    "A parameter lies within about twice the half-width that a fit claims for 95 %.",
-    "That bar comes from the slopes and believes the model. With {friction} N m of dry friction "
-    "in the arm and none in the model the worst number is {wrong:.1%} off at a claimed "
-    "{claimed:.2%}.",
+    "Every fitted parameter is wrong by less than twice the half-width of the fit's 95 % "
+    "confidence interval.",
+    "The interval is computed from the slopes and assumes that the model is right. With {friction} "
+    "N m of dry friction in the arm and none in the model the worst parameter is {wrong:.1%} "
+    "wrong, although the fit claims {claimed:.2%}.",
 )
 def believed_error_bar(result):
     def within(seed, friction, kind="two sines"):
@@ -209,7 +210,7 @@ def believed_error_bar(result):
     result.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
     result.statement_holds(
         within(1, friction),
-        only_if="the model has all that the robot has",
+        only_if="the model has every effect that the robot has",
         inside=[
             within(seed, 0.0, kind)
             for seed in range(3)
@@ -222,12 +223,13 @@ def believed_error_bar(result):
 
 
 @claim(
-    "A log that is one sample late does no harm: hardly anything is to be seen in the residual.",
-    "The residual grows to {growth:.2f} of itself, and the worst number is {sigmas:.0f} standard "
-    "deviations off, or {off:.1%}; with samples of {coarse_ms:.0f} ms {coarse:.1%}, at a residual "
-    "{seen:.1f} times as large. After `mj_step` MuJoCo's sensors hold the readings of the state "
-    "before it. The residual against the speeds finds {late_ms:.2f} ms of a step of "
-    "{step_ms:.0f} ms, and more of a log in which little moves.",
+    "A log whose angles are one sample late does no harm: the residual hardly shows it.",
+    "The residual grows only by a factor of {growth:.2f}, but the worst parameter is wrong by "
+    "{sigmas:.0f} standard deviations, or {off:.1%}. With samples of {coarse_ms:.0f} ms it is "
+    "{coarse:.1%}, and the residual is {seen:.1f} times as large. After `mj_step` MuJoCo's sensors "
+    "hold the readings of the state before it. The slope of the residual against the speed is a "
+    "lag of {late_ms:.2f} ms, for a step of {step_ms:.0f} ms; it is larger in a log in which "
+    "little moves.",
 )
 def one_sample_late(result):
     from course.charts.sim_to_real.logs import FREE, GUESS, TRUTH
@@ -274,9 +276,9 @@ def one_sample_late(result):
 
 
 @claim(
-    "Asked for the same numbers, MuJoCo's own identification and this course's give the same.",
-    "On the same log they differ by less than a thousandth of a standard deviation, their error "
-    "bars by {bars:.2%}, if both compare with the state of the same instant.",
+    "From the same log, MuJoCo's own identification and this course's return the same parameters.",
+    "Their results differ by less than a thousandth of a standard deviation, their error bars by "
+    "{bars:.2%}. Both compare the measured with the simulated angle of the same instant.",
 )
 def same_as_mujoco(result):
     from course.charts.sim_to_real.logs import GUESS
@@ -303,8 +305,8 @@ def policy():
 
 @claim(
     "A grip that holds a box at rest holds it on the way up.",
-    "Up it has to accelerate the box too: each of two fingers needs {formula}. In MuJoCo the box "
-    "slips from {share:.3f} of that down.",
+    "On the way up the grip has to accelerate the box as well: each of two fingers needs "
+    "{formula}. In MuJoCo the box slips below {share:.3f} of that force.",
     ask=(
         "Two fingers hold a box of mass m by friction mu and lift it with the acceleration a. "
         "Least force of each?",
@@ -355,11 +357,13 @@ def slip_force(result):
 
 
 @claim(
-    "Tuned for less friction than there is a gripper squeezes too hard; tuned for more, it drops.",
-    "It presses by the ratio of both: tuned for {low} and used at {high} {over:.1f} times as hard "
-    "as it must, margin included, and holds {kept:.0f} of {n:.0f} boxes; tuned for {much} and used "
-    "at {little} it has {under:.2f} of it and holds {lost:.0f}. A smaller error the margin bears. "
-    "And of a force {hard:.0f} times what is needed the box is knocked out of the jaw.",
+    "If the assumed friction is too low, a gripper squeezes too hard; if it is too high, the "
+    "gripper drops the box.",
+    "The force is off by the ratio of the two coefficients. Tuned for {low} and used at {high}, "
+    "the gripper presses {over:.1f} times as hard as needed, margin included, and holds "
+    "{kept:.0f} of {n:.0f} boxes. Tuned for {much} and used at {little}, it has {under:.2f} of the "
+    "force needed and holds {lost:.0f}. The margin covers smaller errors. At {hard:.0f} times the "
+    "force needed, the fingers knock the box out of the jaw.",
 )
 def friction_wrong_both_ways(result):
     from course.oracles.mujoco.lab import trials
@@ -380,7 +384,7 @@ def friction_wrong_both_ways(result):
     result.statement = "Boxes up to 15 mm off and 5 % heavier or lighter."
     result.statement_holds(
         used(1.1 * low, low)[1] == 0,
-        only_if="what is believed is off by more than its margin",
+        only_if="the assumed friction is off by more than the margin covers",
         # The margin is 1.2: errors from 35 % on exceed it, errors up to 12 % don't.
         inside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.35, 3.0, 8)],
         outside=[used(x * little, little)[1] == 0 for x in result.rng.uniform(1.02, 1.12, 8)],
@@ -391,11 +395,12 @@ def friction_wrong_both_ways(result):
 
 
 @claim(
-    "With a step as large as 20 ms a robot flies apart in MuJoCo as soon as it touches.",
-    "Nothing flies, and nothing warns. With MuJoCo's default contacts {kept:.0f} of {n:.0f} drawn "
-    "grips that hold at a tenth of that still hold, with pads {sink:.1f} times as deep in the box. "
-    "Direct contacts of the frequency omega and the damping ratio zeta lose it from "
-    "2 (sqrt(1 + zeta^2) - zeta) / omega on.",
+    "With a time step of 20 ms a MuJoCo simulation explodes as soon as there is contact.",
+    "It doesn't explode, and there is no warning. With MuJoCo's default contacts {kept:.0f} of "
+    "{n:.0f} random grips that hold at a tenth of this step still hold, with the pads {sink:.1f} "
+    "times as deep in the box. With stiffness and damping set directly, for a frequency omega and "
+    "a damping ratio zeta, the grip is lost once the step exceeds "
+    "2 (sqrt(1 + zeta^2) - zeta) / omega.",
 )
 def large_step_at_contact(result):
     from course.oracles.mujoco.lab import lift
@@ -439,8 +444,8 @@ def large_step_at_contact(result):
 
 @claim(
     "A camera that is 2 cm off makes the gripper miss by 2 cm.",
-    "Along the way of its fingers the jaw pushes the box to its middle: with {free_mm:.0f} mm free "
-    "on each side boxes are held up to {held_mm:.0f} mm off.",
+    "Closing fingers push the box to the middle of the jaw, along their direction of motion: with "
+    "{free_mm:.0f} mm free on each side, boxes up to {held_mm:.0f} mm off are held.",
 )
 def camera_off(result):
     from course.oracles.mujoco.lab import lift
@@ -455,7 +460,7 @@ def camera_off(result):
     result.statement = "Boxes off by whole millimetres, and jaws of other widths."
     result.statement_holds(
         misses(0.02),
-        only_if="it is off by more than the free width of the jaw",
+        only_if="the camera is off by more than the free width on one side of the jaw",
         # 2 mm on both sides of each jaw's free width.
         inside=[misses(w + 0.002, w) for w in jaws],
         outside=[misses(w - 0.002, w) for w in jaws],

@@ -84,9 +84,10 @@ def _scaled(model, mass, inertia=None, recompute=True):
 
 @claim(
     "After a change of body_mass, mj_setConst recomputes the inertia.",
-    "It leaves body_inertia as it is; inertia has to be scaled with the mass. What it recomputes "
-    "are the quantities that follow from both: subtree masses, dof_M0, the inverse weights and the "
-    "actuators' acc0, {arrays_recomputed:.0f} arrays here.",
+    "mj_setConst leaves body_inertia unchanged; you have to scale the inertia with the mass. What "
+    "it recomputes are the quantities that follow from both: subtree masses, the joint-space "
+    "inertia dof_M0, the inverse weights and the actuators' acc0, {arrays_recomputed:.0f} arrays "
+    "here.",
     source="MuJoCo documentation, Programming, Simulation, mjModel changes",
 )
 def set_const_inertia(result):
@@ -367,9 +368,9 @@ def _contact(model):
 
 @claim(
     "Multiplying the damping of all joints by a random factor randomises the damping.",
-    "MuJoCo's default is zero, and a factor leaves it there. Add a draw, as this course's "
-    "randomiser does (a spread of {added_spread:.2f} on the joint that had none), or draw the "
-    "value itself.",
+    "MuJoCo's default damping is zero, and a factor leaves it zero. Add a random offset, as this "
+    "course's randomiser does (a spread of {added_spread:.2f} on the joint that had no damping), "
+    "or sample the damping itself.",
 )
 def scaled_damping(result):
     model = _arm()
@@ -456,11 +457,11 @@ def one_geom_friction(result):
 
 
 @claim(
-    "If every geom's friction is drawn uniformly, so is the friction of the contacts.",
-    "A contact gets the larger of two draws: its distribution function is the square. Between "
-    "{low:.1f} and {high:.1f} the mean is {mean:.2f} instead of {middle:.1f}, and "
-    "{share_below_middle:.2f} of the contacts, not half, are below the middle. One draw for all "
-    "geoms, as in this course's randomiser, keeps the mean: {mean_of_one_draw:.2f}.",
+    "If every geom's friction is sampled uniformly, the friction of the contacts is uniform, too.",
+    "A contact gets the larger of two samples, so its distribution function is the square of the "
+    "single one. Between {low:.1f} and {high:.1f} the mean is {mean:.2f} instead of {middle:.1f}, "
+    "and {share_below_middle:.2f} of the contacts, not half, are below the middle. One sample for "
+    "all geoms, as in this course's randomiser, preserves the mean: {mean_of_one_draw:.2f}.",
 )
 def friction_of_each_geom(result):
     import mujoco
@@ -546,11 +547,11 @@ def friction_in_all_directions(result):
 @claim(
     "Multiplying the current mass in each episode by a factor of mean 1 is fair on average, so it "
     "does no harm.",
-    "The mean stays, the typical value goes to zero: the logarithm drifts by the mean logarithm of "
-    "the factor, {drift_per_episode:.4f} an episode between {low:.1f} and {high:.1f}, and after "
-    "{episodes:.0f} episodes half of the runs are below {median_after_1000:.0e} of the default. "
-    "Draw from the defaults: this course's randomiser then still has a median of "
-    "{median_from_defaults:.2f}.",
+    "The mean stays, but the typical value goes to zero. The logarithm drifts by the mean "
+    "logarithm of the factor, {drift_per_episode:.4f} per episode for factors between {low:.1f} "
+    "and {high:.1f}, and after {episodes:.0f} episodes half of the runs are below "
+    "{median_after_1000:.0e} of the default. Multiply the default instead: this course's "
+    "randomiser then still has a median of {median_from_defaults:.2f}.",
 )
 def factors_compound(result):
     low, high = result.input("low", 0.7), result.input("high", 1.3)
@@ -582,9 +583,9 @@ def factors_compound(result):
 
 @claim(
     "A queue that holds the last k actions, of which the oldest is used, delays by k steps.",
-    "The newest action is in the queue as well, so it delays by k - 1. A delay of k needs k + 1 "
-    "places: put the action in, and take one out only when more than k are waiting, as this "
-    "course's randomiser and MuJoCo's own actuator delay do.",
+    "The newest action is in the queue as well, so the queue delays by k - 1 steps. A delay of k "
+    "steps needs k + 1 slots: put the action in, and take one out only when more than k are "
+    "waiting, as this course's randomiser and MuJoCo's own actuator delay do.",
 )
 def queue_of_k(result):
     from collections import deque

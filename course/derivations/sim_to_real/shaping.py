@@ -27,13 +27,14 @@ def drawn(rng, ends=0, states=6):
 
 
 @claim(
-    "The discounted shaping rewards of three steps add up to the last potential, discounted, less "
-    "the first.",
-    "So they do: all between cancels, for any number of steps. What is left depends on the way "
-    "only through its end.",
+    "Over three steps, the discounted shaping rewards add up to the discounted last potential "
+    "minus the first.",
+    "All terms between cancel, for any number of steps. What remains depends on the trajectory "
+    "only through its start and its end.",
     ask=(
-        "A step from s to s' is paid gamma phi(s') - phi(s) more. First state of potential a, the "
-        "state after the third step of potential b: discounted sum of what is paid more?",
+        "Shaping adds gamma phi(s') - phi(s) to the reward of a step from s to s'. The first state "
+        "has the potential a, the state after the third step b. What is the discounted sum of the "
+        "added rewards?",
         "gamma^3*b - a",
         {
             "b - a": "That is without discount.",
@@ -67,10 +68,10 @@ def telescoped_sum(result):
 
 @claim(
     "Potential-based shaping keeps the best policy, whatever the potential.",
-    "Where an episode ends, gamma^T phi of its end stays in the sum, and where and when it ends is "
-    "the policy's choice. Of {n:.0f} drawn processes with two ends {free:.0f} get another best "
-    "policy from a potential that is free there, of those with a single end {single:.0f}, and none "
-    "from the same one with 0 at the ends.",
+    "Where an episode ends, gamma^T phi of the terminal state stays in the sum, and the policy "
+    "chooses where and when it ends. With an arbitrary potential at the terminal states the best "
+    "policy changed in {free:.0f} of {n:.0f} random processes with two terminal states, and in "
+    "{single:.0f} of those with one. With a potential of 0 there it never changed.",
 )
 def shaping_keeps_the_best(result):
     from course.sim_to_real import evaluate_policy, shaped, value_iteration
@@ -93,10 +94,11 @@ def shaping_keeps_the_best(result):
 
 
 @claim(
-    "Where only a clock ends the episodes a potential may be what it likes at their end.",
-    "The clock is an end as any other: gamma^T phi of the last state stays in the sum. Of {n:.0f} "
-    "drawn processes without ends {cut:.0f} get another best first action from it with "
-    "{steps:.0f} steps to go; none if the value of the last state is added when time is up.",
+    "If episodes end only by a time limit, the potential of the last state can be arbitrary.",
+    "Without bootstrapping, the time limit is an end like any other: gamma^T phi of the last state "
+    "stays in the sum. With {steps:.0f} steps to go, the best first action changed in {cut:.0f} of "
+    "{n:.0f} random processes without terminal states. It never changed when the value of the "
+    "last state was added at the time limit.",
 )
 def time_is_an_end(result):
     from course.sim_to_real import shaped, value_iteration
@@ -119,17 +121,18 @@ def time_is_an_end(result):
     result.measure("cut", n - sum(cut), 0.0)
     result.statement = "Six states, two actions, by backward recursion."
     result.statement_holds(
-        all(cut), only_if="the value of the last state is added there", inside=valued, outside=cut
+        all(cut), only_if="the learner adds the value of the last state", inside=valued, outside=cut
     )
     result.correction_holds(all(valued), sum(cut) < 0.8 * n)
 
 
 @claim(
-    "Paid for being near at each step, a robot may choose another way than one paid for getting "
-    "nearer.",
-    "Of {n:.0f} drawn pairs of ways {flipped:.0f} have another best one when minus the distance "
-    "is paid at each step; paid as a potential's difference it stays the short one in all. A long "
-    "way that passes near the goal is cheaper than a short one that begins with a detour.",
+    "A reward for being close at each step can favour another path than a reward for getting "
+    "closer.",
+    "Of {n:.0f} random pairs of paths, {flipped:.0f} have another best path when minus the "
+    "distance is paid at each step. Paid as a difference of potentials, the short path stays the "
+    "best in all of them. A long path that passes near the goal is cheaper than a short one that "
+    "begins with a detour.",
 )
 def two_routes(result):
     from course.sim_to_real import Process, shaped, value_iteration
@@ -166,12 +169,12 @@ def two_routes(result):
 
 @claim(
     "Shaping turns Q into Q - phi + gamma phi.",
-    "It turns Q into {formula}, if nothing ends or ends have the potential 0: the sum telescopes "
-    "to the potential of the state that the action is taken in. It is the same for all actions, so "
-    "the best one stays.",
+    "Shaping turns Q into {formula}, if nothing ends or terminal states have the potential 0: the "
+    "sum telescopes to minus the potential of the state in which the action is taken. This is the "
+    "same for all actions, so the best one stays.",
     ask=(
-        "Shaped by gamma phi(s') - phi(s), no end in sight: what becomes of the value Q of an "
-        "action in a state of potential phi?",
+        "Rewards are shaped with gamma phi(s') - phi(s), and nothing ends. What is the new value "
+        "of an action with the value Q, in a state with the potential phi?",
         "Q - phi",
         {
             "Q - phi + gamma*phi": "The next state is another one, and its potential cancels.",
@@ -209,7 +212,8 @@ def q_of_shaped(result):
     "every way to the end is as long. Else the potential, 0 at the end, would have to tell how "
     "many steps are still to come, which the action decides: a penalty can change what is best.",
     ask=(
-        "Nothing ends. Which constant potential pays -c for every step?",
+        "In a task without terminal states, which constant potential adds a shaping reward of -c "
+        "to every step?",
         "phi = c/(1 - gamma)",
         {
             "-c/(1 - gamma)": "gamma phi - phi has the other sign.",
@@ -247,7 +251,7 @@ def step_penalty(result):
     inside, outside = ([x > 1e-9 for x in some] for some in (ended, endless + chains))
     result.statement_holds(
         all(outside),
-        only_if="episodes can end, and ways to the end differ in length",
+        only_if="episodes can end, and paths to the end differ in length",
         inside=inside,
         outside=outside,
     )
@@ -266,8 +270,9 @@ def step_penalty(result):
     "{factor:.0f} times what was heard. Of two deterministic simulators that differ eps is 1: "
     "there it says nothing, once gamma is above a half.",
     ask=(
-        "Rewards from 0 to R, discount gamma, total variation distance eps of the next state: by "
-        "how much may a policy's value differ at most?",
+        "Two worlds share rewards from 0 to R and the discount gamma; their distributions of the "
+        "next state differ by at most eps in total variation. By how much can the value of a "
+        "policy differ at most?",
         "gamma*eps*R/(1 - gamma)^2",
         {
             "eps*R/(1 - gamma)": "That is one wrong step; each step is wrong.",

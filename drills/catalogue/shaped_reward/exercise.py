@@ -71,7 +71,7 @@ SLIPS = slips(
     time_limit_taken_for_an_end=(
         _ENDED,
         "ended = (np.asarray(terminated) != 0) | (np.asarray(truncated) != 0)",
-        "A time limit is taken for an end. Nothing ended: the state reached keeps its potential.",
+        "A time limit is taken for an end. This learner bootstraps there: the potential stays.",
     ),
     gamma_on_the_wrong_term=(
         "gamma * ahead - potential[np.asarray(state)]",
