@@ -285,7 +285,7 @@ predict("gains_and_a_late_command")
 # The map below shows the success rate over the delay and over a factor on all gains. Its line is the delay margin of
 # joint 2 with joint 1 locked. When joint 1 is free it recoils as joint 2 pushes, so joint 2 feels a smaller inertia.
 # The same gains then act faster, and the margin is shorter. The effect is strongest when the arm is stretched, so
-# stretched reaches fail first. With the gains scaled far down, success ends for another reason: the arm is too slow.
+# stretched reaches fail first. If the gains are scaled far down, reaches fail for another reason: the arm is too slow.
 #
 # ![Success over delay and gain, with the limit of stability](../docs/charts/late_commands.png)
 
@@ -302,8 +302,9 @@ curves(
 )
 
 # %% [markdown]
-# Two things follow. If you tune in a simulator without delay, the search raises the gains and uses up the margin,
-# because high gains cost nothing there. And gains that were tuned on many different arms (section 3) are lower, so they
+# The limits can be read off the table: in each row the success rate holds for some milliseconds and then collapses. Two
+# things follow. If you tune in a simulator without delay, the search raises the gains and uses up the margin, because
+# high gains cost nothing there. And gains that were tuned on many different arms (section 3) are lower, so they
 # tolerate a later command. The middle row repeats the first with MuJoCo's own actuator delay, as an independent check.
 #
 # Instability needs two more conditions in practice. It is the margin of the *whole* loop that counts, with all joints
@@ -633,7 +634,8 @@ more_claims("one_sample_late")
 # Perhaps you can't record a log, because the robot isn't built yet. Then you can tune for many possible robots instead.
 # **Domain randomisation** samples new simulator parameters for every episode, so that the gains can't rely on any one
 # value. How far the parameters may differ is the randomisation range. Range 0 is the plain simulator; range 1 covers
-# every parameter as far as gap 1 moves it, to both sides where that makes sense.
+# every parameter as far as gap 1 moves it, to both sides where that makes sense, and delays up to the right edge of the
+# picture.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6, 2.5), layout="constrained")
@@ -1638,15 +1640,16 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# Lower gains change the amplitude and don't end the oscillation. The chapter's twin oscillates only with the encoder on
-# the link. A list of symptoms like this one is worth learning:
+# With the encoder on the link, gains ten times lower make the motion slower, and the link still doesn't come to rest
+# within these two seconds. With the encoder on the motor it rests in every run, but not at the target. A list of
+# symptoms like this one is worth learning:
 #
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>remedy</th></tr>
 # <tr><td>oscillates about the target at a steady frequency</td> <td>delay beyond the margin</td> <td>halve the gains:
 # it
 # stops</td> <td>gains chosen from the margin; less delay</td></tr>
-# <tr><td>a limit cycle that other gains change and don't end</td> <td>backlash, encoder on the link</td> <td>compare
+# <tr><td>a limit cycle that other gains change but don't stop</td> <td>backlash, encoder on the link</td> <td>compare
 # the
 # amplitude with the play</td> <td>encoder on the motor, or a preload</td></tr>
 # <tr><td>stops short of the target and stays there</td> <td>dry friction; the error is at most the friction torque over
