@@ -34,6 +34,7 @@ REWRITTEN: set[str] = {
     "learning",
     "pipeline",
     "middleware",
+    "perception",
 }
 AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
