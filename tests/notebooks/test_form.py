@@ -36,6 +36,7 @@ REWRITTEN: set[str] = {
     "sim_to_real",
     "pipeline",
     "middleware",
+    "perception",
 }
 AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
