@@ -14,9 +14,10 @@ SYMBOLS = {
 
 @claim(
     "A small part far away has few pixels.",
-    "It has (f a / z)^2 where it faces the camera, to a row and a column: a square of "
-    "{side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of a picture {wide:.0f} wide, at half "
-    "of the distance {near:.0f}. A tilt takes its cosine off.",
+    "Where it faces the camera it has (f a / z)^2 pixels, give or take a row and a column. A "
+    "square of {side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of an image that is "
+    "{wide:.0f} pixels wide, and {near:.0f} at half of that distance. If it is tilted, multiply "
+    "by the cosine of the tilt.",
 )
 def small_parts_have_few_pixels(result):
     from course.perception import Camera, render, shape
@@ -44,10 +45,11 @@ def small_parts_have_few_pixels(result):
 
 @claim(
     "A voxel grid of 10 mm removes parts smaller than 10 mm.",
-    "Each part that has a pixel keeps a mean: none of {parts:.0f} parts below that is lost. But "
-    "{left:.1f} means in the median are left of one, and DBSCAN calls fewer than its least noise. "
-    "And a mean is of all in its cell: of cubes of {low:.0f} mm on a table the highest stood at "
-    "{high:.0%} of their height in one of ten, which a tolerance then takes for the table.",
+    "Every part that has a pixel keeps at least one mean: none of {parts:.0f} parts smaller "
+    "than that is lost. But in the median only {left:.1f} means remain of a part, and DBSCAN "
+    "treats so few as noise. Also, a mean averages everything in its cell. Of cubes of "
+    "{low:.0f} mm on a table, the highest mean is at {high:.0%} of their height in one case of "
+    "ten, and a tolerance then counts it as table.",
 )
 def voxels_remove_small_parts(result):
     from course.perception import dbscan, voxel_mean
@@ -82,11 +84,12 @@ def voxels_remove_small_parts(result):
 
 
 @claim(
-    "Neighbours of DBSCAN can be set to 50 for 5 mm voxels and an eps of 20 mm.",
-    "A face along the grid has about {formula} voxels within eps, {flat:.0f} inside. Fifty is a "
-    "tie: of one of {large_mm:.0f} mm {kept:.0%} of the voxels are in clusters, with more points "
-    "to a voxel {dense:.0%}; of a tilted one, with {tilted:.0f}, all; of a part of {small_mm:.0f} "
-    "mm none. A third of the formula finds them all.",
+    "Requiring 50 neighbours is a good setting of DBSCAN for voxels of 5 mm and an eps of 20 mm.",
+    "A face along the grid has about {formula} voxels within eps, and {flat:.0f} in its "
+    "interior. So 50 is a borderline value. Of a face of {large_mm:.0f} mm, {kept:.0%} of the "
+    "voxels end up in clusters, and with more points per voxel {dense:.0%}. Of a tilted face, "
+    "which has {tilted:.0f} neighbours, all do, and of a part of {small_mm:.0f} mm none. A "
+    "third of the formula finds them all.",
     ask=(
         "A flat face lies along a grid of voxels with edge v. How many are within r of one?",
         "pi*(r/v)^2",
@@ -136,8 +139,9 @@ def fifty_neighbours(result):
 
 @claim(
     "DBSCAN separates the objects.",
-    "It separates what is farther apart than eps: two boxes with {gap_mm:.0f} mm between them are "
-    "{joined:.0f} cluster at an eps of {eps_mm:.0f} mm. Objects that touch are one at any eps.",
+    "It separates objects that are farther apart than eps. Two boxes with a gap of {gap_mm:.0f} "
+    "mm become {joined:.0f} cluster at an eps of {eps_mm:.0f} mm. Objects that touch are one "
+    "cluster at any eps.",
 )
 def dbscan_separates(result):
     from course.perception import dbscan, voxel_mean
@@ -176,10 +180,11 @@ def dbscan_separates(result):
 
 
 @claim(
-    "log(1 - P) / log(1 - w^3) draws find the plane with probability P.",
-    "They draw three inliers with it, {drawn:.3f} of the runs for {asked}. Three noisy inliers are "
-    "not yet the plane: at a tolerance of {sigmas} sigma, {found_it:.2f} of the runs have it, and "
-    "{refitted:.2f} after a refit to all that is near.",
+    "log(1 - P) / log(1 - w^3) samples find the plane with probability P.",
+    "With that probability they contain one sample of three inliers: it happened in {drawn:.3f} "
+    "of the runs, for a P of {asked}. But a plane through three noisy inliers is not yet the "
+    "plane. At a tolerance of {sigmas} sigma, {found_it:.2f} of the runs find it, and "
+    "{refitted:.2f} after a refit to all nearby points.",
     ask=(
         "A share w of the points lies on the plane. How many draws of three hold one of inliers "
         "only, with probability P?",
@@ -220,11 +225,12 @@ def draws_find_the_plane(result):
 
 
 @claim(
-    "From stereo, a linear fit of inverse depth tells a tilted table better than one of its "
-    "points.",
-    "With {noise} px of noise {ratio:.1f} times better in angle, as a stereo sensor's noise is "
-    "even in 1 / z, and without the offset of {offset_mm:.2f} mm that the points have. Of a table "
-    "that one faces both tell the same, and noise even in z turns it round: {other:.2f}.",
+    "For a tilted table and a stereo camera, a linear fit of inverse depth is more accurate "
+    "than a fit to the points.",
+    "With {noise} px of noise its angle is {ratio:.1f} times more accurate, because the noise "
+    "of a stereo sensor is uniform in 1 / z. It also avoids the offset of {offset_mm:.2f} mm "
+    "that the fit to the points has. If the table faces the camera, both are equally accurate. "
+    "With noise that is uniform in z the order is reversed: the ratio is {other:.2f}.",
 )
 def inverse_depth_is_better(result):
     from course import perception as see

@@ -8,9 +8,9 @@ from course.derivations.perception import image_of
 
 @claim(
     "The best rotation between two sets of points is V U^T, from the SVD of their covariance.",
-    "That may be a mirror image: it is one in {flat:.0%} of the fits to points whose thickness is "
-    "{thin} of the noise. With the determinant in front of the last singular vector it is the best "
-    "rotation, always.",
+    "This matrix may be a mirror image. It is one in {flat:.0%} of the fits to points whose "
+    "thickness is {thin} of the noise. With the determinant as a factor of the last singular "
+    "vector, the result is always the best rotation.",
     source="W. Kabsch, 1978; S. Umeyama, 1991",
 )
 def kabsch_without_determinant(result):
@@ -55,11 +55,11 @@ def kabsch_without_determinant(result):
 
 
 @claim(
-    "ICP of a model's own points comes home from any start nearby.",
-    "Point-to-point comes home from {near} degrees, without any residual, and stops at "
-    "{stall:.2f} degrees from {start} on, where the grid of points meets itself again; by planes "
-    "it comes home from both. A test that draws its picture from the model's points, and starts "
-    "nearby, proves nothing.",
+    "ICP of a model against its own points converges to the right pose from any start nearby.",
+    "Point-to-point converges from {near} degrees, with a residual of zero, but from {start} "
+    "degrees on it stops at {stall:.2f} degrees, where the grid of points matches itself again. "
+    "Point-to-plane converges from both. A test that takes its measured points from the model's "
+    "own points, and starts nearby, proves nothing.",
 )
 def own_points_come_home(result):
     from course.charts.perception.poses import BOX, STILL, turned_by
@@ -93,9 +93,9 @@ def own_points_come_home(result):
 
 
 @claim(
-    "A part is followed by registering each picture to the one before.",
-    "The errors of all steps add up: after {pictures:.0f} pictures point-to-point from picture to "
-    "picture is {pairs_mm:.1f} mm off, and a fit of each to the model {model_mm:.2f} mm.",
+    "A part can be tracked by registering each image to the previous one.",
+    "The errors of all steps add up. After {pictures:.0f} images, point-to-point from image to "
+    "image is {pairs_mm:.1f} mm off. Fitting each image to the model leaves {model_mm:.2f} mm.",
 )
 def picture_to_picture(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
@@ -125,13 +125,15 @@ def picture_to_picture(result):
 
 
 @claim(
-    "A pose that the picture does not look through is right.",
-    "Beside its twin a part is up to {off_mm:.0f} mm from either at a see-through share of "
-    "{through:.3f}: both are one block, and any place in it is covered. What the pose leaves over "
-    "tells: it agrees with {agrees:.0%} of the block, and with {alone:.0%} or more where it stands "
-    "alone. Below {least:.0%} it is not called found, and neither is one with a shift not seen, or "
-    "with a border off its outline. What is left: of a part that is {longer_mm:.0f} mm longer than "
-    "the model {near:.0%} are called found, and {far:.0%} at {far_mm:.0f} mm.",
+    "A pose is right if the camera does not see through it.",
+    "Next to its twin, a part is placed up to {off_mm:.0f} mm from either of them, at a "
+    "see-through share of {through:.3f}: the two form one block, and every position inside it "
+    "is covered. What the pose leaves over reveals it. The pose explains {agrees:.0%} of the "
+    "block, and {alone:.0%} or more of a part that stands alone. Below {least:.0%} it is not "
+    "reported as found. The same applies to a pose with an unobserved shift, or with a border "
+    "that is off its outline. A gap remains: a part {longer_mm:.0f} mm longer than the model is "
+    "reported as found in {near:.0%} of the images, and one {far_mm:.0f} mm longer in "
+    "{far:.0%}.",
 )
 def not_looked_through_is_right(result):
     from course.charts.perception.bins import picture_of
@@ -177,10 +179,10 @@ def not_looked_through_is_right(result):
 
 
 @claim(
-    "The spread of a part's poses says how well it is known.",
-    "Of a symmetric part the poses of equal pictures are up to {raw:.0f} degrees apart, as one is "
-    "as right as its half turn; counted up to symmetry they differ by {up_to:.2f}, which is what "
-    "the covariance says.",
+    "The spread of a part's estimated poses shows how accurately its pose is known.",
+    "For a symmetric part, the poses from equivalent images are up to {raw:.0f} degrees apart, "
+    "because a pose and its half turn are equally right. Compared up to symmetry they differ by "
+    "{up_to:.2f} degrees, which agrees with the covariance.",
 )
 def spread_of_symmetric_poses(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR
@@ -204,10 +206,11 @@ def spread_of_symmetric_poses(result):
 
 
 @claim(
-    "DBSCAN gives the same clusters whatever the order of the points.",
-    "The core points and the noise stay as they are. As it was published, a border point within "
-    "reach of two clusters goes to the one that comes first: in Open3D another order moves it in "
-    "{moved:.0%} of the trials. Given to its nearest core point, as here, it stays.",
+    "DBSCAN returns the same clusters in whatever order the points are given.",
+    "Core points and noise do not depend on the order. But in the published algorithm, a border "
+    "point within reach of two clusters joins the one that is processed first: in Open3D, "
+    "another order moves it in {moved:.0%} of the trials. Here it joins its nearest core point, "
+    "and so it stays.",
     source="M. Ester et al., A density-based algorithm, 1996",
 )
 def dbscan_has_no_order(result):

@@ -15,10 +15,11 @@ SYMBOLS = {
 
 
 @claim(
-    "The five steps of an Open3D tutorial run on a depth picture.",
-    "Their first step reads a file of points. With one that holds our picture they find "
-    "{there:.0f} clusters for {boxes:.0f} boxes; without it Open3D warns, goes on with {empty:.0f} "
-    "points, and fails at the plane. A depth picture has to be made points of first.",
+    "The five steps of an Open3D tutorial run on a depth image.",
+    "The first step reads a file of points. With a file that contains the points of our image, "
+    "the steps find {there:.0f} clusters for {boxes:.0f} boxes. Without it, Open3D warns, "
+    "continues with {empty:.0f} points, and fails at the plane. A depth image has to be "
+    "converted to points first.",
     source="Open3D 0.20 itself",
 )
 def tutorial_runs(result):
@@ -67,11 +68,11 @@ def tutorial_runs(result):
 
 
 @claim(
-    "RANSAC removes the table, and what is left are the objects.",
-    "It removes the largest plane. A board whose top has {more:.1f} times the table's pixels is "
-    "taken for the table, and the table is left as an object. And a plate of {share:.0%} of them, "
-    "two or three tolerances high, tilts the plane by {tilt:.1f} degrees: one that slants through "
-    "both is larger than either.",
+    "RANSAC removes the table, and the objects are left.",
+    "It removes the largest plane. A board whose top has {more:.1f} times as many pixels as the "
+    "table is taken for the table, and the table is left as an object. And a plate with "
+    "{share:.0%} of the table's pixels, two or three tolerances high, tilts the plane by "
+    "{tilt:.1f} degrees, because a slanted plane through both has more inliers than either.",
 )
 def ransac_takes_the_table(result):
     from course.charts.perception.poses import EYE, SENSOR, TABLE
@@ -179,10 +180,11 @@ def extent_is_size(result):
 
 
 @claim(
-    "A pipeline of 100 ms keeps up with a camera of 30 pictures a second.",
-    "One worker gives {rate:.0f} poses a second. Several that take turns give all {camera:.0f}, "
-    "each as old: at {speed:.0f} mm/s the part is {late_mm:.0f} mm on. A prediction to the time "
-    "of use, not a faster rate, takes that away: {left_mm:.1f} mm are left.",
+    "A pipeline that takes 100 ms keeps up with a camera of 30 images per second.",
+    "One worker delivers {rate:.0f} poses per second. Several workers that take turns deliver "
+    "all {camera:.0f}, but each pose is as old as before: at {speed:.0f} mm/s the part has "
+    "moved on by {late_mm:.0f} mm. A prediction to the time of use removes this error, not a "
+    "higher rate: {left_mm:.1f} mm remain.",
 )
 def pipeline_keeps_up(result):
     from course.perception import Tracker

@@ -17,8 +17,9 @@ SYMBOLS = {
 
 @claim(
     "A depth camera's noise is one number: below a millimetre, or 1 to 3 mm.",
-    "It is {formula}: the same sensor has {low:.2f} mm at {near} m, {middle:.1f} at {mid} m and "
-    "{high:.0f} at {far} m. Each number is right somewhere.",
+    "It is {formula}, which depends on the distance: the same sensor has {low:.2f} mm at {near} "
+    "m, {middle:.1f} mm at {mid} m and {high:.0f} mm at {far} m. Each of the quoted numbers is "
+    "right at some distance.",
     ask=(
         "Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
         "sigma = z^2*s/(f*B)",
@@ -45,10 +46,11 @@ def noise_is_one_number(result):
 
 
 @claim(
-    "Averaging enough pictures removes any error of depth.",
-    "Not that of the steps of disparity, if the noise is small beside them: at {between} between "
-    "two steps {silent:.2f} of one stays for ever without noise, with noise of a third of a step "
-    "{third:.3f}. Some noise makes an average better.",
+    "Averaging enough images removes any error of depth.",
+    "It does not remove the rounding of the disparity if the noise is small compared with a "
+    "step. For a disparity {between} of the way between two steps, {silent:.2f} of a step "
+    "remains forever without noise, and {third:.3f} of a step with noise of a third of a step. Some noise makes "
+    "an average more accurate.",
     source="B. Widrow, I. Kollar, Quantization Noise, 2008, ch. 4",
 )
 def averaging_removes_all(result):
@@ -85,10 +87,11 @@ def averaging_removes_all(result):
 
 
 @claim(
-    "The mean of N pixels is less noisy than one by the root of N.",
-    "Neighbours of a stereo picture share their noise: over {side:.0f} by {side:.0f} pixels and a "
-    "matching window of {window:.0f} the mean is {ratio:.1f} times as noisy as that says. A "
-    "covariance that forgets it is too small by nearly window^2.",
+    "The mean of N pixels is less noisy than a single one by a factor of the square root of N.",
+    "Neighbouring pixels of a stereo camera share their noise. Over {side:.0f} by {side:.0f} "
+    "pixels and with a matching window of {window:.0f} pixels, the mean is {ratio:.1f} times as "
+    "noisy as this rule says. A covariance that neglects this is too small by a factor of "
+    "nearly window^2.",
 )
 def pixels_are_independent(result):
     def ratio(n, window, count=150, step=0.0):
@@ -208,10 +211,11 @@ def calibration_residual(result):
 
 
 @claim(
-    "Enough motions calibrate the camera in the hand of any arm.",
-    "They must turn about two axes or more. A planar arm's motions are told apart by none: with "
+    "Enough motions calibrate a camera in the hand of any arm.",
+    "The motions must turn about at least two axes. Those of a planar arm do not: with "
     "{many:.0f} motions and {noise} rad of noise the rank of the equations is {rank:.0f}. The "
-    "shift along the axis then comes out as zero, here {off_mm:.0f} mm off: nothing tells it.",
+    "shift along the axis then comes out as zero, which is {off_mm:.0f} mm off here, because no "
+    "equation contains it.",
     source="F. C. Park, B. J. Martin, Robot sensor calibration, 1994",
 )
 def motions_calibrate_any_arm(result):

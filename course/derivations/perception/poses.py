@@ -45,10 +45,11 @@ def icp_comes_home(result):
 
 
 @claim(
-    "A picture can not tell the turn of a round can about its axis.",
-    "That direction has {can:.0f} eigenvalue of zero, a ball three turns. The points of a lone "
-    "face leave two shifts and a turn open, which only its outline tells. An honest covariance is "
-    "infinite where nothing tells, and says so by name.",
+    "An image cannot determine the turn of a round can about its axis.",
+    "This direction has {can:.0f} eigenvalue of zero; a ball has three such directions. The "
+    "points of a single visible face leave two shifts and a turn undetermined, and only the "
+    "outline determines those. An honest covariance is infinite wherever there is no "
+    "information, and the program names the direction.",
 )
 def what_is_not_seen(result):
     from course.charts.perception.poses import EYE
@@ -72,11 +73,11 @@ def what_is_not_seen(result):
 
 @claim(
     "A small residual with every point matched means that the pose is right.",
-    "A part half out of the picture is {cut_mm:.0f} mm off at {ratio:.2f} times the residual of a "
-    "right pose, and a depth scale {scale_off:.0%} off moves one by {scale_mm:.1f} mm. What "
-    "is looked through, or the edge, tells of the first; of the second an outside length, such as "
-    "the outline of a part whose size is known, once the scale moves it by a pixel: at "
-    "{seen_off:.0%} it does.",
+    "A part half outside the image is {cut_mm:.0f} mm off at {ratio:.2f} times the residual of "
+    "a right pose, and a depth scale that is {scale_off:.0%} off moves a pose by {scale_mm:.1f} "
+    "mm. See-through, or the image border, reveals the first. The second needs a known length "
+    "from outside, such as the outline of a part of known size once the scale moves it by a "
+    "pixel, as it does at {seen_off:.0%}.",
 )
 def a_residual_tells(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR
@@ -109,10 +110,11 @@ def a_residual_tells(result):
 
 
 @claim(
-    "Seen from straight above, the depths of a box tell where it is on the table.",
-    "They tell its height and two tilts. x, y and the turn come from the outline: with it "
-    "{found:.0%} of lone boxes are found, with a median error of {error_px:.2f} pixels, and the "
-    "squared error is {nees:.1f} times what the covariance says. Without it none is known.",
+    "Seen from straight above, the depths of a box determine its position on the table.",
+    "They determine its height and two tilts. x, y and the turn come from the outline. With it, "
+    "{found:.0%} of lone boxes are found, the median error is {error_px:.2f} pixels, and the "
+    "squared error is {nees:.1f} times what the covariance predicts. Without it, none of the "
+    "three is known.",
 )
 def outline_tells(result):
     from course.charts.perception.poses import BOX, SENSOR
@@ -164,12 +166,12 @@ def outline_tells(result):
 
 
 @claim(
-    "Where the depth's scale is right, a pose of an opaque part that the picture looks through is "
-    "wrong.",
-    "Right poses are looked through at {right:.1%} of their pixels at most, poses a quarter turn "
-    "off at {wrong:.0%} or more. But with a depth scale {off:.0%} too long the right ones, too, "
-    "are looked through, at {scaled:.0%}; and a nearly square box is not told from its quarter "
-    "turn ({square:.1%}), and is ambiguous.",
+    "If the depth scale is right, and the camera sees through the supposed place of an opaque "
+    "part, then the pose is wrong.",
+    "Right poses have a see-through share of at most {right:.1%}, and poses that are a quarter "
+    "turn off have {wrong:.0%} or more. But with a depth scale that is {off:.0%} too long, "
+    "right poses have {scaled:.0%}, too. And a nearly square box cannot be distinguished from "
+    "its quarter turn ({square:.1%}); it is reported as ambiguous.",
 )
 def looked_through_is_wrong(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
@@ -199,9 +201,10 @@ def looked_through_is_wrong(result):
 
 @claim(
     "The inverse of ICP's normal matrix is the covariance of the pose.",
-    "Not with closest points where a face is not seen: of a box seen from above the error squared "
-    "is {closest:.0f} times what it says, as noise near an edge is closest to a side that no ray "
-    "met. Points compared along their own rays, and white noise, give {rays:.2f}.",
+    "Not with closest points where a face is hidden. For a box seen from above, the squared "
+    "error is {closest:.0f} times what the matrix predicts, because noisy points near an edge "
+    "are closest to a side that no ray hit. If points are compared along their own rays and the "
+    "noise is white, the ratio is {rays:.2f}.",
 )
 def normal_matrix_is_covariance(result):
     from course.charts.perception.poses import BOX, laid_again
@@ -223,10 +226,11 @@ def normal_matrix_is_covariance(result):
 
 
 @claim(
-    "Averaging three to five pictures makes a pose better.",
-    "Of a part at rest, by the root of k if their errors are independent; of one that moves the "
-    "mean lags (k - 1) T v / 2 behind: five pictures, {period_ms:.0f} ms apart and each good to "
-    "{sigma_mm:.0f} mm, are worse than one from {speed:.0f} mm/s on.",
+    "Averaging three to five images makes a pose more accurate.",
+    "For a part at rest, by a factor of the square root of k if the errors are independent. For "
+    "a moving part, the mean lags behind by (k - 1) T v / 2: five images, {period_ms:.0f} ms "
+    "apart and each accurate to {sigma_mm:.0f} mm, are worse than a single one above "
+    "{speed:.0f} mm/s.",
 )
 def averaging_pictures_helps(result):
     from course.perception import averaged_error
