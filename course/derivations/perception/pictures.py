@@ -49,8 +49,8 @@ def noise_is_one_number(result):
     "Averaging enough images removes any error of depth.",
     "It does not remove the rounding of the disparity if the noise is small compared with a "
     "step. For a disparity {between} of the way between two steps, {silent:.2f} of a step "
-    "remains forever without noise, and {third:.3f} of a step with noise of a third of a step. Some noise makes "
-    "an average more accurate.",
+    "remains forever without noise, and {third:.3f} of a step with noise of a third of a "
+    "step. Some noise makes an average more accurate.",
     source="B. Widrow, I. Kollar, Quantization Noise, 2008, ch. 4",
 )
 def averaging_removes_all(result):
