@@ -84,8 +84,8 @@ def table(*rows):
 # * **Sim-to-real and learning** turns logs and episodes into parameters and policies (chapters 8 and 9).
 #
 # An arrow carries samples: so many per second, each of so many bytes. Rate times size is the arrow's **bandwidth**. A
-# depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot 480 \cdot 2 \cdot 30 = 18.4$ million bytes per
-# second.
+# depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot 480 \cdot 2 \cdot 30 = 18.4$ million bytes
+# per second.
 #
 # Arrows also differ in what a late sample means. With a **hard deadline** a late sample is a failure, whatever comes
 # after it. With a **soft deadline** a late sample is only worth less.
@@ -114,9 +114,9 @@ table(
 #
 # ### How old is a command?
 #
-# The motor command of this moment follows a trajectory. The trajectory was planned for a pose, and the pose was computed
-# from a picture. The **data age** of the command is the time from the capture of that picture until now. In this time
-# the world has moved on.
+# The motor command of this moment follows a trajectory. The trajectory was planned for a pose, and the pose was
+# computed from a picture. The **data age** of the command is the time from the capture of that picture until now. In
+# this time the world has moved on.
 #
 # Each program in this chain is a *stage*. A stage has an **execution time** $C$, from its start to its result. Most
 # stages also have a clock with a **period** $T$, and start whenever the clock ticks. When a stage starts, it takes the
@@ -246,8 +246,8 @@ table(
 )
 
 # %% [markdown]
-# Compare that with what the chain uses now: perception needs 45 ms thirty times per second, the planner 60 ms ten times,
-# the loop 0.2 ms a thousand times. That is $1.35 + 0.6 + 0.2 = 2.15$ cores.
+# Compare that with what the chain uses now: perception needs 45 ms thirty times per second, the planner 60 ms ten
+# times, the loop 0.2 ms a thousand times. That is $1.35 + 0.6 + 0.2 = 2.15$ cores.
 #
 # ### What is a millisecond worth?
 #
@@ -615,8 +615,8 @@ predict("gold_plated_table")
 # | transfer to the robot | not asked | 60 to 90 % |
 #
 # What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
-# reset. In simulation it follows from the length of a try, the steps per second and the cost of one step, which chapter 1
-# measures. Damage grows with the number of tries on the real robot:
+# reset. In simulation it follows from the length of a try, the steps per second and the cost of one step, which chapter
+# 1 measures. Damage grows with the number of tries on the real robot:
 
 # %%
 simulation("development")
@@ -656,8 +656,8 @@ table(
 # %% [markdown]
 # ## 9 · Frontier: fewer boxes
 #
-# A learned policy can replace perception and planning at once (chapter 9). It receives pictures and returns a **chunk**,
-# the actions of the next few tenths of a second. What does that do to the age?
+# A learned policy can replace perception and planning at once (chapter 9). It receives pictures and returns a
+# **chunk**, the actions of the next few tenths of a second. What does that do to the age?
 
 # %%
 predict("one_policy_for_three_boxes")
@@ -671,10 +671,10 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends, and
-# the age between them is that of a single stage. Chunks of actions (Zhao and others, RSS 2023) make the interval of this
-# stage the time between two observations. A **digital twin**, a simulation that runs beside the robot and follows its
-# joint states, is one more reader of an arrow, with a data age of its own.
+# The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends,
+# and the age between them is that of a single stage. Chunks of actions (Zhao and others, RSS 2023) make the interval of
+# this stage the time between two observations. A **digital twin**, a simulation that runs beside the robot and follows
+# its joint states, is one more reader of an arrow, with a data age of its own.
 #
 # ## 10 · Interview
 #

@@ -168,8 +168,8 @@ badges(3)
 # forward by a small time, the **step** $h$.
 #
 # The rule for this last part is the **time stepping scheme**. It turns accelerations and contact forces into new
-# velocities and positions. Chapter 1's semi-implicit Euler is one: first $v' = v + h\,a$, then $x' = x + h\,v'$. A scheme
-# makes an error because the acceleration changes during the step, and the scheme looks at it only once.
+# velocities and positions. Chapter 1's semi-implicit Euler is one: first $v' = v + h\,a$, then $x' = x + h\,v'$. A
+# scheme makes an error because the acceleration changes during the step, and the scheme looks at it only once.
 #
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.4, 2.3), layout="constrained")
@@ -400,10 +400,10 @@ show("drake_hydroelastic")
 # %% [markdown]
 # ### Check the forces that an engine reports
 #
-# An engine can report its contact forces. Before you use them, check them against the law. Chapter 2's **residuals** are
-# numbers that say how strongly a law of contact is violated; zero means that it holds. **Complementarity** means that
-# either the gap or the force is zero, never both positive. The *cone* residual says how far a force leaves the friction
-# cone. Here are the residuals of the contacts that MuJoCo reports for a tower of two cubes:
+# An engine can report its contact forces. Before you use them, check them against the law. Chapter 2's **residuals**
+# are numbers that say how strongly a law of contact is violated; zero means that it holds. **Complementarity** means
+# that either the gap or the force is zero, never both positive. The *cone* residual says how far a force leaves the
+# friction cone. Here are the residuals of the contacts that MuJoCo reports for a tower of two cubes:
 
 # %%
 for settings in (AS_SHIPPED, FAIR):
@@ -475,8 +475,8 @@ print_figures("platform_paths", "brake    own", "brake    MuJoCo", "Fair, MuJoCo
 # In the sliding scenes, the hop of MuJoCo is the largest difference that fair settings leave between the engines. It
 # comes from MuJoCo's formulation: none of the settings that this page tries removes it.
 #
-# Here are seven jobs, written as needs on both tables. A position may be off by 1 mm, and a braking block by 1 cm on its
-# way:
+# Here are seven jobs, written as needs on both tables. A position may be off by 1 mm, and a braking block by 1 cm on
+# its way:
 
 # %%
 facts = jobs.facts()
@@ -489,8 +489,8 @@ table(("Job", "Pick", "Why"), [(job, *jobs.decide(job)) for job in jobs.JOBS])
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must stay
-# below that, at this cost. MuJoCo meets it, with these settings. If the limit were ten times tighter, I would take
+# **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must
+# stay below that, at this cost. MuJoCo meets it, with these settings. If the limit were ten times tighter, I would take
 # another one." The weak answer is "it depends", with no limit and no pick. Nobody can check that.
 #
 # </div>
@@ -516,8 +516,8 @@ more_claims(
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse that satisfies this
 # contact alone, and go on to the next; after several sweeps the impulses change little. **PGS** (projected
 # Gauss-Seidel) also clips every impulse to what friction allows. **TGS** (temporal Gauss-Seidel) divides the time step
-# into small substeps and does one sweep in each, with updated positions. PGS spends its sweeps on one fixed problem; TGS
-# moves the bodies between sweeps.
+# into small substeps and does one sweep in each, with updated positions. PGS spends its sweeps on one fixed problem;
+# TGS moves the bodies between sweeps.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(8.6, 1.9), layout="constrained", sharey=True)
@@ -559,39 +559,38 @@ plt.show()
 # %% [markdown]
 # The documentation says, as read in November 2026:
 #
-# <table>
-# <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
+# <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
 # <tr><td>Isaac Sim 6</td> <td>an application for robots with cameras, lidar and many assets; RTX rendering</td>
-# <td>USD; imports URDF and MJCF</td> <td>PhysX, or Newton as the alternative</td>
-# <td>[manual of its Newton extension, 6.1](https://docs.isaacsim.omniverse.nvidia.com/6.1.0/py/source/extensions/isaacsim.physics.newton/docs/index.html)</td></tr>
+# <td>USD; imports URDF and MJCF</td> <td>PhysX, or Newton as the alternative</td> <td>[manual of its Newton extension,
+# 6.1](https://docs.isaacsim.omniverse.nvidia.com/6.1.0/py/source/extensions/isaacsim.physics.newton/docs/index.html)</td></tr>
 # <tr><td>Isaac Lab 3</td> <td>robot learning in many parallel worlds</td> <td>USD</td> <td>PhysX or Newton</td>
-# <td>[its manual, solver differences](https://isaac-sim.github.io/IsaacLab/main/source/concepts/solver_differences.html)</td></tr>
+# <td>[its manual, solver
+# differences](https://isaac-sim.github.io/IsaacLab/main/source/concepts/solver_differences.html)</td></tr>
 # <tr><td>PhysX 5</td> <td>rigid bodies, joints and soft bodies, on CPU or GPU</td> <td>calls in C++; USD through Isaac
 # Sim</td> <td>PGS, or TGS: better with large mass ratios and long chains, slightly more expensive, may add energy when
-# it corrects errors. Isaac Lab takes TGS by default</td>
-# <td>[PhysX 5.6, PxSolverType](https://nvidia-omniverse.github.io/PhysX/physx/5.6.0/_api_build/structPxSolverType.html);
-# [Isaac Lab 3.0](https://isaac-sim.github.io/IsaacLab/release/3.0.0/source/concepts/solver-tuning/tune_physx.html)</td></tr>
+# it corrects errors. Isaac Lab takes TGS by default</td> <td>[PhysX 5.6,
+# PxSolverType](https://nvidia-omniverse.github.io/PhysX/physx/5.6.0/_api_build/structPxSolverType.html); [Isaac Lab
+# 3.0](https://isaac-sim.github.io/IsaacLab/release/3.0.0/source/concepts/solver-tuning/tune_physx.html)</td></tr>
 # </table>
 
 # %%
 more_claims("headless_renders")
 
 # %% [markdown]
-# <table>
-# <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
+# <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
 # <tr><td>Warp</td> <td>writing GPU programs in Python</td> <td>none</td> <td>none; Newton is built on it</td>
-# <td>[Isaac Lab's manual, Newton](https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/newton/index.html)</td></tr>
+# <td>[Isaac Lab's manual,
+# Newton](https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/newton/index.html)</td></tr>
 # <tr><td>Newton</td> <td>GPU physics with exchangeable solvers; managed by the Linux Foundation</td> <td>USD in Isaac
 # Lab</td> <td>MuJoCo Warp (MuJoCo's method, main solver in Isaac Lab); Kamino (beta); XPBD; Featherstone; VBD for cloth
-# and soft bodies; MPM</td>
-# <td>[Isaac Lab's manual](https://isaac-sim.github.io/IsaacLab/develop/source/concepts/physics-backends/newton.html)</td></tr>
+# and soft bodies; MPM</td> <td>[Isaac Lab's
+# manual](https://isaac-sim.github.io/IsaacLab/develop/source/concepts/physics-backends/newton.html)</td></tr>
 # <tr><td>MJX</td> <td>MuJoCo called from JAX, for many worlds</td> <td>MJCF, compiled by MuJoCo</td> <td>MJX-JAX: the
 # algorithms of MuJoCo with some features missing, approximate gradients. MJX-Warp: MuJoCo Warp, for NVIDIA, without
 # automatic gradients</td> <td>[MuJoCo's manual, MJX](https://mujoco.readthedocs.io/en/stable/mjx.html)</td></tr>
 # <tr><td>Genesis World</td> <td>rigid, soft and fluid bodies in one scene</td> <td>Python; reads URDF, MJCF, USD and
 # meshes</td> <td>several, coupled: rigid, FEM, MPM, PBD and SPH particles, IPC</td> <td>[AMD's manual of
-# Genesis](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst)</td></tr>
-# </table>
+# Genesis](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst)</td></tr> </table>
 #
 # (XPBD moves positions directly until constraints hold; VBD and FEM simulate meshes that deform; MPM and SPH simulate
 # material as particles. IPC is a contact method that keeps meshes from passing through each other.)
@@ -625,24 +624,20 @@ predict("millions_a_second")
 # <details><summary>More statements that you will read, and what the projects' own pages say (2026, not measured
 # here)</summary>
 #
-# <table>
-# <tr><th>you will read</th> <th>documented</th> <th>source</th></tr>
-# <tr><td>MuJoCo is Multi-Joint dynamics with Contact, by Todorov, University of Washington</td> <td>yes; written with
-# Erez and Tassa, sold by Roboti, bought by DeepMind in October 2021, open since May 2022</td> <td>IROS 2012; MuJoCo's
-# manual, Overview, 2026</td></tr>
+# <table> <tr><th>you will read</th> <th>documented</th> <th>source</th></tr> <tr><td>MuJoCo is Multi-Joint dynamics
+# with Contact, by Todorov, University of Washington</td> <td>yes; written with Erez and Tassa, sold by Roboti, bought
+# by DeepMind in October 2021, open since May 2022</td> <td>IROS 2012; MuJoCo's manual, Overview, 2026</td></tr>
 # <tr><td>Isaac Sim ray-traces for visual transfer</td> <td>its renderer is RTX, path tracing by default; whether a
-# policy transfers is another question</td> <td>its manual, Rendering modes, 2026</td></tr>
-# <tr><td>too slow? Switch from RTX to rasterisation</td> <td>there is no other renderer to switch to; RTX has a mode
-# *Minimal*, with one light and hard shadows, for training</td> <td>the same page</td></tr>
-# <tr><td>Drake is MIT's</td> <td>started by the Robot Locomotion Group there; core development led by the Toyota
-# Research Institute</td> <td>its front page, 2023</td></tr>
-# <tr><td>SOFA has finite elements on the GPU</td> <td>finite elements, yes; the GPU through a plugin, SofaCUDA, that not
-# all components support</td> <td>its README, 2024; its discussion 4705</td></tr>
-# <tr><td>Isaac Lab succeeds Isaac Gym</td> <td>it replaces the frameworks around it, IsaacGymEnvs, OmniIsaacGymEnvs and
-# Orbit; Isaac Gym was a simulator, Isaac Lab runs on one</td> <td>Isaac Sim's manual, Isaac Lab, 2026</td></tr>
-# <tr><td>SAPIEN has articulated objects and rendering</td> <td>yes: two thousand objects of PartNet-Mobility; a
-# rasteriser and a ray tracer</td> <td>Xiang and others, CVPR 2020; its README, 2026</td></tr>
-# </table>
+# policy transfers is another question</td> <td>its manual, Rendering modes, 2026</td></tr> <tr><td>too slow? Switch
+# from RTX to rasterisation</td> <td>there is no other renderer to switch to; RTX has a mode *Minimal*, with one light
+# and hard shadows, for training</td> <td>the same page</td></tr> <tr><td>Drake is MIT's</td> <td>started by the Robot
+# Locomotion Group there; core development led by the Toyota Research Institute</td> <td>its front page, 2023</td></tr>
+# <tr><td>SOFA has finite elements on the GPU</td> <td>finite elements, yes; the GPU through a plugin, SofaCUDA, that
+# not all components support</td> <td>its README, 2024; its discussion 4705</td></tr> <tr><td>Isaac Lab succeeds Isaac
+# Gym</td> <td>it replaces the frameworks around it, IsaacGymEnvs, OmniIsaacGymEnvs and Orbit; Isaac Gym was a
+# simulator, Isaac Lab runs on one</td> <td>Isaac Sim's manual, Isaac Lab, 2026</td></tr> <tr><td>SAPIEN has articulated
+# objects and rendering</td> <td>yes: two thousand objects of PartNet-Mobility; a rasteriser and a ray tracer</td>
+# <td>Xiang and others, CVPR 2020; its README, 2026</td></tr> </table>
 #
 # </details>
 #
@@ -766,9 +761,9 @@ plt.show()
 # The first model runs, and after two seconds its elbow has made several turns. A constant torque keeps doing work, and
 # nothing takes the energy away. A real joint has friction and end stops.
 #
-# The third model uses a **position actuator**: a servo that computes the torque from the error of the angle,
-# $\tau = k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$. The same command 0.5 now means an angle of 0.5 rad instead of a torque
-# of 0.5 N m. So always ask what unit a command has.
+# The third model uses a **position actuator**: a servo that computes the torque from the error of the angle, $\tau =
+# k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$. The same command 0.5 now means an angle of 0.5 rad instead of a torque of
+# 0.5 N m. So always ask what unit a command has.
 
 # %%
 show("motor_is_torque")
@@ -886,8 +881,8 @@ more_claims("steps_per_second", "fewer_environments")
 # There are $v/(\mu g h)$ steps until it stops, so $v h/2$ is missing altogether. The full stopping distance is
 # $v^2/(2\mu g)$. Hence the missing share is $\mu g h/v$.
 #
-# **A worked example.** With $v = 2$ m/s, $\mu = 0.5$ and $h = 2$ ms, the share is $0.5 \cdot 9.81 \cdot 0.002 / 2$, about
-# half a percent of the stopping distance of 41 cm: 2 mm.
+# **A worked example.** With $v = 2$ m/s, $\mu = 0.5$ and $h = 2$ ms, the share is $0.5 \cdot 9.81 \cdot 0.002 / 2$,
+# about half a percent of the stopping distance of 41 cm: 2 mm.
 
 # %%
 show("braking_short")
@@ -958,8 +953,8 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # You don't need to read an engine's source to learn its cone. Launch a block between two axes; the length and direction
-# of its path name the shape. Along an axis all three shapes agree, and that is where most people test. (The two formulas
-# for the squares are questions of the checkpoint.)
+# of its path name the shape. Along an axis all three shapes agree, and that is where most people test. (The two
+# formulas for the squares are questions of the checkpoint.)
 #
 # ### Creep: why a held part sinks
 #
@@ -977,8 +972,8 @@ predict("part_that_sinks")
 # %% [markdown]
 # In MuJoCo, a friction constraint has no stiffness, only a damping coefficient $b$ and a compliance $R_t$ (how much it
 # yields to a load). A steady tangential load $f_t$ asks for a steady slip speed $v = R_t\,f_t/b$: the load times the
-# compliance, divided by the damping. The option `impratio` divides $R_t$. At ten times the `impratio`, the part sinks at
-# a tenth of the speed. **Noslip** is a second pass after the solver that reduces the slip that is left.
+# compliance, divided by the damping. The option `impratio` divides $R_t$. At ten times the `impratio`, the part sinks
+# at a tenth of the speed. **Noslip** is a second pass after the solver that reduces the slip that is left.
 #
 # ![Creep of a block and a part over impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
@@ -1000,9 +995,9 @@ print_figures(
 #
 # ### The smallest force that holds
 #
-# Two fingers press a part of mass $m$ from both sides with force $F$. Each can carry at most $\mu F$ upwards, so together
-# $2\mu F$. The part holds if $2\mu F \ge m g$, so the smallest force is $F = m g/(2\mu)$. For 0.1 kg and $\mu = 0.5$ that
-# is 0.98 N. Does an engine drop the part exactly below this force?
+# Two fingers press a part of mass $m$ from both sides with force $F$. Each can carry at most $\mu F$ upwards, so
+# together $2\mu F$. The part holds if $2\mu F \ge m g$, so the smallest force is $F = m g/(2\mu)$. For 0.1 kg and $\mu
+# = 0.5$ that is 0.98 N. Does an engine drop the part exactly below this force?
 #
 # ![Held or not over squeeze and step, by engine](../docs/charts/platform_grasp.png)
 
@@ -1052,10 +1047,10 @@ print("MuJoCo, over one cube  ", "".join(f"{x / cubes[0]:8.2f}" for x in cubes))
 print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (1, 2, 3, 4)))
 
 # %% [markdown]
-# MuJoCo's tower sinks as $n^2$ instead. MuJoCo scales the softness of a contact with the inverse masses of *both* bodies.
-# Between two cubes there are two inverse masses, on the ground only one. So the upper contacts are twice as soft. Drake
-# with point contacts lets the tower tip; with patches it stands. Our tower doesn't sink, because nothing in our contact
-# is soft.
+# MuJoCo's tower sinks as $n^2$ instead. MuJoCo scales the softness of a contact with the inverse masses of *both*
+# bodies. Between two cubes there are two inverse masses, on the ground only one. So the upper contacts are twice as
+# soft. Drake with point contacts lets the tower tip; with patches it stands. Our tower doesn't sink, because nothing in
+# our contact is soft.
 
 # %%
 show("tower_by_engine")
@@ -1086,9 +1081,9 @@ more_claims("reset_world")
 #
 # ### Models that can't exist
 #
-# A negative mass, a mass of NaN, a joint axis of length zero, a lower limit above the upper one: such files exist, often
-# after an export. A good reader rejects them or warns. If it *swallows* the fault, you simulate nonsense. Just as bad is
-# a **silent repair**: the model runs, and isn't the one in your file.
+# A negative mass, a mass of NaN, a joint axis of length zero, a lower limit above the upper one: such files exist,
+# often after an export. A good reader rejects them or warns. If it *swallows* the fault, you simulate nonsense. Just as
+# bad is a **silent repair**: the model runs, and isn't the one in your file.
 #
 # ![Faulty models and features by reader: refused or swallowed](../docs/charts/platform_readers.png)
 
@@ -1171,35 +1166,28 @@ simulation("platforms", "Sinking grasp")
 # %% [markdown]
 # Which row of this table is it?
 #
-# <table>
-# <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>the model moves differently from the robot, with equal torques</td> <td>inertias, damping, armature,
-# friction</td> <td>inverse dynamics against Pinocchio in several postures; let it coast down</td> <td>read the model
-# back; identify parameters (chapter 8)</td></tr>
-# <tr><td>right at rest, late in motion</td> <td>the drive's own control loop is missing</td> <td>a position step on
-# both</td> <td>position actuators with the drive's gains, rate and limit</td></tr>
-# <tr><td>Isaac Sim: few frames per second</td> <td>rendering</td> <td>turn the cameras off: how much faster?</td>
-# <td>fewer, smaller, less frequent images; RTX's *Minimal* mode if they needn't look real</td></tr>
-# <tr><td>Isaac Sim: slow without cameras</td> <td>physics step, or a small scene on the GPU</td> <td>halve the rate;
-# run physics on the CPU</td> <td>the largest step within tolerance; the CPU for few bodies, the GPU for many
-# worlds</td></tr>
-# <tr><td>a held part sinks</td> <td>creep</td> <td>is tangential over normal force below µ?</td> <td>`impratio`,
-# noslip</td></tr>
-# <tr><td>a block stops beside its heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic
-# cone</td></tr>
+# <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>the model moves differently
+# from the robot, with equal torques</td> <td>inertias, damping, armature, friction</td> <td>inverse dynamics against
+# Pinocchio in several postures; let it coast down</td> <td>read the model back; identify parameters (chapter
+# 8)</td></tr> <tr><td>right at rest, late in motion</td> <td>the drive's own control loop is missing</td> <td>a
+# position step on both</td> <td>position actuators with the drive's gains, rate and limit</td></tr> <tr><td>Isaac Sim:
+# few frames per second</td> <td>rendering</td> <td>turn the cameras off: how much faster?</td> <td>fewer, smaller, less
+# frequent images; RTX's *Minimal* mode if they needn't look real</td></tr> <tr><td>Isaac Sim: slow without cameras</td>
+# <td>physics step, or a small scene on the GPU</td> <td>halve the rate; run physics on the CPU</td> <td>the largest
+# step within tolerance; the CPU for few bodies, the GPU for many worlds</td></tr> <tr><td>a held part sinks</td>
+# <td>creep</td> <td>is tangential over normal force below µ?</td> <td>`impratio`, noslip</td></tr> <tr><td>a block
+# stops beside its heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic cone</td></tr>
 # <tr><td>a sliding block leaves the floor</td> <td>convex contact, set stiff</td> <td>height and contact count on the
-# way</td> <td>another engine, if the hop matters; a
-# softer `solref` lowers it</td></tr>
-# <tr><td>only the first episode differs</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the
-# world again, or restore a saved state</td></tr>
-# </table>
+# way</td> <td>another engine, if the hop matters; a softer `solref` lowers it</td></tr> <tr><td>only the first episode
+# differs</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore a
+# saved state</td></tr> </table>
 #
 # ### How to read a claim about speed
 #
 # In December 2024, Genesis was announced with tens of millions of steps per second. Users took the benchmark apart in
 # its issue 181: the robot received one action and then none, and collisions with itself were off. With more accurate
-# settings, self-collision and random actions, the maintainers' own table went from 14.5 to 1.2 million. Nobody need have
-# lied. Where little touches, a step is cheap. You can see that here:
+# settings, self-collision and random actions, the maintainers' own table went from 14.5 to 1.2 million. Nobody need
+# have lied. Where little touches, a step is cheap. You can see that here:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 from course.measure.timing import batches, interleaved
@@ -1369,22 +1357,17 @@ answer("braking_short", "v*dt/2")
 # Nothing in this table was measured here, since it needs a GPU, and its speed on a CPU would mislead. A simulator is
 # **differentiable** if it also computes the gradient of a motion with respect to its causes, such as forces or masses.
 #
-# <table>
-# <tr><th>project</th> <th>what is new</th> <th>status, source</th></tr>
-# <tr><td>MuJoCo Warp, MJX</td> <td>MuJoCo rewritten for NVIDIA's GPUs; MJX, the JAX interface (since MuJoCo 3.0, 2023),
-# can use it</td> <td>beta in 2025, released with MuJoCo's version numbers since; its package page, 2026. Some solver
-# options are missing, noslip for one</td></tr>
-# <tr><td>Newton</td> <td>one framework for several solvers, MuJoCo Warp among them; described as differentiable; contact
-# patches</td> <td>NVIDIA, Google DeepMind, Disney Research, under the Linux Foundation; Isaac Lab's manual, 2026</td></tr>
-# <tr><td>Isaac Lab</td> <td>learning tasks over a choice of physics, PhysX or Newton; Isaac Sim is optional</td>
-# <td>3.0, released in October 2026; its release notes</td></tr>
-# <tr><td>Genesis World</td> <td>rigid, soft and fluid solvers in one; scenes made from language were announced</td>
-# <td>2024; see its issue 181</td></tr>
-# <tr><td>SAPIEN, ManiSkill 3</td> <td>a different scene in each of many worlds, with cameras</td> <td>its README,
-# 2026</td></tr>
-# <tr><td>Brax</td> <td>the pioneer of many worlds in JAX (2021)</td> <td>since 0.13 only its training part is
-# maintained; for physics it points to MJX (its README, 2026)</td></tr>
-# </table>
+# <table> <tr><th>project</th> <th>what is new</th> <th>status, source</th></tr> <tr><td>MuJoCo Warp, MJX</td>
+# <td>MuJoCo rewritten for NVIDIA's GPUs; MJX, the JAX interface (since MuJoCo 3.0, 2023), can use it</td> <td>beta in
+# 2025, released with MuJoCo's version numbers since; its package page, 2026. Some solver options are missing, noslip
+# for one</td></tr> <tr><td>Newton</td> <td>one framework for several solvers, MuJoCo Warp among them; described as
+# differentiable; contact patches</td> <td>NVIDIA, Google DeepMind, Disney Research, under the Linux Foundation; Isaac
+# Lab's manual, 2026</td></tr> <tr><td>Isaac Lab</td> <td>learning tasks over a choice of physics, PhysX or Newton;
+# Isaac Sim is optional</td> <td>3.0, released in October 2026; its release notes</td></tr> <tr><td>Genesis World</td>
+# <td>rigid, soft and fluid solvers in one; scenes made from language were announced</td> <td>2024; see its issue
+# 181</td></tr> <tr><td>SAPIEN, ManiSkill 3</td> <td>a different scene in each of many worlds, with cameras</td> <td>its
+# README, 2026</td></tr> <tr><td>Brax</td> <td>the pioneer of many worlds in JAX (2021)</td> <td>since 0.13 only its
+# training part is maintained; for physics it points to MJX (its README, 2026)</td></tr> </table>
 #
 # ### The gap between two simulators
 #

@@ -65,8 +65,8 @@ simulation("sim_to_real")
 # believe them; and choose between measuring parameters and training on many simulators. **Know first:** chapter 4's
 # two-link arm, chapter 6's feedback loops, least squares.
 #
-# Most scenes explain something and then ask: click an answer, then open **Explanation**. Every number in the text comes
-# from the cell above it or from a check that `python -m course.derivations 8` repeats. Section 8 has these exercises:
+# Most scenes explain something and then ask: click an answer, then open **Explanation**. The checks behind the numbers
+# run again with `python -m course.derivations 8`. Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint

@@ -706,9 +706,9 @@ _ = axes[0].set_xlabel("")
 plt.show()
 
 # %% [markdown]
-# To protect the control callback, put it in a group of its own and give it a thread. The table compares the longest time
-# from the control callback's due time to its end with a computed bound. On one thread, the bound is the sum of both
-# callbacks:
+# To protect the control callback, put it in a group of its own and give it a thread. The table compares the longest
+# time from the control callback's due time to its end with a computed bound. On one thread, the bound is the sum of
+# both callbacks:
 
 # %% tags=["hide-code"]
 works = [Work("control", 0.001, 0.050), Work("camera", 0.025, 0.033, "subscription")]
@@ -1311,9 +1311,9 @@ predict("late_or_lost")
 #
 # The horizontal axis is the one-way delay of the link. On a fast link, the repaired command arrives before the next one
 # is due, and reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and
-# best effort is better. The curves cross where the
-# round trip takes somewhat less than one command period, so compare these two times. A message that is sent *once* (a goal, a change of mode, a stop)
-# has no successor, and needs reliable.
+# best effort is better. The curves cross where the round trip takes somewhat less than one command period, so compare
+# these two times. A message that is sent *once* (a goal, a change of mode, a stop) has no successor, and needs
+# reliable.
 
 # %% tags=["hide-code"]
 more_claims("joint_states_reliable")
