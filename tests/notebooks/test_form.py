@@ -35,6 +35,7 @@ REWRITTEN: set[str] = {
     "learning",
     "pipeline",
     "middleware",
+    "interview",
 }
 AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
