@@ -43,8 +43,6 @@ class Limits:
 LIMITS = Limits(prose=(5000, 8000), stretch=400, figures=6, claim_cards=12, true_share=1 / 3)
 # Of the entrance and the exit, chapters 0 and 12: half as much to read, in the same form.
 SHORT = replace(LIMITS, prose=(2500, 5000))
-# Of a chapter that still has the earlier form.
-EARLIER = Limits(prose=(0, 4500), stretch=250, figures=12, claim_cards=math.inf, true_share=1 / 6)
 
 _ASKED = re.compile(r"^\s*(predict|show|card|check|answer|checkpoint|interview)\(", re.M)
 _CLAIM = re.compile(r'^\s*(?:\w+\.)?show\("(\w+)"\)', re.M)

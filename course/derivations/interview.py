@@ -1,4 +1,4 @@
-"""Claims of chapter 12: what is said in interviews, of trials, cycles, contacts and losses."""
+"""Claims of chapter 12: statements about trials, cycles, contacts and losses in interviews."""
 
 import numpy as np
 
@@ -30,19 +30,21 @@ SYMBOLS = {
 
 
 @claim(
-    "A gate of 70 per cent and a hundred trials: what passes is at least that good.",
-    "What is at {worse:.2f} passes with probability {lucky:.2f}, and what is at the gate itself "
-    "with {fair:.2f}. After {passed:.0f} of {n:.0f} Wilson's interval at two standard deviations "
-    "is {low:.2f} to {high:.2f}. A half width d at two standard deviations takes {formula} trials.",
+    "A policy that reaches a gate of 70 % in a hundred trials has a true success rate of at least "
+    "70 %.",
+    "A policy with a true rate of {worse:.2f} passes with probability {lucky:.2f}, and one whose "
+    "true rate equals the gate with {fair:.2f}. After {passed:.0f} successes in {n:.0f} trials "
+    "Wilson's interval at two standard deviations is {low:.2f} to {high:.2f}. An interval of half "
+    "width d at two standard deviations takes about {formula} trials.",
     ask=(
-        "A success rate is near p. How many trials for an interval of half width d, at two "
-        "standard deviations?",
+        "A true success rate is p. About how many trials does an interval of half width d take, at "
+        "two standard deviations?",
         "n = 4*p*(1 - p)/d^2",
         {
             "p*(1 - p)/d^2": "That is one standard deviation.",
-            "2*p*(1 - p)/d^2": "Two standard deviations are squared.",
+            "2*p*(1 - p)/d^2": "The factor of two is squared together with the standard deviation.",
             "4*p/d^2": "The variance of a trial is p (1 - p).",
-            "4*p*(1 - p)/d": "The width falls with the root of n.",
+            "4*p*(1 - p)/d": "The width falls with the square root of n.",
         },
     ),
     source="E. Wilson, Probable inference, the law of succession, 1927",
@@ -77,19 +79,19 @@ def hundred_trials(result):
 
 
 @claim(
-    "A simulated accelerometer gives the acceleration of its body, with noise.",
-    "It gives what is felt: the acceleration less gravity, in axes of the sensor. At rest MuJoCo's "
-    "reads {rest:.2f} m/s^2 upward, in free fall nothing. And in a place that is integrated from "
-    "it a constant bias b outgrows white noise: it becomes {formula}, {drift:.1f} m after "
-    "{seconds:.0f} s at {bias:g} m/s^2.",
+    "A simulated accelerometer returns the acceleration of its body, plus noise.",
+    "It returns the specific force: acceleration minus gravity, in the axes of the sensor. At rest "
+    "MuJoCo's accelerometer reads {rest:.2f} m/s^2 upward, in free fall zero. If you integrate the "
+    "reading twice to get the position, a constant bias b causes the error {formula}: "
+    "{drift:.1f} m after {seconds:.0f} s at {bias:g} m/s^2.",
     ask=(
-        "An accelerometer at rest has a constant bias b. How far is the place off that is "
-        "integrated from it, after t?",
+        "An accelerometer at rest has a constant bias b. You integrate it twice. What is the "
+        "error of the position after the time t?",
         "b*t^2/2",
         {
-            "b*t": "That is the speed.",
-            "b*t^2": "Integrated twice: a half comes with it.",
-            "b*t^2/4": "The mean speed is half of the last.",
+            "b*t": "That is the error of the speed.",
+            "b*t^2": "Integrating t once more brings a factor of one half.",
+            "b*t^2/4": "The mean speed error is half of the final one: halve once.",
         },
     ),
     source="D. Titterton and J. Weston, Strapdown Inertial Navigation Technology, 2004, ch. 2",
@@ -135,19 +137,21 @@ def imu_reads_acceleration(result):
 
 
 @claim(
-    "An arm that stops as soon as it feels 10 N presses with about 10 N.",
-    "At {felt:.0f} N it is nearly as fast as before. A mass m with speed v that runs into a "
-    "stiffness k presses with {formula} if nobody brakes: {free:.0f} N at {speed:g} m/s, {mass:g} "
-    "kg and {stiff:.0f} N/m. Braked with {brake:.0f} N from there on, {late_ms:.0f} ms later, it "
-    "is {braked:.0f} N. To stay at {felt:.0f} N it may come with {slow:.3f} m/s.",
+    "An arm that starts to stop as soon as its sensor reads 10 N presses with about 10 N at most.",
+    "Detecting the force does not stop the arm. A mass m that runs into a stiffness k with the "
+    "speed v presses with {formula} if nothing brakes: {free:.0f} N at {speed:g} m/s, {mass:g} kg "
+    "and {stiff:.0f} N/m. With a brake of {brake:.0f} N that acts {late_ms:.0f} ms after the "
+    "sensor reads {felt:.0f} N, the peak is {braked:.0f} N. To stay at {felt:.0f} N without a "
+    "brake, the arm may arrive with {slow:.3f} m/s at most.",
     ask=(
-        "A mass m meets a spring k at speed v, with no other force. The largest force?",
+        "A mass m runs into a spring of stiffness k with speed v; no other force acts. What is the "
+        "largest force?",
         "F = v*sqrt(k*m)",
         {
             "v*sqrt(k/m)": "That is an acceleration.",
-            "k*v": "It is no damper.",
-            "m*v^2/2": "That is the energy.",
-            "v*k*m": "The energies are equal: k x^2 is m v^2.",
+            "k*v": "Stiffness times speed is not a force: a spring multiplies a distance.",
+            "m*v^2/2": "That is the kinetic energy.",
+            "v*k*m": "Solve k x^2 = m v^2 for x first, then multiply by k.",
         },
     ),
     source="S. Haddadin and others, Robot collisions, IEEE Transactions on Robotics, 2017",
@@ -186,16 +190,17 @@ def stop_at_ten_newtons(result):
 
 
 @claim(
-    "An impedance of 2000 N/m is position control.",
-    "It is a spring: a payload of mass m draws it down by {formula}, {sag:.1f} mm for {mass:g} kg. "
-    "Position control removes what stays, by an integral: {left:.0e} mm after {seconds:.0f} s.",
+    "An impedance controller of 2000 N/m holds a payload as precisely as position control.",
+    "It behaves like a spring: an unmodelled payload of mass m pulls it down by {formula}, "
+    "{sag:.1f} mm for {mass:g} kg. A position controller with an integral term removes this "
+    "steady-state error: {left:.0e} mm remain after {seconds:.0f} s.",
     ask=(
-        "A spring of stiffness k holds a hand. By how much does a payload of mass m draw it down?",
+        "A spring of stiffness k holds a hand. By how much does a payload of mass m pull it down?",
         "m*g/k",
         {
-            "m/k": "A mass is no force.",
-            "m*g/(2*k)": "A half belongs to the energy.",
-            "k/(m*g)": "Upside down: it gives way less where it is stiff.",
+            "m/k": "A mass is not a force: multiply it by gravity.",
+            "m*g/(2*k)": "One half belongs to the energy of a spring, not to its force.",
+            "k/(m*g)": "Upside down: a stiffer spring gives way less.",
         },
     ),
     source="N. Hogan, Impedance control, 1985",
@@ -229,18 +234,20 @@ def stiff_is_position(result):
 
 
 @claim(
-    "A PID controller has to filter its derivative.",
-    "Where samples are noisy: the difference of two of them carries {formula}. A filter that moves "
-    "by {alpha:.2f} of what is new leaves {quiet:.2f} of it, and is late: a loop without noise "
-    "settles in {soft:.0f} ms in place of {sharp:.0f}.",
+    "A PID controller always has to filter its derivative term.",
+    "It should do so where samples are noisy: the derivative from two samples has the noise "
+    "{formula}. A first-order filter with the smoothing factor {alpha:.2f} leaves {quiet:.2f} of "
+    "this noise. But the filter is also a delay: a loop without noise then settles in {soft:.0f} "
+    "ms instead of {sharp:.0f} ms.",
     ask=(
-        "Samples h apart carry white noise of deviation s. The deviation of (y[i] - y[i-1])/h?",
+        "Samples y at intervals of h have white noise with standard deviation s. What is the "
+        "standard deviation of (y[i] - y[i-1])/h?",
         "sqrt(2)*s/h",
         {
-            "s/h": "Two samples are noisy.",
-            "2*s/h": "Variances add up, not deviations.",
-            "sqrt(2)*s*h": "A difference is divided by h.",
-            "sqrt(2)*s": "Mind the unit: it is a rate.",
+            "s/h": "Both samples are noisy, not only one.",
+            "2*s/h": "Variances add up, standard deviations do not.",
+            "sqrt(2)*s*h": "The difference is divided by h.",
+            "sqrt(2)*s": "Check the unit: a derivative is per second.",
         },
     ),
     source="K. Astrom and T. Hagglund, Advanced PID Control, 2006, sec. 3.3",
@@ -284,11 +291,12 @@ def derivative_is_filtered(result):
 
 
 @claim(
-    "Energy that grows all the time shows that the integration is unstable.",
-    "Something may feed it in. Halve the step: what explicit Euler adds to ln E in a second is "
-    "halved, {whole:.2f} to {half:.2f}, of what Heun's scheme adds more than that is gone; "
-    "what a friction with the wrong sign adds stays, {fed:.2f} and {fed_half:.2f}. And an impact "
-    "rule can feed it in between steps that are exact: a ball that is put back on the ground when "
+    "Energy that grows all the time shows that the time integration is unstable.",
+    "A force or an impact rule may feed energy in. To tell them apart, halve the time step. The "
+    "growth of ln E per second that explicit Euler causes is halved, from {whole:.2f} to "
+    "{half:.2f}, and Heun's scheme loses more than half of it. The growth that friction with the "
+    "wrong sign causes stays, {fed:.2f} and {fed_half:.2f}. An impact rule can feed energy in "
+    "although the flight between impacts is exact: a ball that is put back on the ground whenever "
     "it is found below gains {bounced:.0%} in {bounces:.0f} bounces.",
 )
 def growing_energy(result):
@@ -353,7 +361,7 @@ def growing_energy(result):
     steps = result.rng.uniform(2e-3, 8e-3, 8)
     result.statement_holds(
         fed < 0.1,
-        only_if="neither a force nor an impact rule feeds energy in",
+        only_if="neither a force nor an impact rule adds energy",
         inside=[report(explicit, 0.2 * 100 * h, h) for h in steps],
         outside=[
             *(report(verlet, d, 4e-3) for d in result.rng.uniform(-1, -0.1, 8)),
@@ -373,13 +381,14 @@ def growing_energy(result):
 
 
 @claim(
-    "When recorded commands are replayed in simulation, an error at the start is latency, one that "
-    "grows is friction.",
-    "It depends on what is replayed. Under torques what grows may be friction or inertia, from the "
-    "first fifth to the last by {rough:.0f} and {heavy:.1f} times. Under positions of a motion "
-    "that repeats, friction hardly does, {rough_held:.1f} times. And latency shows where a free "
-    "joint is fast, not first: its error is delay times speed to {off:.0%}, and nothing at a start "
-    "from rest.",
+    "When recorded commands are replayed in simulation, an error at the start means latency, and "
+    "an error that grows means friction.",
+    "It depends on what is replayed. If the commands are torques, a growing error may come from a "
+    "wrong friction or a wrong inertia: here it grows {rough:.0f} and {heavy:.1f} times from the "
+    "first fifth of the run to the last. If they are positions of a repeating motion, the error "
+    "of a wrong friction hardly grows: {rough_held:.1f} times. Latency shows where the joint is "
+    "fast, not at the start: the error is the delay times the speed, to within {off:.0%}, and "
+    "zero at a start from rest.",
 )
 def error_by_its_shape(result):
     dt, n = 1e-3, 3000
@@ -425,19 +434,20 @@ def error_by_its_shape(result):
 
 @claim(
     "A* finds a path through a gap wherever there is one.",
-    "It is complete on its graph: on a grid whose cells of {cell:g} m are free only as a whole, "
-    "a straight gap along it of {narrow:g} m was open for {open_narrow:.0%} of the grid's places "
-    "and one of {wide:g} m for {open_wide:.0%}. It is open wherever the grid lies from "
-    "{formula} on. Turned to the grid the same gap of {wide:g} m was open for {turned:.0%} of its "
-    "places and angles, and one of {safe:g} m for all.",
+    "A* is complete only on its graph. Take a grid with cells of side c that count as free only if "
+    "no obstacle touches them. With cells of {cell:g} m, a straight gap of {narrow:g} m along the "
+    "grid was open at {open_narrow:.0%} of the random positions of the grid, and a gap of "
+    "{wide:g} m at {open_wide:.0%}. The width {formula} is enough at any position. A gap of "
+    "{wide:g} m that was rotated against the grid was open in {turned:.0%} of the samples, and "
+    "one of {safe:g} m in all.",
     ask=(
-        "Cells of side c count as free only as a whole. The least width of a gap, along the "
-        "grid, that is open wherever the grid lies?",
+        "Cells of side c count as free only if no obstacle touches them. What is the smallest "
+        "width of a gap along the grid that is open at any position of the grid?",
         "2*c",
         {
-            "c": "Its two sides may both cut a cell.",
-            "c/2": "A cell does not fit.",
-            "3*c": "Two cut cells, and one between: they are cut only in part.",
+            "c": "Both sides of the gap may cut through a cell.",
+            "c/2": "Not even one cell fits.",
+            "3*c": "Less is enough: between two cut cells only one has to be whole.",
         },
     ),
     source="S. LaValle, Planning Algorithms, 2006, sec. 5.1",
@@ -512,8 +522,8 @@ def complete_planners(result):
     result.statement = "Free cells of a grid, joined, at drawn places of the grid over a gap."
     result.statement_holds(
         tight == 1,
-        only_if="a gap along the grid is at least two cells wide, and one that is turned two times "
-        "the root of two, for A*",
+        only_if="a gap along the grid is at least two cells wide, and a gap at any other angle at "
+        "least 2 sqrt(2) cells, where A* searches a grid of wholly free cells",
         # Chosen to break it: gaps that are turned to the grid.
         inside=[
             *(open_share(gap) == 1 for gap in wider),
@@ -530,20 +540,21 @@ def complete_planners(result):
 
 
 @claim(
-    "A planner that is twice as fast makes a pick-and-place cycle clearly shorter.",
-    "Such a planner saves half of what the arm waits for it. A move over D takes {formula}, if it "
-    "reaches the speed v with acceleration a. With "
-    "{moves:.0f} moves of {move:.2f} s and {compute_ms:.0f} ms of computing, in which the planner "
-    "has {plan_ms:.0f} ms, the cycle falls by {won:.1%}; twice the acceleration saves {quick:.0%}.",
+    "A planner that is twice as fast makes a pick-and-place cycle more than ten per cent shorter.",
+    "It saves only half of the time that the arm waits for a plan. A move over the distance D "
+    "takes {formula} if the arm reaches its top speed v with the acceleration a. With "
+    "{moves:.0f} moves of {move:.2f} s, {grip:g} s of gripping and {compute_ms:.0f} ms of "
+    "computing, {plan_ms:.0f} ms of it planning, a planner that is twice as fast shortens the "
+    "cycle by {won:.1%}. Twice the acceleration shortens it by {quick:.0%}.",
     ask=(
-        "A hand moves from rest to rest over D, with speed limit v, which it reaches, and "
-        "acceleration a. How long does it take?",
+        "A hand moves from rest to rest over the distance D. It accelerates and brakes with a and "
+        "reaches its top speed v. How long does the move take?",
         "T = D/v + v/a",
         {
-            "D/v": "It starts and stops.",
-            "D/v + 2*v/a": "While it speeds up it moves on, at half the speed.",
-            "D/v + v/(2*a)": "That is one of the two ends.",
-            "2*sqrt(D/a)": "That is where the limit is not reached.",
+            "D/v": "The hand also has to speed up and to brake.",
+            "D/v + 2*v/a": "While it speeds up and brakes, it moves at half of v on average.",
+            "D/v + v/(2*a)": "That counts only one of the two ramps.",
+            "2*sqrt(D/a)": "That is the time if the top speed is not reached.",
         },
     ),
     source="Chapter 5 derives the trapezoid",
@@ -570,7 +581,7 @@ def computing_and_cycle(result):
 
     move = result.measure("move", taken(hard), 5e-3)
     report = float(result.formula.subs({D: far, v: fast, a: hard}))
-    moves, grip = result.input("moves", 4), 0.6
+    moves, grip = result.input("moves", 4), result.input("grip", 0.6)
     computing = result.input("compute_ms", 170) / 1000
     plan = result.input("plan_ms", 100) / 1000
     cycle = moves * move + grip + computing
@@ -582,20 +593,21 @@ def computing_and_cycle(result):
 
 
 @claim(
-    "The loss -E[A log pi] of reinforcement learning falls while the policy gets better.",
-    "Only its slope means something, and only at the policy that drew the data: there it is "
-    "minus that of the return, which for two actions is {formula}. Half a unit of score away the "
-    "slope is {away:.0%} off, in the mean, and what the loss is worth depends on the baseline. "
-    "Cloning has it with A = 1 on somebody else's actions: there it is minus the logarithm of a "
-    "likelihood, and may be minimised.",
+    "While a policy gets better, the policy-gradient loss -E[A log pi] falls.",
+    "Only the gradient of this loss has a meaning, and only at the policy that collected the "
+    "data: there it is minus the gradient of the return, which for two actions is {formula}. With "
+    "scores half a unit away it differs by {away:.0%} on average. Whether the value of the loss "
+    "falls depends on the baseline. Behaviour cloning uses the same expression with A = 1 on the "
+    "actions of a demonstrator. There it is a negative log-likelihood, which may be minimised.",
     ask=(
-        "Two actions with rewards r1 and r2; the first is chosen with probability p, the logistic "
-        "function of its score. The slope of the mean reward over the score?",
+        "A policy has two actions with rewards r1 and r2. It chooses the first with probability p, "
+        "the logistic function of a score. What is the derivative of the mean reward with respect "
+        "to this score?",
         "p*(1 - p)*(r1 - r2)",
         {
-            "p*(r1 - r2)": "The slope of a logistic function is p (1 - p).",
-            "r1 - r2": "That is over p, not over its score.",
-            "p*(1 - p)*r1": "The other action loses what this one wins.",
+            "p*(r1 - r2)": "The derivative of the logistic function is p (1 - p).",
+            "r1 - r2": "That is the derivative with respect to p, not to the score.",
+            "p*(1 - p)*r1": "The other action loses the probability that this one gains.",
         },
     ),
     source="R. Williams, Simple statistical gradient-following algorithms, 1992",
@@ -647,17 +659,19 @@ def loss_of_a_policy(result):
 
 
 @claim(
-    "In a planar arm each joint is the one before plus a link at the sum of the angles so far.",
-    "So it is, with angles that are measured against the link before: three links end at the "
-    "height {formula}. It agrees with a product of transforms to {digits:.0f} digits. With angles "
-    "against the ground only the links are summed.",
+    "In a planar arm, the position of each joint is that of the joint before, plus a link vector "
+    "whose direction is the sum of the joint angles so far.",
+    "This is true for angles that are measured against the link before. The tip of three links is "
+    "at the height {formula}, and a product of transforms agrees to {digits:.0f} digits. If the "
+    "angles are absolute, measured against the ground, sum the link vectors, but not the angles.",
     ask=(
-        "Three links in a plane, each angle against the link before. The height of the tip?",
+        "A planar arm has three links, and each angle is measured against the link before. What is "
+        "the height of the tip?",
         "L1*sin(q1) + L2*sin(q1 + q2) + L3*sin(q1 + q2 + q3)",
         {
-            "L1*sin(q1) + L2*sin(q2) + L3*sin(q3)": "Those are angles against the ground.",
+            "L1*sin(q1) + L2*sin(q2) + L3*sin(q3)": "Here the angles are absolute.",
             "L1*cos(q1) + L2*cos(q1 + q2) + L3*cos(q1 + q2 + q3)": "That is the other axis.",
-            "(L1 + L2 + L3)*sin(q1 + q2 + q3)": "Each link has a sum of its own.",
+            "(L1 + L2 + L3)*sin(q1 + q2 + q3)": "Each link has its own sum of angles.",
         },
     ),
 )

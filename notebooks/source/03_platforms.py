@@ -562,7 +562,9 @@ plt.show()
 # <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
 # <tr><td>Isaac Sim 6</td> <td>an application for robots with cameras, lidar and many assets; RTX rendering</td>
 # <td>USD; imports URDF and MJCF</td> <td>PhysX, or Newton as the alternative</td> <td>[manual of its Newton extension,
-# 6.1](https://docs.isaacsim.omniverse.nvidia.com/6.1.0/py/source/extensions/isaacsim.physics.newton/docs/index.html)</td></tr>
+# 6.1](
+# https://docs.isaacsim.omniverse.nvidia.com/6.1.0/py/source/extensions/isaacsim.physics.newton/docs/index.html)
+# </td></tr>
 # <tr><td>Isaac Lab 3</td> <td>robot learning in many parallel worlds</td> <td>USD</td> <td>PhysX or Newton</td>
 # <td>[its manual, solver
 # differences](https://isaac-sim.github.io/IsaacLab/main/source/concepts/solver_differences.html)</td></tr>
@@ -580,7 +582,9 @@ more_claims("headless_renders")
 # <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
 # <tr><td>Warp</td> <td>writing GPU programs in Python</td> <td>none</td> <td>none; Newton is built on it</td>
 # <td>[Isaac Lab's manual,
-# Newton](https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/newton/index.html)</td></tr>
+# Newton](
+# https://isaac-sim.github.io/IsaacLab/develop/source/overview/core-concepts/physical-backends/newton/index.html)
+# </td></tr>
 # <tr><td>Newton</td> <td>GPU physics with exchangeable solvers; managed by the Linux Foundation</td> <td>USD in Isaac
 # Lab</td> <td>MuJoCo Warp (MuJoCo's method, main solver in Isaac Lab); Kamino (beta); XPBD; Featherstone; VBD for cloth
 # and soft bodies; MPM</td> <td>[Isaac Lab's

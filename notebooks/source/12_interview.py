@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 12 · The interview
 #
-# *Everything that the eleven chapters before measured, asked back. Answer aloud, then turn the card.* About
-# {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises
-# {exercise minutes} minutes. Add as many evenings of cards as you have.
+# *Eleven chapters measured things. This chapter turns the measurements into interview questions, and you answer aloud.*
+# About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes. The four design questions take 45 minutes each on top.
 
 # %%
 from course.cards import predict
@@ -15,21 +15,67 @@ predict("hundred_runs")
 simulation("interview")
 
 # %% [markdown]
-# **You will be able to** answer with a figure that you can defend, in half a minute and in five; design a system on a
-# whiteboard with rates and latencies on its arrows; find the cause of a failure in counted experiments; and rehearse
-# all of it, timed and graded, in a terminal. **Know first:** as many of the chapters as you have time for. A card of a
-# chapter that you have not read tells you what to read.
+# The panel is a flashcard trainer. It holds four cards, one for each coding question of a robotics interview. The curve
+# is the predicted probability that you still remember the card on top. Turn the card, rate how well you knew it, and
+# watch the curve jump back up and then fall more slowly. Section 4 explains why.
+#
+# **After this chapter you can** answer with a number that you can justify, in a version of thirty seconds and in one of
+# five minutes; design a system on a whiteboard with rates and latencies on its arrows; locate a fault with few, well
+# chosen experiments; and rehearse all of this against a clock. **Know first:** as many of the chapters as you have time
+# for. If a card is about a chapter that you skipped, it names the section to read.
 #
 # ## How this chapter works
 #
-# Each number in an answer is computed by a claim, a chart or a function of this course;
-# `python -m course.derivations 12` runs the claims of this page again. Three commands do the same in a terminal:
+# An interview for a robotics job usually has four rounds, and each of them has its sections here. On the phone you
+# explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you design a system. In
+# the coding round you write twenty lines that a program tests. In the debugging round you find out why a program fails.
+
+# %% tags=["hide-code"]
+import matplotlib.pyplot as plt
+import numpy as np
+from IPython.display import SVG, Markdown
+from scipy.stats import binom
+
+from course.cards import interview
+from course.derivations import more_claims, show
+from course.derivations.records import figure
+from course.interview import designs, invariants, museum, tables
+from course.interview.estimates import ESTIMATES
+from course.interview.scenarios import diagnose, model_path, ruled_out, scenario
+
+BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#7f7f7f"
+
+ROUNDS = {
+    "phone screen": "sections 1, 2, 9",
+    "whiteboard": "section 3",
+    "coding": "sections 4, 8",
+    "debugging": "sections 5, 6",
+}
+figure_, axis = plt.subplots(figsize=(8.0, 1.2), layout="constrained")
+for place, (name, where) in enumerate(ROUNDS.items()):
+    axis.text(
+        place,
+        0.0,
+        f"{name}\n{where}",
+        ha="center",
+        va="center",
+        bbox={"boxstyle": "round,pad=0.6", "facecolor": "#eef3fa", "edgecolor": BLUE},
+    )
+    if place:
+        axis.annotate("", (place - 0.34, 0.0), (place - 0.64, 0.0), arrowprops={"arrowstyle": "->"})
+axis.set(xlim=(-0.5, 3.5), ylim=(-1.0, 1.0))
+axis.axis("off")
+plt.show()
+
+# %% [markdown]
+# Every number in an answer is computed by code of this course, and `python -m course.derivations 12` recomputes those
+# of this page. You can also practise in a terminal, with three commands:
 #
-# | | |
+# | Command | What it does |
 # |---|---|
-# | `drills review` | the cards that are due, each with its own next date |
-# | `drills interview --minutes 45` | a question, a scenario, a drill that is graded, a design; a report at the end |
-# | `drills debug explodes` | one of four programs that fail, to be questioned |
+# | `drills review` | shows the flashcards that are due today and schedules the next review of each |
+# | `drills interview --minutes 45` | runs a mock interview: a question, a debugging case, a graded coding exercise and a design, then a report |
+# | `drills debug explodes` | gives you one of four faulty programs and lets you experiment on it |
 #
 # Section 8 has these exercises:
 
@@ -38,40 +84,68 @@ from drills.notebook import badges, card, check, checkpoint
 
 badges(12)
 
-# %%
-import matplotlib.pyplot as plt
-import numpy as np
-from IPython.display import Markdown
-from scipy.stats import binom
-
-from course.cards import interview
-from course.derivations import show
-from course.derivations.records import figure
-from course.interview import designs, invariants, museum, tables
-from course.interview.estimates import ESTIMATES
-from course.interview.scenarios import diagnose, model_path, scenario
-
 # %% [markdown]
-# ## 1 · Concept: the whole course in thirty seconds each
+# ## 1 · Concept: thirty seconds on each subject
 #
-# Eight subjects; each ends with what was measured here: the pick, its price beside the real library, and its limit.
+# An interviewer opens with a broad question, such as "What do you know about contact simulation?" A good answer takes
+# thirty seconds. It says what the thing is, gives one equation, and ends with a measured number and with the point
+# where the method stops working. Then you stop.
+#
+# The table has such an answer for each of eight subjects. Read one row, look away, and say it in your own words. Each
+# row ends with a measurement from this course: the task and its tolerance, the error and the computing time of the
+# method that we chose, the same for an established library, and the limit of the method.
 
 # %%
 tables.cheat_sheet()
 
 # %% [markdown]
-# ### What is said often, and is not so
+# <div class="alert alert-block alert-success">
 #
-# Each of these has been heard in an interview. Is it true, false, or true under a condition? Decide before you turn the
-# card. (A **gate** is a threshold that a policy has to pass before it goes on.)
+# **Interview tip.** First the answer, then its number, then its limit; then stop. "Semi-implicit Euler. On an undamped
+# oscillator it is stable as long as the step stays below two divided by the angular frequency." That takes ten seconds,
+# and it makes the likely next question one that you are prepared for.
+#
+# </div>
+#
+# ### How good is a policy that passed a test?
+#
+# The first screen asked about a policy with seventy successes in a hundred runs. Suppose that each run
+# succeeds with the same probability $p$, the true success rate, whatever happened before. Then the number of successes
+# in $n$ runs follows a binomial distribution. The observed rate scatters around $p$ with the standard deviation
+#
+# $$\sigma = \sqrt{\frac{p\,(1 - p)}{n}} .$$
+#
+# **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
+# deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
+# this width you need four times as many runs.
+#
+# The picture shows how likely each count is for $p = 0.7$. The shaded band is two standard deviations to each side:
+
+# %% tags=["hide-code"]
+counts = np.arange(50, 91)
+figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
+axis.bar(counts, binom.pmf(counts, 100, 0.7), color=BLUE)
+spread = np.sqrt(100 * 0.7 * 0.3)
+axis.axvspan(70 - 2 * spread, 70 + 2 * spread, color=ORANGE, alpha=0.2)
+axis.set(xlabel="successes in 100 runs", ylabel="probability")
+plt.show()
+
+# %% [markdown]
+# A **confidence interval** is the set of true rates that are compatible with the observed count, at a chosen level of
+# confidence. Two standard deviations correspond to a level of about 95 %. The simple formula above uses the observed
+# rate in place of the unknown one, and fails near 0 and 1. The Wilson interval avoids this. It contains every rate $p$
+# whose own standard deviation explains the observation, and you will program it in section 8.
+#
+# Robot teams use such counts for a **gate**, a threshold that a policy has to pass before it may go on, for example
+# from the simulator to the robot.
 
 # %%
 show("hundred_trials")
 
 # %% [markdown]
-# How likely a policy passes, against how good it is:
+# The chart shows how likely a policy is to pass the gate of 70 %, depending on how good it truly is:
 
-# %%
+# %% tags=["hide-code"]
 rate = np.linspace(0.4, 1.0, 121)
 figure_, axis = plt.subplots(figsize=(6.5, 2.6), layout="constrained")
 for n in (20, 100, 500):
@@ -83,95 +157,254 @@ axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# A **confidence interval** is the range of rates that the count does not speak against; the **power** of a test is the
-# probability that it sees a difference that is there. No number of trials makes the curve a step; some make it steep
-# where it matters.
-
-# %% [markdown]
-# <div class="alert alert-block alert-success">
+# A perfect gate would be a step at 0.7. More trials make the curve steeper, but never a step. So decide first which two
+# rates you have to tell apart, and then choose the number of trials. The **power** of a test is the probability that it
+# detects a difference that really exists. To say "the test found no difference" means little if its power was low.
 #
-# **Interview tip.** First the answer, then its figure, then its limit; then stop. "Semi-implicit Euler; at the step of
-# this scene it errs by so much, and above twice the inverse frequency, or less with damping, it explodes" takes ten
-# seconds, and the next question is one that you chose.
+# ### What does an accelerometer measure?
 #
-# </div>
+# An accelerometer is a small mass on a spring inside a housing. The reading is proportional to the force of the spring
+# on the mass. Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. Everything else
+# that moves the housing does. The reading is the **specific force**: the sum of all forces on the body except gravity,
+# divided by the mass of the body. In symbols, $f = a - g$, in the axes of the sensor, with the acceleration $a$ and the
+# gravity vector $g$.
 
 # %%
 show("imu_reads_acceleration")
 
 # %% [markdown]
-# (**Specific force** is that: force on the body, gravity left out, per mass.)
-
-# %%
-show("stiff_is_position")
+# ### Where are the joints of a planar arm?
+#
+# A standard warm-up for the coding round is forward kinematics in the plane. Each angle of an arm is measured against
+# the link before it, because that is where the encoder sits. Let the arm have links of lengths $L_i$ and joint angles
+# $q_i$.
 
 # %%
 show("joints_by_sums")
+
+# %% tags=["hide-code"]
+lengths, turns = np.array([0.5, 0.4, 0.3]), np.radians([35.0, 30.0, -50.0])
+sums = np.cumsum(turns)
+steps = lengths[:, None] * np.c_[np.cos(sums), np.sin(sums)]
+joints = np.vstack(([0.0, 0.0], np.cumsum(steps, axis=0)))
+figure_, axis = plt.subplots(figsize=(6.5, 2.8), layout="constrained")
+axis.plot(*joints.T, "o-", color=BLUE, lw=4, ms=9)
+for place, (joint, total) in enumerate(zip(joints[:-1], sums, strict=True)):
+    arc = joint + 0.13 * np.c_[np.cos(s := np.linspace(0.0, total, 30)), np.sin(s)]
+    axis.plot(*np.vstack((joint, joint + [0.2, 0.0])).T, color=GREY, lw=1, ls="--")
+    axis.plot(*arc.T, color=ORANGE, lw=2)
+    label = " + ".join(f"$q_{k + 1}$" for k in range(place + 1))
+    axis.text(*(joint + [0.2, -0.005]), f" {label}", va="center", color=ORANGE)
+axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.1, 1.4), ylim=(-0.08, 0.85))
+plt.show()
+
+# %% [markdown]
+# The orange arcs are the sums of the angles so far. They measure the direction of each link against the horizontal
+# (dashed). In code this is one line, `np.cumsum(angles)`, followed by a second cumulative sum over the link vectors.
+#
+# ### What does a sampled controller cost?
+#
+# A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
+# the staircase that the motor receives. Look at the dotted curve, which smooths the staircase again: it has the same
+# shape as the ideal command, but it lags behind.
+
+# %% tags=["hide-code"]
+time = np.linspace(0.0, 8.0, 801)
+figure_, axis = plt.subplots(figsize=(6.5, 2.5), layout="constrained")
+axis.plot(time, np.sin(0.8 * time), color=GREY, label="ideal command")
+axis.plot(time, np.sin(0.8 * np.floor(time)), color=BLUE, label="held command")
+axis.plot(time, np.sin(0.8 * (time - 0.5)), color=ORANGE, ls=":", lw=2, label="half a sample late")
+axis.set(xlabel="time [samples]", ylabel="command")
+axis.legend(fontsize=8, loc="lower left")
+plt.show()
 
 # %%
 show("hold_is_half_a_sample")
 
 # %% [markdown]
+# So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before a single line of code has run. Add the
+# time of computing and the time on the bus. Delay costs phase, and lost phase limits the gain: this is why the answer
+# to "how stiff can you make this joint?" has to begin with the sample time.
+
+# %%
+more_claims("stiff_is_position")
+
+# %% [markdown]
 # ## 2 · Concept: the back of the envelope
 #
-# An estimate is a sum whose inputs you can say aloud. Which of them decides?
+# "How many picks per hour can this cell do?" Nobody expects four digits. The interviewer wants to see a short
+# calculation whose inputs you state aloud, so that both of you can see which input matters most.
+#
+# The **cycle time** of a picking cell is the time from one part to the next. It is the sum of the motion, of gripping
+# and releasing, and of the computing during which the arm stands still. For the motion you need one formula. From rest
+# to rest over a distance $D$, with the acceleration $a$ and the top speed $v$, the speed over time is a trapezoid if
+# the arm reaches $v$, and a triangle if it does not. The area under the curve is the distance:
+#
+# $$T = \frac{D}{v} + \frac{v}{a} \quad\text{if}\; D \ge \frac{v^2}{a}, \qquad T = 2\sqrt{\frac{D}{a}}
+# \quad\text{otherwise} .$$
+#
+# **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes
+# 0.6 + 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so nearly half of the time is spent on speeding up
+# and braking. Four such moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s.
+# Planning takes 0.1 s of the computing.
+
+# %% tags=["hide-code"]
+figure_, (left, right) = plt.subplots(
+    1, 2, figsize=(8.5, 2.3), layout="constrained", width_ratios=(1, 2)
+)
+left.plot([0, 0.5, 0.6, 1.1], [0, 1, 1, 0], color=BLUE, label="0.6 m: trapezoid")
+half = np.sqrt(0.15 / 2.0)
+left.plot([0, half, 2 * half], [0, 2 * half, 0], color=ORANGE, label="0.15 m: triangle")
+left.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0, 1.55))
+left.legend(fontsize=7, loc="upper right")
+spans = [("planning", 0.1, ORANGE), ("other computing", 0.07, "#e69f00")]
+spans += [("four moves", 4.4, BLUE), ("gripping", 0.6, GREY)]
+start = 0.0
+for name, span, colour in spans:
+    right.barh(0, span, left=start, color=colour, label=f"{name}: {span:g} s")
+    start += span
+right.set(xlabel="time of one cycle [s]", yticks=[], ylim=(-0.5, 1.6))
+right.legend(fontsize=7, ncols=2, loc="upper center")
+plt.show()
 
 # %%
 predict("twice_the_planner")
 
 # %%
-for name in (
-    "cycle",
-    "computing_share",
-    "finger_error",
-    "grip_force",
-    "stopping",
-    "contact_clamped",
-):
-    one = ESTIMATES[name]
-    print(f"{one.statement:<36}{one.value():9.3g} {one.unit}")
+show("computing_and_cycle")
 
 # %% [markdown]
-# The **cycle time** is from one part to the next; the **stopping distance** is what is travelled from the decision to
-# rest, reaction included; the **effective mass** is what the contact feels of an arm, less than its weight on a scale.
-# Change an input, and see which one the answer hangs on. Here each is doubled once:
+# ### Six estimates
+#
+# These six numbers come up in most interviews about arms. The **stopping distance** is the distance that a robot
+# travels from the command to stop until it stands still, the reaction time included: $d = v\,t_r + v^2/(2a)$. The
+# **effective mass** is the mass that the arm presents at the point of contact, in the direction of the blow. It is
+# usually smaller than the mass of the arm, because not all links have to change their speed for the tip to stop.
+
+# %% tags=["hide-code"]
+rows = ["| Estimate | Value | Inputs |", "|---|---:|---|"]
+LABELS = {
+    "cycle": "Time of one pick and place",
+    "computing_share": "Share of computing in that time",
+    "finger_error": "Position error at the fingertip",
+    "grip_force": "Force of each of two fingers",
+    "stopping": "Stopping distance of the arm",
+    "contact_clamped": "Peak force on something that cannot move away",
+}
+for name, label in LABELS.items():
+    one = ESTIMATES[name]
+    inputs = "; ".join(
+        f"`{key}` {', '.join(f'{x:g}' for x in np.atleast_1d(value))}"
+        for key, value in one.given().items()
+        if not isinstance(value, str)
+    )
+    rows.append(f"| {label} | {one.value():.3g} {one.unit} | {inputs} |")
+Markdown("\n".join(rows))
+
+# %% [markdown]
+# (This cell is not the one of the card above: its moves are other ones, and it computes for longer.) Which of the
+# inputs does an estimate hang on? Double one after the other and look at the factor. Here it is done for the peak
+# force:
 
 # %%
 one = ESTIMATES["contact_clamped"]
 base = one.value()
 for name, given in one.given().items():
     if isinstance(given, float) and given:
-        print(
-            f"{name:<24} {given:9.3g} -> {2 * given:9.3g}: {one.value(**{name: 2 * given}) / base:5.2f} times"
-        )
+        factor = one.value(**{name: 2 * given}) / base
+        print(f"{name:<20} {given:8.3g} -> {2 * given:8.3g}   peak force x {factor:.2f}")
 
-# %%
-show("computing_and_cycle")
+# %% [markdown]
+# Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it by the square root of two only.
+# The reason is energy. At the deepest point the whole kinetic energy of the arm is stored in the spring of the contact.
+# If you remember that sentence, you can derive the formula for the peak force at the whiteboard, and the checkpoint at
+# the end of this page will ask you to.
+#
+# ### Stop when you feel ten newtons
+#
+# A force threshold is an obvious first idea for safe contact. The picture shows a contact from the touch until the arm
+# stands still, without a brake and with one that acts some milliseconds after the sensor reads the threshold.
+
+# %% tags=["hide-code"]
+mass, speed, stiffness, brake, delay = 4.0, 0.25, 25_000.0, 100.0, 0.008
+curves = {}
+for label, braking in (("no brake", 0.0), ("brake of 100 N, 8 ms after 10 N", brake)):
+    depth, rate_, clock, felt, log = 0.0, speed, 0.0, np.inf, []
+    while rate_ > 0.0:
+        force = stiffness * depth
+        felt = min(felt, clock) if force >= 10.0 else felt
+        push = braking if clock > felt + delay else 0.0
+        rate_ -= 1e-5 * (force + push) / mass
+        depth += 1e-5 * rate_
+        clock += 1e-5
+        log.append((1e3 * clock, force, rate_))
+    curves[label] = np.array(log)
+figure_, (upper, lower) = plt.subplots(1, 2, figsize=(8.5, 2.4), layout="constrained")
+for (label, log), colour in zip(curves.items(), (GREY, BLUE), strict=True):
+    upper.plot(log[:, 0], log[:, 1], color=colour, label=label)
+    lower.plot(log[:, 0], log[:, 2], color=colour)
+for axis in (upper, lower):
+    axis.axvline(1e3 * felt, color=ORANGE, lw=1, ls="--")
+    axis.set(xlabel="time since the touch [ms]")
+upper.axhline(10.0, color=ORANGE, lw=1)
+upper.set(ylabel="contact force [N]", ylim=(0, 115))
+upper.legend(fontsize=7, loc="upper right")
+lower.set(ylabel="speed [m/s]")
+plt.show()
+
+# %% [markdown]
+# The dashed line marks the moment at which the force reaches 10 N (orange). The arm of the picture has an effective
+# mass of 4 kg, comes with 0.25 m/s, and meets something with a stiffness of 25,000 N/m.
 
 # %%
 predict("ten_newtons")
 
 # %% [markdown]
+# Detecting the force does not stop the arm. At the threshold it has given up hardly any of its speed, and all of the
+# remaining energy still has to go somewhere. What helps is to arrive slowly, to be light, or to be soft.
+#
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Say the formula, then the two inputs that matter, then the number. An interviewer corrects an input;
-# nobody can correct a number that came alone.
+# **Key insight.** Say the formula, then the two inputs that matter, then the number. An interviewer can correct an
+# input that you stated. Nobody can correct a number that comes alone.
 #
 # </div>
 #
 # ## 3 · Design: four systems
 #
-# Forty-five minutes each. First **clarifying questions**, those whose answers change the design; then boxes, with a
-# rate and a latency on every arrow; then what you would measure to find out that you are wrong. A **rubric** is the
-# list of what is listened for. Each of its items is missing, named, quantified, or defended with what would change
-# your mind. A **red flag** is an answer that ends the matter, and a **follow-up** is what the weakest item earns you.
+# "Design a system that empties bins of mixed parts." You have a whiteboard and 45 minutes. Candidates who fail mostly
+# fail in the first five, because they start to draw. Divide the time like this:
+#
+# | Minutes | What you do |
+# |---:|---|
+# | 5 | Ask. A **clarifying question** is one whose answer changes the design: how many picks per hour, what does a miss cost, do the parts change, who else is in the cell? |
+# | 5 | Estimate. The cycle time, the accuracy at the fingertip, the amount of data: a minute each, as in section 2. |
+# | 20 | Draw boxes and arrows. An arrow carries what flows and how late it is, and also its rate where it repeats. |
+# | 10 | Go deep into the one box that decides, and say when you would choose something else. |
+# | 5 | Say how you would find out that you are wrong: what you measure, and which number stops the release. |
+#
+# Interviewers grade with a **rubric**, a list of the points that a good answer covers. For every point your answer gets
+# one of four grades: missing; mentioned; given with a number; or defended, which means that you also said what would
+# change your mind. A **red flag** is a statement that can fail an interview by itself, for example a robot among people
+# without a word about who is liable for its safety. A **follow-up** is the question that the interviewer asks next,
+# usually about your weakest point.
+#
+# Here is a whiteboard as it could look after 30 minutes, for a system that empties bins of mixed parts. Follow the
+# arrows from the camera to the torques. Most arrows carry a rate or a latency or both: these are the numbers that an
+# interviewer will ask about.
+
+# %% tags=["hide-code"]
+SVG(designs.svg(designs.read("pick_and_place")))
+
+# %% [markdown]
+# Work on one of the four with a clock and a sheet of paper before you open its answer.
+
+# %%
+Markdown(designs.read("pick_and_place").markdown(figure))
 
 # %%
 fleet = designs.read("fleet_simulation")
 Markdown(fleet.markdown(figure))
-
-# %%
-Markdown(designs.read("pick_and_place").markdown(figure))
 
 # %%
 Markdown(designs.read("dexterous_hand").markdown(figure))
@@ -180,52 +413,75 @@ Markdown(designs.read("dexterous_hand").markdown(figure))
 Markdown(designs.read("among_people").markdown(figure))
 
 # %% [markdown]
-# Write an answer and let it be read. The reader looks for words, for a number with a unit near them, and for what would
-# change your mind; it does not know whether the number is right. That is for you and the passage that it points at.
+# A small program can grade a written answer by the rubric. It looks for key words, for a number with a unit close to
+# them, and for a stated condition that would change the decision. It cannot judge whether a number is correct. You
+# check that yourself, with the section that it names. Here it reads a first sentence about the simulation of a fleet:
 
 # %% tags=["nbval-ignore-output"]
-mine = "I would ask first which failures the nights have to find."
+mine = "I would ask first which failures the nightly simulation has to find."
 result = designs.levels(fleet, mine)
-print(
-    f"score {designs.score(fleet, result):.2f}; the weakest item: {designs.weakest(fleet, result).asks}"
-)
+print(f"score: {designs.score(fleet, result):.0%} of the points")
+print(f"weakest point: {designs.weakest(fleet, result).asks}")
 
 # %% [markdown]
-# ## 4 · Code: four drills, and cards
+# ## 4 · Code: four coding questions, and how to remember
 #
-# Forward kinematics of three links, an RRT with checked edges, a PID that does not wind up, domain randomisation that
-# changes all that belongs together. Each is graded in a second or two, in the terminal (`drills start rrt`) or here;
-# the four cards at the top hold the key insight of each. To rate your own cards here instead of in the terminal, call
-# `flashcards` from `drills.interview.panel` in a cell: it shows what is due and stores your ratings.
+# Four coding questions return again and again in robotics interviews:
+#
+# * **Forward kinematics** of a three-link arm. Sum the angles, then the links (section 1). The usual mistake is to add
+#   absolute and relative angles.
+# * **RRT**, a planner that grows a tree of random samples. The usual mistake is to check only the two ends of an edge
+#   for collisions, and not the way between them.
+# * **PID** with a motor that saturates. The usual mistake is to let the integral grow while the motor already gives all
+#   it has, so that the arm overshoots afterwards. Letting go of the integral at the limit is called anti-windup.
+# * **Domain randomisation**, training on random variants of a model. The usual mistake is to change a mass and to
+#   forget the inertia that belongs to it.
+#
+# Start one of them in a terminal with `drills start rrt`; its grade takes a second or two. The four flashcards on the
+# first screen summarise them. To review your own cards in the notebook instead of in the terminal, call `flashcards`
+# from `drills.interview.panel` in a cell: it shows what is due and stores your ratings.
 
 # %%
 predict("when_again")
 
 # %% [markdown]
-# **Spaced repetition** shows a card when you are about to forget it. `drills review` asks what is due of all chapters:
-# claims, formulas to type, questions, drills and the exhibits of section 6. How the gaps grow, if every answer is
-# *good*, and what one failure does:
+# What you learned once fades, quickly at first and then more slowly. **Spaced repetition** shows a card just when you
+# are about to forget it. After each success the memory lasts longer, so the gaps grow. After a failure it starts again
+# with a short gap. The chart shows the gaps that the scheduler of this course computes, if you rate every answer
+# *good*, and if you fail once:
 
-# %%
+# %% tags=["hide-code"]
 from datetime import UTC, datetime, timedelta
 
 import fsrs
 
 scheduler = fsrs.Scheduler(enable_fuzzing=False)
-for report, ratings in {"good, every time": "33333333", "one failure": "33313333"}.items():
+GOOD, AGAIN = fsrs.Rating.Good, fsrs.Rating.Again
+figure_, axis = plt.subplots(figsize=(6.5, 2.5), layout="constrained")
+for label, failed in {"good every time": None, "one failure": 3}.items():
     memory, now, days = fsrs.Card(card_id=1), datetime(2026, 1, 1, tzinfo=UTC), []
-    for rating in ratings:
-        memory, _ = scheduler.review_card(memory, fsrs.Rating(int(rating)), now)
+    for review in range(7):
+        memory, _ = scheduler.review_card(memory, AGAIN if review == failed else GOOD, now)
         days.append((memory.due - now) / timedelta(days=1))
         now = memory.due
-    print(f"{report:<18}", "  ".join(f"{gap:.1f}" if gap >= 1 else "<1" for gap in days), "days")
+    axis.semilogy(range(1, 8), days, "o-", label=label)
+    print(f"{label:<16}", "  ".join(f"{gap:.0f}" if gap >= 1 else "<1" for gap in days), "days")
+axis.set(xlabel="review", ylabel="days until the next")
+axis.legend(fontsize=8)
+plt.show()
 
 # %% [markdown]
+# `drills review` asks whatever is due, from all chapters: statements to judge, formulas to type, interview questions,
+# coding exercises and the bugs of section 6. A quarter of an hour a day is enough for the whole course.
+#
 # ## 5 · Debug: four programs that fail
 #
-# Each has one **symptom**, what is seen, and four causes or more; which one it is, is drawn by the seed. A **probe** is
-# something to try that returns a figure and costs minutes. Ask for the figures that part the causes; then name the
-# cause, and the repair.
+# "Your simulation explodes. What do you do?" Many candidates name a fix: a smaller time step. A good candidate names an
+# experiment. A **symptom** is what you observe. Several causes can produce the same symptom, and a fix tried at random
+# may hide it without removing the cause.
+#
+# A **probe** is an experiment that you may run on the failing program: it returns a number, and it uses up some of your
+# time. A probe is worth its time only if its outcome differs between the causes that are still possible.
 
 # %%
 predict("first_probe")
@@ -235,13 +491,47 @@ case = diagnose("explodes", seed=3)
 case.show()
 
 # %% [markdown]
-# Add probes of your own here, then uncomment the last line. The verdict shows what your figures ruled out, what the
-# popular repair would have done, and the model answer.
+# Let us solve this case together. Four causes can make the slide swing out:
+#
+# 1. Each stop has two contact points by mistake, so it is twice as stiff as the time step allows.
+# 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
+# 3. The brake receives the speed late. Beyond a quarter of a swing of delay it pushes where it should pull.
+# 4. Friction and speed have opposite sign conventions, so friction drives the slide instead of slowing it.
+#
+# Before you run anything, say what each cause predicts. Without the brake, cause 3 disappears, and the slide should not
+# diverge. Without friction, the same holds for cause 4. If the time step is too large (cause 1) or the integration adds
+# the energy (cause 2), half the step makes the run last clearly longer. The table runs these probes, and lists which
+# causes could not have produced the number:
 
-# %%
-for name in ("halve_step", "log_energy"):
-    print(case.probe(name))
-# case.conclude("the cause that you name", "the repair")
+# %% tags=["hide-code"]
+PROBES = {
+    "halve_step": "half the time step: how many times longer it lasts",
+    "friction_off": "no friction: how many times longer it lasts",
+    "brake_off": "no brake: how many times longer it lasts",
+    "log_brake": "delay of the brake behind the speed [steps]",
+}
+NUMBER = {"double_contact": 1, "explicit_step": 2, "late_brake": 3, "wrong_friction": 4}
+rows, remaining = ["| Probe | Result | Rules out | Remaining |", "|---|---:|---|---|"], set(NUMBER)
+for probe, label in PROBES.items():
+    value = case.probe(probe).figure
+    out = ruled_out("explodes", probe, value)
+    remaining -= set(out)
+    listed = [
+        ", ".join(str(n) for n in sorted(NUMBER[c] for c in some)) for some in (out, remaining)
+    ]
+    rows.append(f"| {label} | {value:.3g} | {listed[0] or 'none'} | {listed[1]} |")
+Markdown("\n".join(rows))
+
+# %% [markdown]
+# The brake is the cause, because without it the run reaches its end (about three times the time of the failure, the
+# longest that is recorded). The last probe confirms the reason by an independent route: the brake acts many steps
+# behind the speed. So the fix is to give the brake the present speed. Half the step made almost no difference.
+#
+# The next three cases are yours. Each shows its program, its symptom and its probes with their prices. Read the
+# program first, write down what each cause predicts, and only then choose a probe.
+# <span class="kernel-only">Call `diagnose` with another seed to get another cause, `case.probe("name")` to run a probe,
+# and `case.conclude("cause", "repair")` to finish. The verdict shows which causes your measurements excluded, what the
+# obvious quick fix would have achieved, and the model answer.</span>
 
 # %%
 diagnose("policy", seed=1).show()
@@ -253,10 +543,11 @@ diagnose("touch", seed=1).show()
 diagnose("gap", seed=1).show()
 
 # %% [markdown]
-# How much one probe tells: the pairs of causes that it parts beyond its own noise, for the minutes that it costs. The
-# model answer takes the best first.
+# How much does one probe tell? Four causes make six pairs, five make ten. The chart shows for each probe the
+# share of pairs that it tells apart reliably, that is, by more than its own noise. The model answer also considers the
+# price, and uses the blue probes:
 
-# %%
+# %% tags=["hide-code"]
 from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
@@ -272,95 +563,151 @@ for axis, name in zip(axes, scenario_names(), strict=True):
     }
     order = sorted(parted, key=parted.get)
     inside = model_path(name)
-    colours = ["C0" if probe in inside else "0.75" for probe in order]
+    colours = [BLUE if probe in inside else "0.75" for probe in order]
     axis.barh(range(len(order)), [parted[probe] for probe in order], color=colours)
     axis.set_yticks(range(len(order)), order, fontsize=7)
-    axis.set(title=name, xlabel="pairs told apart", xlim=(0, 1))
+    axis.set(title=name, xlabel="share of pairs told apart", xlim=(0, 1))
 plt.show()
 
 # %% [markdown]
-# (Blue: on the model answer's path.)
-#
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** Before you change anything, ask what you expect to see under each cause. A probe for which the
-# answers are the same is not worth its minutes, however quick it is.
+# **Debugging tip.** Before you change anything, say what you expect to observe under each cause. If you expect the same
+# for all of them, the experiment is not worth its time, however fast it is.
 #
 # </div>
+#
+# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
+# feeds energy in does not care about the step at all. Judge this statement with that in mind:
 
 # %%
 show("growing_energy")
 
 # %%
-show("error_by_its_shape")
-
-# %%
-show("complete_planners")
+more_claims("error_by_its_shape", "complete_planners")
 
 # %% [markdown]
-# ## 6 · Debug: a museum of public slips
+# ## 6 · Debug: a museum of public bugs
 #
-# Well-kept projects have shipped these, and said so in public. Each is small again here beside its right twin, with an
-# **invariant**: a quantity that has to stay, whatever the code does inside.
+# How do you test code when nobody knows the correct output? You test a property that the output must have. An
+# **invariant** is a property of a correct result that holds whatever the code does inside: the length of a unit
+# quaternion, the momentum of a free body, the total weight carried by the contact forces. You need no reference
+# solution to check it.
 
 # %%
 predict("round_trip")
 
-# %%
-rows = ["| | slip | thread | invariant | right | wrong |", "|---:|---|---|---|---:|---:|"]
-for place, one in enumerate(museum.EXHIBITS, 1):
-    right, wrong = (max(one.evidence(slip, seed) for seed in range(3)) for slip in (False, True))
-    years = "-".join(str(year) for year in sorted({min(one.years), max(one.years)}))
-    rows.append(
-        f"| {place} | {one.name} | {one.threads[0]} ({years}) | `{one.invariant}` "
-        f"| {right:.0e} | {wrong:.1g} |"
-    )
-Markdown("\n".join(rows))
+# %% [markdown]
+# Each bug in this museum was released by a well-maintained open-source project and is documented in a public issue.
+# The course has a minimal version of each, next to a correct one. Three examples show why the obvious test missed them.
+#
+# **A free fall that slows down (number 4 of the table).** A physics engine damps every body by default. Drop a body
+# and compare its speed with gravity times time:
+
+# %% tags=["hide-code"]
+seconds = np.linspace(0.25, 5.0, 20)
+figure_, axis = plt.subplots(figsize=(6.5, 2.4), layout="constrained")
+for slip, label, colour in ((False, "correct", BLUE), (True, "with the default damping", ORANGE)):
+    speeds = [museum.fall(1.0, float(t), 1 / 240, slip) for t in seconds]
+    axis.plot(seconds, speeds, color=colour, label=label)
+axis.set(xlabel="time [s]", ylabel="speed [m/s]")
+axis.legend(fontsize=8)
+plt.show()
 
 # %% [markdown]
-# (Largest of three worlds each; an invariant's unit is told in its docstring.) What the check that one would write
-# first sees of a slip, where one is known that passes it:
-
-# %%
-for one in museum.EXHIBITS:
-    if one.naive:
-        observed = [max(one.naive(slip, seed) for seed in range(3)) for slip in (False, True)]
-        print(f"{one.name:<42} right {observed[0]:.0e}, wrong {observed[1]:.0e}")
-
-# %% [markdown]
-# The invariants are functions that take your code: two lines, in front of a whiteboard or in a test. A **false alarm**
-# is an invariant that stops right code; tolerance and step are chosen so that it does not.
+# The obvious test drops a light and a heavy body and checks that they fall alike. They do, both too slowly. The
+# invariant "speed equals gravity times time" catches the damping at once.
+#
+# **A quaternion rate in the wrong frame (6).** A function turns an angular velocity into the rate of a quaternion. The
+# obvious test converts there and back, and gets the same numbers. But both directions use the same wrong frame. The
+# invariant is physical: the angular momentum of a body on which no torque acts stays constant.
+#
+# **A rotation that mirrors (8).** A function returns a rotation matrix $R$, and the obvious test checks that
+# $R^\top R$ is the identity. A mirror passes as well. The determinant tells them apart, because it is +1 for a rotation
+# and -1 for a mirror:
 
 # %%
 from scipy.spatial.transform import Rotation
 
 turn = Rotation.from_rotvec([0.3, -0.2, 0.9]).as_matrix()
-print(
-    f"a rotation: {invariants.rotation_error(turn):.0e}, its mirror: "
-    f"{invariants.rotation_error(turn @ np.diag([1, 1, -1])):.1f}"
-)
+mirror = turn @ np.diag([1, 1, -1])
+for label, matrix in (("rotation", turn), ("mirror", mirror)):
+    obvious = np.abs(matrix.T @ matrix - np.eye(3)).max()
+    error = invariants.rotation_error(matrix)
+    print(
+        f"{label:<9} obvious test passes: {obvious < 1e-12}   with the determinant: {error < 1e-12}"
+    )
 
 # %% [markdown]
+# Here are all of them. "Right" and "wrong" are the largest error of the invariant in three random test cases, for the
+# correct and for the faulty version:
+
+# %% tags=["hide-code"]
+LABELS = (
+    "contact forces that are all reported as zero",
+    "a robot model whose left and right feet differ",
+    "a cart-pole with wrong equations of motion",
+    "a free fall that slows down",
+    "a velocity that is read in one frame and written in another",
+    "a quaternion rate in the wrong frame",
+    "an acceleration that belongs to no point of the body",
+    "a rotation that mirrors",
+    "a planner that reports success away from the goal",
+    "path costs that are not updated after rewiring",
+    "ends of episodes that are shifted by one step",
+    "a time limit that is treated like a real end",
+    "transitions that join two episodes",
+    "network layers whose output is never used",
+)
+rows = ["| | Bug | Public thread | Invariant | Right | Wrong |", "|---:|---|---|---|---:|---:|"]
+for place, (one, label) in enumerate(zip(museum.EXHIBITS, LABELS, strict=True), 1):
+    right, wrong = (max(one.evidence(slip, seed) for seed in range(3)) for slip in (False, True))
+    years = "-".join(str(year) for year in sorted({min(one.years), max(one.years)}))
+    rows.append(
+        f"| {place} | {label} | {one.threads[0]} ({years}) | `{one.invariant}` "
+        f"| {right:.0e} | {wrong:.1g} |"
+    )
+Markdown("\n".join(rows))
+
+# %% [markdown]
+# Each invariant is a function of the module `course.interview.invariants`. You pass it your own implementation, in two
+# lines of a unit test. Choose its tolerance and its time step with care. A **false alarm** is a correct implementation
+# that the check rejects, and after three of them the team switches the check off.
+#
 # ## 7 · Frontier: classical or learned, and what to read
+#
+# "Would you learn this or write it by hand?" is the question that ends most interviews. It cannot be answered in
+# general, but it can be answered with a measurement. Start with a small one:
 
 # %%
 predict("learned_or_not")
 
 # %% [markdown]
-# A *crossing* is the model error, the time or the number of samples from which on one of the two wins. Where this
-# course measured one, the table has it.
+# The useful question is not which of the two is better. It is *from where on*: beyond which model error, which
+# computing time or which amount of data does the learned method win? That value is the *crossover*. The chart shows one
+# of them, for the start of a pose estimate: a network that guesses the start, against several fixed starts of the
+# classical method.
+#
+# ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
+#
+# In the table every row has both sides, and the last column has the crossover, where this course measured one. Where
+# nobody measured it, the table says so. An interviewer respects that answer, too.
 
 # %%
 tables.classical_or_learned()
 
 # %% [markdown]
-# One book, five papers, five repositories, with what each really says:
+# The pattern in these rows is worth a sentence in an interview. On the data that it was trained for, a learned
+# component tends to win on speed. Outside of them it can lose without a warning. And a classical model with identified
+# parameters is often the stronger opponent than the classical model that papers compare with.
+#
+# What to read: one book, five papers and five repositories, with what each of them really says.
 
 # %%
 tables.reading()
 
 # %% [markdown]
-# What lies beside this course:
+# Topics that an interview may touch and that this course does not teach:
 
 # %%
 tables.lessons()
@@ -368,10 +715,14 @@ tables.lessons()
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+# These are coding questions of about twenty minutes. `check` tests your function on new random cases and, where it can,
+# explains the mistake. Each function below runs, and contains a common mistake.
 
 # %% [markdown]
-# ### Catch slips that you have not seen
+# ### Catch bugs that you have not seen
+#
+# Section 6 turned around: you receive the outputs of several programs, and you have to say which are wrong. Think about
+# what a free body preserves.
 
 # %%
 card("catch_the_slip")
@@ -389,6 +740,9 @@ check(catch_the_slip)
 
 # %% [markdown]
 # ### How sure is nine out of ten?
+#
+# Section 1 defined the Wilson interval by a condition on $p$. Square the condition, and you have a quadratic equation
+# whose two solutions are the ends of the interval.
 
 # %%
 card("success_interval")
@@ -407,6 +761,8 @@ check(success_interval)
 
 # %% [markdown]
 # ### When does it have to begin to stop?
+#
+# A robot and a person walk towards each other. During the reaction time and the braking both of them move.
 
 # %%
 card("stopping_distance")
@@ -424,6 +780,8 @@ check(stopping_distance)
 
 # %% [markdown]
 # ### A latency budget over a graph
+#
+# Chapter 0 computed the age of a command in a chain. Here the stages form a graph, and the worst path counts.
 
 # %%
 card("latency_budget")
@@ -442,6 +800,11 @@ check(latency_budget)
 
 # %% [markdown]
 # ### Advantages in a buffer that cuts
+#
+# The advantage of an action says how much better it was than expected. With the reward $r_t$, the critic's value $V$
+# and the discount $\gamma$, the surprise of one step is $\delta_t = r_t + \gamma V(s_{t+1}) - V(s_t)$. The estimate
+# sums the later surprises with falling weights, $A_t = \sum_l (\gamma\lambda)^l\, \delta_{t+l}$ (chapter 9). The
+# difficulty is where to stop: a real end has no next state, a time limit has one.
 
 # %%
 card("truncated_advantages")
@@ -459,6 +822,8 @@ check(truncated_advantages)
 
 # %% [markdown]
 # ### Silent bugs: the gate that always opens
+#
+# A nightly report decides about a release. The function below flatters the new version in three ways.
 
 # %%
 card("silent_gate")
@@ -490,8 +855,8 @@ check(silent_gate)
 # %% [markdown]
 # ## 9 · Interview
 #
-# Answer aloud, then open: first what one says in a minute, then the whole of it, then what comes next. The last one
-# takes three quarters of an hour.
+# Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, then the likely
+# follow-up. The last question takes three quarters of an hour.
 
 # %%
 interview("interview")
@@ -499,15 +864,23 @@ interview("interview")
 # %% [markdown]
 # ### Checkpoint
 #
-# *In your own words: which figure of this course surprised you, and what did you believe before?* Write it down; it is
-# the best answer that you have to "tell me something you learned".
+# *In your own words: which number in this course surprised you, and what had you expected?* Write it down. It is a good
+# answer to "tell me something that you learned".
 
 # %%
 mine = ""
 print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 
 # %% [markdown]
-# Three formulas that are not on this page; you can derive them from what is. The gate opens when all are right.
+# Three formulas to derive yourself, with one idea for each:
+#
+# 1. The peak force of a contact. All kinetic energy is in the spring (section 2).
+# 2. The slope of the mean reward of two actions over the score of the first. The probability of the first action is the
+#    logistic function of its score, $p = 1/(1 + e^{-\theta})$. Start with the mean reward as a function of $p$, then
+#    use the chain rule.
+# 3. The noise of a derivative that is computed from two noisy samples. Variances of independent errors add up.
+#
+# The chapter counts as completed when all three are right.
 
 # %%
 checkpoint("interview", stop_at_ten_newtons="", loss_of_a_policy="", derivative_is_filtered="")

@@ -1,9 +1,4 @@
-"""The form of the chapters: explain, ask, show. What is counted, and that it is kept.
-
-`REWRITTEN` names the chapters that were rewritten in this form: they meet `form.LIMITS`, the others
-`form.EARLIER`. `AWAITED` names those whose rewrite has not landed; it has to place the chapter's
-claims and mark its sentences for a kernel. Both sets go when all chapters are rewritten.
-"""
+"""The form of the chapters: explain, ask, show. What is counted, and that it is kept."""
 
 import re
 from collections import Counter
@@ -24,21 +19,6 @@ BUILT = {
 }
 CHAPTER = {f"{chapter.number:02d}_{chapter.topic}": chapter.topic for chapter in CHAPTERS}
 WRITTEN = sorted(set(BUILT) & set(CHAPTER))
-REWRITTEN: set[str] = {
-    "role",
-    "rigid_body",
-    "contact",
-    "platforms",
-    "kinematics",
-    "planning",
-    "control",
-    "learning",
-    "sim_to_real",
-    "pipeline",
-    "middleware",
-    "perception",
-}
-AWAITED: set[str] = set()  # empty when all rewrites have landed
 BOXES = {
     "Interview question": "info",
     "Interview tip": "success",
@@ -48,10 +28,8 @@ BOXES = {
 
 
 def limits(name: str) -> form.Limits:
-    """The limits of a notebook; one that is no chapter has those of the earlier form."""
-    if CHAPTER.get(name) not in REWRITTEN:
-        return form.EARLIER
-    return form.SHORT if CHAPTER[name] in ("role", "interview") else form.LIMITS
+    """Return the limits of a notebook."""
+    return form.SHORT if CHAPTER.get(name) in ("role", "interview") else form.LIMITS
 
 
 def visible_text(name: str) -> list[str]:
@@ -89,8 +67,6 @@ def test_no_output_shows_an_unfilled_field(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(BUILT))
 def test_what_needs_a_kernel_is_not_on_the_site(name: str) -> None:
-    if CHAPTER.get(name) in AWAITED:
-        return
     for cell in BUILT[name].cells:
         if cell.cell_type == "code" and "remove-input" in cell.metadata.get("tags", ()):
             continue
@@ -102,7 +78,7 @@ def test_what_needs_a_kernel_is_not_on_the_site(name: str) -> None:
 
 
 def test_every_claim_of_the_course_stands_on_a_page() -> None:
-    topics = [chapter.topic for chapter in CHAPTERS if chapter.topic not in AWAITED]
+    topics = [chapter.topic for chapter in CHAPTERS]
     assert {topic: derivations.unplaced(topic) for topic in topics} == {t: [] for t in topics}
 
 
@@ -127,17 +103,16 @@ def test_the_first_screen_moves_and_asks(name: str) -> None:
     assert form.first_screen(cells) <= form.BEFORE_FIRST_PICTURE
     assert next(form.stretches(cells))[0] <= form.BEFORE_FIRST_PICTURE
     title = cells[0].source
-    if CHAPTER[name] not in AWAITED:
-        counted = re.search(
-            r"About (\d+) minutes of reading, cards and charts\. "
-            r"The folded parts add (\d+) minutes, the exercises (\d+) minutes\.",
-            title.replace("\n", " "),
-        )
-        assert counted, "what the page says about its time"
-        source = notebooks.FOLDER / "source" / f"{name}.py"
-        minutes = form.reading(jupytext.read(source, fmt="py:percent").cells)
-        shown = [int(n) for n in counted.groups()]
-        assert shown[:2] == [minutes["open"], minutes["folded"]]
+    counted = re.search(
+        r"About (\d+) minutes of reading, cards and charts\. "
+        r"The folded parts add (\d+) minutes, the exercises (\d+) minutes\.",
+        title.replace("\n", " "),
+    )
+    assert counted, "what the page says about its time"
+    source = notebooks.FOLDER / "source" / f"{name}.py"
+    minutes = form.reading(jupytext.read(source, fmt="py:percent").cells)
+    shown = [int(n) for n in counted.groups()]
+    assert shown[:2] == [minutes["open"], minutes["folded"]]
 
 
 @pytest.mark.parametrize("name", WRITTEN)
