@@ -322,8 +322,16 @@ for name, given in one.given().items():
 #
 # ### Stop when you feel ten newtons
 #
-# A force threshold is an obvious first idea for safe contact. The picture shows a contact from the touch until the arm
-# stands still, without a brake and with one that acts some milliseconds after the sensor reads the threshold.
+# A force threshold is an obvious first idea for safe contact. Take an arm with an effective mass of 4 kg that arrives
+# with 0.25 m/s and meets something with a stiffness of 25,000 N/m. Its brake acts 8 ms after the sensor reads 10 N, with
+# a force of 100 N.
+
+# %%
+predict("ten_newtons")
+
+# %% [markdown]
+# The picture shows the contact from the touch until the arm stands still. The dashed line marks the moment at which the
+# force reaches 10 N:
 
 # %% tags=["hide-code"]
 mass, speed, stiffness, brake, delay = 4.0, 0.25, 25_000.0, 100.0, 0.008
@@ -351,13 +359,6 @@ upper.set(ylabel="contact force [N]", ylim=(0, 115))
 upper.legend(fontsize=7, loc="upper right")
 lower.set(ylabel="speed [m/s]")
 plt.show()
-
-# %% [markdown]
-# The dashed line marks the moment at which the force reaches 10 N (orange). The arm of the picture has an effective
-# mass of 4 kg, comes with 0.25 m/s, and meets something with a stiffness of 25,000 N/m.
-
-# %%
-predict("ten_newtons")
 
 # %% [markdown]
 # Detecting the force does not stop the arm. At the threshold it has given up hardly any of its speed, and all of the
