@@ -323,8 +323,8 @@ for name, given in one.given().items():
 # ### Stop when you feel ten newtons
 #
 # A force threshold is an obvious first idea for safe contact. Take an arm with an effective mass of 4 kg that arrives
-# with 0.25 m/s and meets something with a stiffness of 25,000 N/m. Its brake acts 8 ms after the sensor reads 10 N, with
-# a force of 100 N.
+# with 0.25 m/s and meets something with a stiffness of 25,000 N/m. Its brake acts 8 ms after the sensor reads 10 N,
+# with a force of 100 N.
 
 # %%
 predict("ten_newtons")

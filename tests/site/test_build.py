@@ -104,7 +104,7 @@ def test_pictures_and_simulations_of_a_page_are_those_of_its_notebook(
             if first in labels:
                 simulations.append(labels[first])
             else:
-                drawn += "image/png" in data
+                drawn += bool({"image/png", "image/svg+xml"} & set(data))
             pictures += len(re.findall(r"!\[[^\]]*\]\(\.\./docs", data.get("text/markdown", "")))
     page = soup(site / f"{name}.html")
     places = page.select(".course-live")
