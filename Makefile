@@ -66,18 +66,18 @@ lab: setup ## set up, then open the course in JupyterLab, in copies under work/
 	@JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m tools.lab
 
 check: setup sphinx lint types ## lint, types and the quick tests, in about three minutes
-	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n 2 --dist load
+	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
 test: setup sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"
 
 optional: extras ## add the optional libraries, and run the tests that need them
-	COURSE_REQUIRE_OPTIONAL=1 $(PYTEST) -m optional $(OF_TOPIC) -n 2 --dist load
+	COURSE_REQUIRE_OPTIONAL=1 $(PYTEST) -m optional $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "the tests of the optional libraries passed"
 
 prove: setup sphinx extras warm ## the long proofs: many seeds, the hostile suite, random properties, other CPUs
-	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n 2 --dist load
+	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n 2 --dist worksteal
 	$(MAKE) cpus CPUS='haswell nehalem'
 	@echo "all proofs passed"
 
@@ -87,7 +87,7 @@ cpus: setup sphinx ## the claims, the notebooks and what learns, computed as on 
 	@set -e; for cpu in $(CPUS); do \
 		$(BIN)/python -m tools.cpus $$cpu -- $(BIN)/python -m tools.warm; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(PYTEST) -q tests/learning \
-			tests/derivations/test_derivations.py -n 2 --dist load; \
+			tests/derivations/test_derivations.py -n 2 --dist worksteal; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(NBVAL) notebooks/; \
 	done
 
@@ -100,7 +100,7 @@ types: setup ## mypy
 	$(BIN)/mypy -n 2
 
 pytest: warm ## the tests without the notebooks
-	$(PYTEST) $(OF_TOPIC) -n 2 --dist load
+	$(PYTEST) $(OF_TOPIC) -n 2 --dist worksteal
 
 nbval: warm ## the notebooks, run again and compared with what they show
 	$(if $(NOTEBOOKS),$(NBVAL) $(NOTEBOOKS))
