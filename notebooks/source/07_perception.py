@@ -1236,8 +1236,8 @@ simulation("perception", "Touching")
 print_figures("cloud_speed", "voxels of 5", "plane, early", "course", "Open3D")
 
 # %% [markdown]
-# A ratio for a single step says little about a robot. So here is a whole frame: three boxes on a table in 320 x 240
-# pixels, with the five steps above followed by ICP.
+# A ratio for a single step says little about a robot.
+# So here is a whole frame: three boxes on a table in 320 x 240 pixels, with the five steps above followed by ICP.
 #
 # ![Time of the stages of a frame, compared with Open3D](../docs/charts/frame_speed.png)
 #
