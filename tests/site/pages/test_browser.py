@@ -259,7 +259,10 @@ def test_what_is_folded_unfolds_and_the_side_bar_opens(
 
 PIXELS = """() => {
   const canvas = document.querySelector('.course-live canvas');
-  const {data} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  const copy = new OffscreenCanvas(canvas.width, canvas.height);
+  const context = copy.getContext('2d', {willReadFrequently: true});
+  context.drawImage(canvas, 0, 0);
+  const {data} = context.getImageData(0, 0, canvas.width, canvas.height);
   let sum = 0;
   for (let k = 0; k < data.length; k += 1) sum = (sum * 31 + data[k]) % 4294967291;
   return sum;
@@ -316,7 +319,7 @@ def test_the_home_page_leads_back_to_where_one_was(
         assert page.locator(".course-go-on").count() == 0
         page = reader.open("02_contact.html")
         section = page.locator("article section section h2").nth(3)
-        section.evaluate("e => e.scrollIntoView()")
+        section.evaluate("e => e.scrollIntoView({behavior: 'instant'})")
         title = section.evaluate("e => e.firstChild.textContent")
         page = reader.open("index.html")
         link = page.locator(".course-go-on a")
