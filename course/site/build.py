@@ -221,11 +221,13 @@ def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) ->
     # A fixed date makes the build reproducible.
     os.environ["SOURCE_DATE_EPOCH"] = "0"
     report = io.StringIO()
-    settings = {"html_static_path": [str(source / "_static")], "course_simulations": simulations}
+    settings = {
+        "html_static_path": [str(source / "_static")],
+        "html_search_scorer": str(HERE / "scorer.js"),
+        "course_simulations": simulations,
+    }
     with patch_docutils(HERE), docutils_namespace():
-        app = Sphinx(
-            source, HERE, out, out.with_name("doctrees"), "html", settings, None, report, True
-        )
+        app = Sphinx(source, HERE, out, out.with_name("doctrees"), "html", settings, None, report)
         app.build()
     # Every warning of Sphinx is a fault: a site with broken formulas is not published.
     if faults := report.getvalue().replace(f"{source}{os.sep}", "").splitlines():

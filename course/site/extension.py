@@ -177,6 +177,13 @@ def _signature(
     return named(given), named(returned)
 
 
+def _skip(
+    _app: Sphinx, _what: str, _name: str, thing: Any, skip: bool, _options: Any
+) -> bool | None:
+    """Leave out the fields of a NamedTuple, which its docstring explains as attributes."""
+    return True if (inspect.getdoc(thing) or "").startswith("Alias for field number") else None
+
+
 def _read(app: Sphinx, doctree: nodes.document) -> None:
     """Let names mean what they mean where they stand; give the home page the whole width.
 
@@ -196,6 +203,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_post_transform(Page)
     app.connect("autodoc-process-docstring", _docstring, priority=400)
     app.connect("autodoc-process-signature", _signature)
+    app.connect("autodoc-skip-member", _skip)
     app.connect("doctree-read", _read)
     app.connect("html-page-context", _scripts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -30,7 +30,12 @@ ROOT = Path(__file__).resolve().parents[2]
 PICTURES, CHARTS = "_static/pictures", "charts"
 # The moving picture of the README and the home page, and the texts of the project that are pages.
 FILM = ROOT / "docs" / "film.png"
-TEXTS = {"drills": ROOT / "drills" / "README.md", "modules": ROOT / "docs" / "howto" / "modules.md"}
+TEXTS = {
+    "drills": ROOT / "drills" / "README.md",
+    "modules": ROOT / "docs" / "howto" / "modules.md",
+    "environments": ROOT / "docs" / "howto" / "vector_env.md",
+    "drills_in_ci": ROOT / "docs" / "howto" / "drills_in_ci.md",
+}
 _FILM = re.compile(r"!\[[^\]]+\]\(attachment:([\w.]+)\.png\)\n*")
 _LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 _FENCE = re.compile(r"^```.*?^```|`[^`\n]+`", re.S | re.M)

@@ -119,7 +119,7 @@ def test_a_page_documents_its_modules(site: Path, group: modules.Group) -> None:
         path, _, line = address.partition("/blob/main/")[2].partition("#L")
         assert int(line) <= len((ROOT / path).read_text("utf-8").splitlines()), address
     text = page.article.get_text()
-    assert "_SupportsArray" not in text and "dtype[" not in text
+    assert "_SupportsArray" not in text and "Alias for field" not in text
     assert not re.search(r":py:\w+:|``", text)
 
 
