@@ -60,7 +60,7 @@ ticks()
 # ## How to
 #
 # - [Use a chapter's module in your own project](../docs/howto/modules.md)
-# - [Write an environment on `course.vector_env`](../docs/howto/vector_env.md)
+# - [Write a vector environment of your own](../docs/howto/vector_env.md)
 # - [Grade drills in continuous integration](../docs/howto/drills_in_ci.md)
 #
 # ## Boxes in the text
