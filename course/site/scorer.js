@@ -1,8 +1,8 @@
 // How Sphinx's search orders what it finds: what is taught first. A result is [page, title, anchor,
 // description, score, file, kind]; a word in a section's title scores 15, in its text 5.
 
-"use strict";
-const Scorer = {
+"use strict"; // `var`, as Sphinx declares the name once more
+var Scorer = {
   objNameMatch: 11,
   objPartialMatch: 6,
   objPrio: { 0: 15, 1: 5, 2: -5 },

@@ -136,7 +136,7 @@ def test_text_and_reference_lead_to_each_other(site: Path) -> None:
             assert link["href"].partition("#")[0] == text.name
             assert link["href"].partition("#")[2] in soup_ids(text)
             back += 1
-    assert forth > 50 and back > 30, (forth, back)
+    assert forth > 30 and back > 15, (forth, back)
 
 
 _IDS: dict[Path, set[str]] = {}
