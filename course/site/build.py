@@ -351,8 +351,8 @@ def build(
     # Only a site without faults replaces the one that is there.
     if faults:
         raise Unbuildable(faults)
-    for place in ("_images", notebooks.PICTURES):
-        for picture in (out / place).iterdir():
+    for pictures in (out / "_images", out / notebooks.PICTURES):
+        for picture in pictures.iterdir():
             if picture not in loaded:
                 picture.unlink()  # of an earlier version of a page
     noted.write_text(key, encoding="utf-8")
