@@ -21,21 +21,21 @@ predict("gentle_pull")
 simulation("touch")
 # %% [markdown]
 # The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
-# perpendicular to the floor (*normal*) against its part along the floor (*tangential*, positive to the right). Each
-# point is the contact force on one box. The two slanted lines mark the largest friction for each normal force. A box
-# whose point lies on a line slides; between the lines it sticks or creeps. Section 2 explains *ω h*.
+# perpendicular to the floor (*normal*) against its part along the floor (*tangential*, positive to the right). The two
+# slanted lines mark the largest friction that each normal part allows. A box whose point lies on a line slides; between
+# the lines it sticks or creeps. Section 2 explains *ω h*.
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
 # approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces to ten digits, given its own estimate of
-# how easily each contact moves. You need chapter 1, matrices, and Python with NumPy.
+# the masses. You need chapter 1, matrices, and Python with NumPy.
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
-# Some cards show a statement, which you judge: true, false, or true only under a condition. **MuJoCo**, in many of
-# them, is a widely used free simulator. Derivations are folded away. You can rerun all checks of this page with `python
-# -m course.derivations 2`. The code is the package `course.contact`. Five exercises wait in section 8:
+# Each section explains an idea, asks you a question about it, and then shows the answer. Some cards show a statement,
+# which you judge: true, false, or true only under a condition. **MuJoCo**, in many of them, is a widely used free
+# simulator. `python -m course.derivations 2` reruns all checks of this page. The code is the package `course.contact`.
+# Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -90,8 +90,8 @@ show("aabb_all_axes")
 # Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes by
 # their lower end along one axis and walks through the sorted list. For each box, it tests the boxes that follow in the
 # list, and stops at the first one that begins after this box ends. A **uniform grid** divides space into cells and
-# tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D and in the
-# collision library Coal, nests boxes in larger boxes and skips whole groups.
+# tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D, nests boxes in
+# larger boxes and skips whole groups.
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
@@ -114,9 +114,8 @@ for kind, name in names.items():
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
 # Reusing the sorted order of the last step saves only the sorting. (An *incremental* sweep also keeps the list of
 # overlapping pairs, so it saves tests too.) The solid lines in the left chart count tests. For the dashed line, all
-# boxes move by 1 % of their size. To restore the sorted order you swap neighbours in the old list; the line counts
-# these swaps. The right chart shows measured times, also MuJoCo's. The powers of $N$ are fitted slopes. (The cards fit
-# another range of $N$, so their last digit differs.)
+# boxes move by 1 % of their size. To restore the sorted order you swap neighbours; the line counts the swaps. The right
+# chart shows measured times, also MuJoCo's. The powers of $N$ are fitted (in the cards, to another range of $N$):
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -164,10 +163,10 @@ show("gjk_minkowski")
 # For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found, which it
 # first completes to a triangle or tetrahedron around the origin. It takes the face nearest to the origin (in the plane,
 # the edge) and computes the support point in the direction of its outward normal. It removes the faces that this point
-# can see, those that have the point on their outer side, and joins the point to the rim of the hole. When the support
-# point already lies on the nearest face, EPA
-# stops: the distance of that face from the origin is the depth, and its normal is the contact normal. Step through
-# both:
+# can see, those that have the point on their outer side, and joins the point to the rim of the hole.
+#
+# When the support point already lies on the nearest face, EPA stops: the distance of that face from the origin is the
+# depth, and its normal is the contact normal. Step through both:
 # %%
 simulation("simplex")
 # %% [markdown]
@@ -206,9 +205,9 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 # The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
 # other. Each corner of the polygon that remains becomes a contact point.
 #
-# GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid.
-# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts. How many pieces, and how
-# closely they follow the shape, is a compromise between speed and accuracy that somebody has to choose.
+# GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid. A
+# **convex decomposition** cuts such a shape into convex pieces before the simulation starts. How many pieces is a
+# compromise between speed and accuracy that somebody has to choose.
 # %%
 show("concave_mesh_is_its_hull")
 # %%
@@ -241,9 +240,8 @@ simulation("touch", "Tunnelling")
 # The chart shows the lowest speed at which the ball passes. If overlap is *checked once a step*, that speed lies at the
 # geometric limit $(2r+w)/h$, the sloping line. The dotted line is the predicted speed at which the ball gets past the
 # middle of the wall. With *MuJoCo, default*, the first or second tested speed above this line passes, at every step.
-# *MuJoCo, speculative* creates the contact one step before the shapes touch. At long steps the ball then never passed
-# (triangles at the top right); at short steps the look-ahead is too short to help. A ball that is *advanced to the
-# impact* never passed at any step (triangles along the top, partly behind the others):
+# *MuJoCo, speculative* creates the contact one step before touch, which helps only at long steps. A ball that is
+# *advanced to the impact* never passed. (A triangle at the top says that no tested speed passed.)
 #
 # ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %%
@@ -267,9 +265,8 @@ more_claims("circles_once_a_step", "soft_wall")
 #
 # $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \;}$$
 #
-# Nothing has to be solved: you evaluate the formula and integrate. (Hunt and Crossley let the damping grow with the
-# depth: they replace $b$ by $b\,\delta$, so the force starts from zero at touch.) But a body at rest always overlaps.
-# Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
+# Nothing has to be solved: you evaluate the formula and integrate. (Hunt and Crossley replace $b$ by $b\,\delta$.) But
+# a body at rest always overlaps. Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
 # Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
 # damper both push; on the way out, the damper works against the spring. The area of the loop is the energy that the
@@ -282,8 +279,8 @@ simulation("penalty_spring")
 #
 # How strong is a damper? A spring $k$ with a mass $m$ oscillates at the angular frequency $\omega = \sqrt{k/m}$, and
 # the **damping ratio** is $\zeta = b/(2m\omega)$. Below 1, the mass swings past the position where the spring is
-# relaxed. At 1, **critical damping**, or above, a mass released at rest only approaches this position. For a contact,
-# it is where the bodies just touch.
+# relaxed, for a contact where the bodies just touch. At 1, **critical damping**, or above, a mass released at rest only
+# approaches it.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
@@ -301,8 +298,7 @@ show("damping_makes_things_stick")
 #
 # This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why the
 # blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for as long
-# as the pull lasts. (A spring along the surface, anchored where the contact began, holds a load without sliding;
-# Cundall and Strack 1979.)
+# as the pull lasts. (A spring along the surface holds a load without sliding; Cundall and Strack 1979.)
 #
 # ### How large a step a stiff spring allows
 #
@@ -317,18 +313,20 @@ simulation("touch", "Explosion")
 # %% [markdown]
 # The largest stable step. The damper acts on the velocity from *before* the step, as in the formula for $f_n$ above:
 #
-# | scheme | without damping | with such a damper |
+# | scheme | without damping | with this damper |
 # |---|---|---|
 # | explicit Euler | none is stable | $h\omega < 2\zeta$ for $\zeta\le1$ |
 # | semi-implicit Euler | $h\omega < 2$ | $h\omega < 2(\sqrt{1+\zeta^2}-\zeta)$ |
 #
-# **Worked example.** A gripper pad of 100 kN/m holds a part of 1 kg. $\omega = \sqrt{100\,000/1} = 316$ rad/s, so
-# semi-implicit Euler is stable below $2/316 = 6.3$ ms. With critical damping, $\zeta = 1$, the limit is $0.83/316 =
-# 2.6$ ms. In practice, use a tenth of that. The limit holds while the bodies stay in touch. A body that bounces can
-# gain energy even at a step below the limit.
+# <details><summary>A worked example: a gripper pad</summary>
 #
-# A damper that acts on the velocity *after* the step has the opposite effect: the limit of semi-implicit Euler rises to
-# $h\omega < 2(\sqrt{1+\zeta^2}+\zeta)$. MuJoCo treats the damping of joints like this.
+# A gripper pad of 100 kN/m holds a part of 1 kg. $\omega = \sqrt{100\,000/1} = 316$ rad/s, so semi-implicit Euler is
+# stable below $2/316 = 6.3$ ms. With critical damping, $\zeta = 1$, the limit is $0.83/316 = 2.6$ ms.
+#
+# </details>
+#
+# In practice, use a tenth of the limit. It holds while the bodies stay in touch. A body that bounces can
+# gain energy even at a step below the limit.
 #
 # <details><summary>Derive it: three tasks with hints and solution</summary>
 #
@@ -363,14 +361,17 @@ simulation("touch", "Explosion")
 # Then $1 + \text{trace} + \det = 4 - 4\zeta\omega h - (\omega h)^2$, which is zero at $\omega h =
 # 2(\sqrt{1+\zeta^2} - \zeta)$; without a damper at 2.
 #
+# A damper that acts on the velocity *after* the step has the opposite effect: the limit of semi-implicit Euler rises to
+# $h\omega < 2(\sqrt{1+\zeta^2}+\zeta)$. MuJoCo treats the damping of joints like this.
+#
 # **Key insight.** Damping from the old velocity helps explicit Euler up to $\zeta = 1$, and it always hurts
 # semi-implicit Euler.
 #
 # </details>
 # </details>
 #
-# Three formulas to practise: <span class="kernel-only">Replace the wrong formula in each cell, the text between the
-# quotation marks, until the check accepts it.</span>
+# Three formulas to practise: <span class="kernel-only">Replace the formula in quotation marks until the check accepts
+# it.</span>
 # %%
 answer("semi_implicit_limit", "sqrt(m/k)")
 # %%
@@ -378,10 +379,9 @@ answer("contact_limit_explicit", "1000*sqrt(1/100000)")
 # %%
 answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
-# The next chart shows how a small deviation grows per step (orange) or shrinks (purple), for each step and damping
-# ratio. The black edge between both is the measured limit, and the dashed formula lies on it. With explicit Euler,
-# damping raises the limit up to $\zeta = 1$ and lowers it beyond; with semi-implicit Euler it always lowers it. The
-# lower panel belongs to MuJoCo's soft contact, to which we come back below.
+# In the next chart a small deviation grows per step (orange) or shrinks (purple). The measured limit between both lies
+# on the dashed formula. With explicit Euler, damping raises the limit up to $\zeta = 1$ and lowers it beyond. The lower
+# panel is MuJoCo's soft contact; a fold-out below returns to it.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -482,7 +482,9 @@ answer("potential_of_contact", "k*c")
 # The last condition is Signorini's for one step: the gap after the step, $\phi + h\,u_n$, must not be negative. (If
 # bodies overlap already, this would remove the whole overlap in one step. What engines do instead comes below.)
 # %% [markdown]
-# **Worked example: one block.** A block of 1 kg lies on the floor. It can move along $x$ and $z$, so $v = (v_x, v_z)$
+# <details><summary>A first worked example: one block</summary>
+#
+# A block of 1 kg lies on the floor. It can move along $x$ and $z$, so $v = (v_x, v_z)$
 # and $M$ is the identity (in kg). The step is 10 ms. The contact has a normal row (velocity along $z$) and a
 # tangential row (along $x$):
 #
@@ -492,6 +494,8 @@ answer("potential_of_contact", "k*c")
 #
 # Without contact the block would fall at 9.81 m/s² · 10 ms = 0.0981 m/s. The gap is 0, so the normal condition is
 # $0 \le p_n \perp p_n - 0.0981 \ge 0$, and $p_n = 0.0981$ N s. Divided by the step that is 9.81 N: the weight.
+#
+# </details>
 #
 # %% [markdown]
 # **Worked example: a stack of two.** A block of 2 kg lies on top of the block of 1 kg. We look at vertical motion
@@ -632,8 +636,7 @@ simulation("stopping_distance")
 # %% [markdown]
 # A pyramid can also stand *around* the cone. You get it if you clamp each friction component to $\pm\mu f_n$ on its
 # own, and it is up to 41 % too strong. The chart calls it *box of limits*, and shows it next to the inner pyramid and
-# MuJoCo's two options, *pyramidal* (its default) and *elliptic* (the round cone). The level lines are the round cones,
-# ours and MuJoCo's:
+# MuJoCo's two options, *pyramidal* (its default) and *elliptic* (the round cone):
 #
 # ![Stopping distance and direction of a braking block, with cone and pyramids](../docs/charts/contact_steering.png)
 # %%
@@ -651,9 +654,8 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #    number $a$ is the same for both rows, at least the larger eigenvalue of their $2\times2$ block of $A$.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# Why one number $a$? When nothing changes any more, the shortened $p_t$ is parallel to $u_t/a$, so friction points
-# straight against the sliding. If you divided each row by its own $A_{ii}$, and the two differed, friction would
-# converge to another direction.
+# With one number $a$, the shortened $p_t$ ends up parallel to $u_t$: friction points straight against the sliding.
+# Divided by two different $A_{ii}$, it would not.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -690,11 +692,12 @@ predict("heavy_on_light")
 #
 # For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of the
 # contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$ and go to
-# the nearest point of the cone. Here $\rho$ is any positive number; its unit is kg, so that $\rho\,\tilde u$ is an
-# impulse. If this gives $p$ again, $p$ satisfies Coulomb's law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left
-# side minus the right side is the **natural map**, and Newton's method searches for its zero. Each iteration solves a
-# linear system. On this chapter's stacks it takes a few iterations at any mass ratio. Elsewhere it may need more, or
-# fail.
+# the nearest point of the cone; $\rho$ is any positive number, in kg, so that $\rho\,\tilde u$ is an impulse. If this
+# gives $p$ again, $p$ satisfies Coulomb's law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left
+# side minus the right side is the **natural map**, and Newton's method searches for its zero.
+#
+# Each iteration of Newton's method solves a linear system. On this chapter's stacks a few are enough at any mass ratio.
+# Elsewhere it may need more, or fail.
 #
 # A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest violation
 # of the contact law, as a velocity. (The iterations of different methods do not cost the same.)
@@ -720,10 +723,10 @@ more_claims("iterations_50_to_100")
 #
 # **Baumgarte stabilisation** asks for a separating velocity that removes a share $\beta$ of the depth $\delta$ in one
 # step: $u_n \ge \beta\,\delta/h$. In this course $\beta$ is called `recovery` and is 0.2. Look at the $h$ in the
-# denominator. A block that starts 1 cm deep must leave at $0.2 \cdot 0.01 / h$. What does a shorter step do to that
+# denominator. A ball that starts 1 cm deep must leave at $0.2 \cdot 0.01 / h$. What does a shorter step do to that
 # speed?
 # %% tags=["hide-code"]
-print("a block that starts 10 mm deep, at rest: its speed after one step [m/s]")
+print("a ball that starts 10 mm deep, at rest: its speed after one step [m/s]")
 print(f"{'step':>8} {'Baumgarte':>11} {'bounded':>9} {'split impulse':>15}")
 deep = scenes.ball_drop(-0.01)
 for dt in (1e-2, 1e-3, 1e-4):
@@ -733,7 +736,7 @@ for dt in (1e-2, 1e-3, 1e-4):
     ((_, v),) = split_impulse_steps(deep, dt, 1, model="lcp")
     print(f"{1e3 * dt:5.1f} ms {free:11.2f} {bounded:9.2f} {v[0]:15.2f}")
 # %% [markdown]
-# Ten times shorter steps eject the block ten times as fast. This is why the advice "just reduce the step" can make
+# Ten times shorter steps eject the ball ten times as fast. This is why the advice "just reduce the step" can make
 # things worse, and why engines bound (cap) this speed. Here the bound, `max_recovery_speed`, is 1 m/s. MuJoCo's soft
 # contact, in purple, pushes the ball out at a low speed that depends little on the step:
 #
@@ -764,10 +767,11 @@ for dt in (1e-2, 1e-3):
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
 # steps. Macklin and colleagues (2019) found that this usually works better. The position error that one sub-step makes
 # is proportional to the square of its length. Half the length makes a quarter of the error, twice as often, so half of
-# it remains. The **TGS** (temporal Gauss-Seidel) of the engine PhysX works like this. So does the sub-stepped form of
-# **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them out of the overlaps contact by
-# contact, and takes the velocity from the change of position. The table is about 100 kg on 1 kg. Each of its lines
-# visits every contact equally often per step:
+# it remains. The **TGS** (temporal Gauss-Seidel) of the engine PhysX works like this.
+#
+# So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them
+# out of the overlaps contact by contact, and takes the velocity from the change of position. Here 100 kg lie on 1 kg.
+# Each line visits every contact equally often per step:
 # %% tags=["hide-code"]
 heavy = scenes.tower([1.0, 100.0])
 print("100 kg on 1 kg for 0.5 s, XPBD: deepest penetration")
@@ -871,8 +875,7 @@ show("mujoco_is_convex_and_unique")
 # * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction yields less than the normal
 #   direction. (With pyramids there are no separate friction rows, and the manual advises against large values.)
 # * **condim** is the number of directions in which the contact has a force: 1 is the normal alone, 3 adds sliding
-#   friction, 4 adds friction against spinning, 6 adds rolling friction. With elliptic cones that is the number of
-#   rows. With pyramids there are two rows for each direction of friction.
+#   friction, 4 adds friction against spinning, 6 adds rolling friction.
 #
 # Drag the impedance curve or change solref, and watch how a body of 1 kg lands and how deep it rests:
 # %%
@@ -903,13 +906,18 @@ for condim in (1, 3, 4, 6):
 # %%
 show("condim_4_is_the_full_cone")
 # %% [markdown]
+# <details><summary>How large a step MuJoCo's contact allows: refsafe</summary>
+#
 # MuJoCo's spring, like any spring whose force is evaluated before the step, has a largest stable step. With solref,
 # $\omega = 1/(\zeta T)$, so the limit of the step for one contact is $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag
-# *refsafe*, on by default, raises $T$ to at least two steps. This makes stiff settings softer than you asked for. Is $T
-# = 2h$ enough? Set it in the limit above and solve for $\zeta$: a single contact is stable if $\zeta > 1/\sqrt 8
-# \approx 0.35$. That is the lower panel of the chart of step limits above: left of the dotted ratio, the same steps
+# *refsafe*, on by default, raises $T$ to at least two steps. This makes stiff settings softer than you asked for.
+#
+# Is $T = 2h$ enough? Set it in the limit above and solve for $\zeta$: a single contact is stable if $\zeta > 1/\sqrt 8
+# \approx 0.35$. The lower panel of the chart of step limits shows it: left of the dotted ratio, the same steps
 # fail with refsafe and without; right of it, refsafe keeps every step stable. Bodies that touch at several points need
 # more damping. At the default, $\zeta = 1$, all scenes of this chapter are stable.
+#
+# </details>
 #
 # ### Creep and sinking: the price of softness
 #
@@ -971,16 +979,15 @@ predict("push_that_starts_too_slow")
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
 # Two remedies give a derivative before touch. **Randomised smoothing** averages over runs with noise on the parameter
-# and needs only function values. Its points scatter, since each is estimated from a hundred pairs of runs. An
+# and needs only function values. Its points scatter, since each is an estimate. An
 # **interior-point** relaxation lets force times gap be a small number instead of zero, so that a little force acts at a
-# distance. It is strong in the chart, so that you can see it. Both pay with a bias: they spread the jump at touch over
-# a range of speeds, and the strong relaxation overshoots the truth at high speeds. (The penalty's lines that leave the
-# frame are at jumps of its own.)
+# distance. Both pay with a bias: they spread the jump at touch over a range of
+# speeds, and the interior point, strong in this chart, overshoots at high speeds. (Where the penalty's line leaves the
+# frame, its final position jumps.)
 #
-# The right panel shows something worse than zero: a simulator that applies a bounce at the end of its step. The farther
-# from the wall the ball starts, the larger is its final position, yet the stepped curve falls between its jumps. Its
-# derivative has the wrong sign almost everywhere. So compare a gradient with finite differences, with several sizes of
-# the change.
+# The right panel shows something worse than zero: a simulator that applies a bounce at the end of its step. The true
+# position rises with the initial distance, but the stepped curve falls between its jumps: its derivative has the wrong
+# sign. Compare a gradient with finite differences, with several sizes of the change.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -1095,15 +1102,15 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. Each is the
-# smallest scene that answers its question. *Where does a block stop* (tolerance 2 mm), if it is pushed off at 22.5° to
-# the $x$ axis, between the edges of the pyramid? *How far does a block slide* down a slope (tolerance 1 mm)? *How deep
-# does a light body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)?
+# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. *Where does a
+# block stop* (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid? *How far
+# does a block slide* down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1 mm)? *How
+# far does a held glass slip* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
-# better. Cost is counted twice: as *steps and iterations*, the number of steps plus all iterations of the solver, and
-# as computing time. The dotted line is the tolerance, and a cross at the upper edge is a run that failed. The *pick*,
-# circled, is the cheapest run within the tolerance. Drag the tolerance and switch methods on:
+# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
+# the upper edge is a failed run. The *pick*, circled, is the cheapest run within the tolerance (dotted). Drag the
+# tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1148,16 +1155,14 @@ print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm"
 TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
-# centimetres at every step. (The bodies have not come to rest by then, so the depth differs from the resting depth in
-# section 2.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance. The
-# penalty's error tends to the depth of its own spring, $mg/k$, not to zero. The grey band holds errors of rounding:
+# centimetres at every step. (They have not come to rest by then.) A **hardened** contact (solref of 4 ms, solimp near
+# 1, impratio 100) is within the tolerance. The penalty's error tends to its own depth, $mg/k$:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
-# A held glass, with $\mu = 0.25$, a quarter more than it needs. By default it creeps in MuJoCo. At long steps it creeps
+# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. At long steps it creeps
 # faster; at short steps the speed no longer depends on the step. Hardened, it creeps too, but stays within the
-# tolerance except at the longest steps. (The pyramid, in the table below, creeps at a speed that depends on $\mu$: the
-# fold-out above has it for other values.)
+# tolerance except at the longest steps.
 #
 # ![How far a held glass slips, error against cost](../docs/charts/contact_glass.png)
 #
@@ -1171,8 +1176,7 @@ TradeOff(mine)
 #
 # All models take steps of 2 ms; *good* means an error within the scene's tolerance. The *compiled loop* is the
 # course's sweep, compiled and started warm. *Discrete* is a MuJoCo integrator that is implicit in positions and
-# velocities. `python -m
-# course.charts contact_table` measures the table again and checks each sentence under it.
+# velocities. `python -m course.charts contact_table` measures it again.
 # %% tags=["hide-code"]
 rows = [line for line in read("contact_table").splitlines() if line[:8].strip() in charts.QUESTIONS]
 retained = ("penalty", "exact", "true cone (N", "MuJoCo Newton, elliptic ", "MuJoCo Newton, hard")
@@ -1185,11 +1189,12 @@ figures(
 # %% tags=["hide-code"]
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
-# Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models,
-# whose step is a few lines of NumPy. Iterations are the mean per step. In *heavy*, the compiled loop needs far
-# fewer sweeps than section 2 predicts, because it starts warm.
+# Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models, in
+# NumPy. Iterations are the mean per step; the compiled loop needs few, because it starts warm.
 #
-# **The narrow phase compared with Coal**, the collision library that Pinocchio uses. The bars show Coal's time divided
+# <details><summary>The narrow phase compared with Coal</summary>
+#
+# Coal is the collision library that Pinocchio uses. The bars show Coal's time divided
 # by the course's; for the light bars (*poses in the loop*), Coal's time includes building its pose objects. The course
 # answers one compiled call for all pairs; Coal, with both tolerances at 1e-12, is called from Python once per pair. Two
 # spheres need almost no arithmetic, so their bars mainly show what such a call costs, not how fast Coal is. The lower
@@ -1197,17 +1202,19 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # random. *Points* means the convex hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
+#
+# </details>
 # %%
 more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer, and a step of these small scenes takes
-#   microseconds. Use the elliptic cone where directions matter; raise impratio where things are held, and harden solref
-#   or solimp where a heavy body rests on a light one. (For learning in thousands of parallel worlds, measure throughput
-#   with your own scene. That is not measured here, and other solvers are in use there, such as PhysX's TGS.)
+# * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
+#   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
+#   one.
+# * **Learning in thousands of worlds:** measure the throughput; this chapter does not.
 # * **Small stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
-#   pivots. (Piles of hundreds of contacts are not tried here.) Sweeps are fine if light bodies stand on heavy ones and
+#   pivots. Sweeps are fine if light bodies stand on heavy ones and
 #   stacks are low.
 # * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you
 #   accept.
@@ -1258,8 +1265,8 @@ for mu in (1.0, 2.0):
 # </div>
 #
 # MuJoCo has two parameters for its buffers: `nconmax` is the number of contacts that fit, `njmax` the number of
-# constraint rows. No formula of section 2 contains the size of a buffer. Yet you will read that you should enlarge them
-# when contacts stick:
+# constraint rows. No formula of section 2 contains them. Yet you will read that you should enlarge them when contacts
+# stick:
 # %%
 show("nconmax_helps")
 # %% [markdown]
@@ -1293,9 +1300,9 @@ more_claims("mujoco_timer")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function
-# on new random cases. It says what is wrong and, if it recognises the mistake, why. In a terminal the same run is
-# `drills start aabb` and `drills check aabb`.
+# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function on
+# new random cases and says what is wrong, often also why. In a terminal the same run is `drills start aabb` and `drills
+# check aabb`.
 #
 # ### Two axis-aligned boxes
 #
@@ -1380,10 +1387,9 @@ check(impact_time)
 # %% [markdown]
 # ### A Gauss-Seidel sweep with friction
 #
-# A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*,
-# onto its nearest point. Repeated until nothing changes, this sweep solves the convex relaxation, in which a sliding
-# contact also separates. The sweep of section 2 projects the normal impulse first and then shortens friction. Where it
-# converges, it solves Coulomb's law, but nothing guarantees that it does.
+# A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*, onto
+# its nearest point. Repeated until nothing changes, this sweep solves the convex relaxation. The sweep of section 2
+# solves Coulomb's law where it converges, but nothing guarantees that it does.
 # %%
 card("pgs_sweep")
 
@@ -1460,8 +1466,8 @@ answer("more_friction_holds_the_glass", "m*g/F")
 #
 # | work | source | idea |
 # |---|---|---|
-# | SAP, in Drake | Castro, Permenter and Han 2022 | compliant contact as an unconstrained convex problem that is solved in every step |
-# | hydroelastic contact | Elandt et al. 2019; Masterjohn et al. 2022 | pressure fields inside the bodies; a contact is a surface, and its force changes continuously with the pose |
+# | SAP, in Drake | Castro, Permenter and Han 2022 | compliant contact as an unconstrained convex problem |
+# | hydroelastic contact | Elandt et al. 2019; Masterjohn et al. 2022 | pressure fields inside the bodies; the force changes continuously with the pose |
 # | incremental potential contact | Li et al. 2020 | a barrier on the distance: nothing ever passes, steps can be large, each is a nonlinear solve |
 # | Dojo | Howell et al. 2022 | rigid contact with an interior-point method; gradients of the softened problem |
 # | smoothing for planning | Suh et al. 2022; Pang et al. 2023 | what randomised and analytic smoothing have in common; plans through contact |
