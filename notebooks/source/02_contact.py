@@ -696,7 +696,7 @@ predict("heavy_on_light")
 # gives $p$ again, $p$ satisfies Coulomb's law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left
 # side minus the right side is the **natural map**, and Newton's method searches for its zero.
 #
-# Each iteration of Newton's method solves a linear system. On this chapter's stacks a few are enough at any mass ratio.
+# Each iteration solves a linear system. On this chapter's stacks a few are enough at any mass ratio.
 # Elsewhere it may need more, or fail.
 #
 # A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest violation
@@ -1190,7 +1190,7 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
 # Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models, in
-# NumPy. Iterations are the mean per step; the compiled loop needs few, because it starts warm.
+# NumPy. Iterations are the mean per step.
 #
 # <details><summary>The narrow phase compared with Coal</summary>
 #

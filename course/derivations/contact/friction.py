@@ -206,7 +206,7 @@ def more_friction_holds_the_glass(result):
 @claim(
     "A coarse friction pyramid makes grasped objects slip.",
     "A pyramid with four edges on the cone is weaker than the cone between its edges. At the "
-    "angle t to an edge it holds the cone's load divided by cos t + sin t, so at worst 1/sqrt(2) "
+    "angle t to an edge it holds the cone's load divided by cos(t) + sin(t), so at worst 1/sqrt(2) "
     "of it. Along an edge it is as strong as the cone. While an object slides, the pyramid also "
     "steers it: pushed off at {degrees:.1f} degrees to an edge, a block travels {stretched:.3f} "
     "times as far and stops in the direction {turned:.1f} degrees.",
@@ -256,10 +256,10 @@ def pyramid_slips(result):
 @claim(
     "Limiting friction on each axis separately gives nearly Coulomb's friction.",
     "It gives a box around the cone, which is up to sqrt(2) times too strong between the axes. "
-    "Each axis brakes on its own. Pushed off at the angle t to an axis, a block travels sqrt(1 - "
-    "sin(2 t)^2/2) times as far, in the direction atan(tan(t)^2). At {degrees:.1f} degrees that is "
-    "{short:.4f} times as far, in the direction {turned:.2f} degrees; at {half:.0f} degrees it is "
-    "{diagonal:.4f} times as far.",
+    "Each axis brakes on its own. Pushed off at the angle t to an axis, a block travels "
+    "sqrt(cos(t)^4 + sin(t)^4) times as far, in the direction atan(tan(t)^2). At {degrees:.1f} "
+    "degrees that is {short:.4f} times as far, in the direction {turned:.2f} degrees. At {half:.0f}"
+    " degrees it is {diagonal:.4f} times as far.",
 )
 def box_of_limits(result):
     from course.charts.contact.models import stopped
