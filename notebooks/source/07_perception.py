@@ -137,7 +137,7 @@ for name, label, mm, colour in ERRORS:
     _ = axis.text(places[name] - 0.29, mm, f"{label}\n{mm:.2g} mm", fontsize=8, va=side)
 _ = axis.axhline(2.0, color=GREY, ls="--")
 _ = axis.text(-0.48, 2.2, "tolerance 2 mm", fontsize=8, color=GREY)
-_ = axis.set(yscale="log", ylim=(0.015, 45), xticks=[], ylabel="error [mm]")
+_ = axis.set(yscale="log", ylim=(0.015, 45), xticks=[], ylabel="error or height [mm]")
 plt.show()
 
 # %% [markdown]
@@ -852,12 +852,12 @@ plt.show()
 show("looked_through_is_wrong")
 
 # %% [markdown]
-# The right panel shows the test's limit. Where two equal parts touch (**twins**), or where the part on the table is
-# slightly larger than the model, every pixel of the model is covered by *something*. See-through can't object. The
-# opposite question helps: does the pose explain all that was measured? Take all pixels of the model and of the
-# cluster. The share of them in which both agree is called **agrees**; what is missing to 1 is left over. `locate` does
-# not report *found* when too much is left over. This has a limit as well: the less a foreign part differs from the
-# model, the less is left over.
+# The right panel of the sketch shows the test's limit. Where two equal parts touch (**twins**), or where the part on
+# the table is slightly larger than the model, every pixel of the model is covered by *something*. See-through can't
+# object. The opposite question helps: does the pose explain all that was measured? Take all pixels of the model and
+# of the cluster. The share of them in which both agree is called **agrees**; what is missing to 1 is left over.
+# `locate` does not report *found* when too much is left over. This has a limit as well: the less a foreign part
+# differs from the model, the less is left over.
 
 # %%
 show("not_looked_through_is_right")
@@ -877,7 +877,7 @@ for name in ("right", "quarter turn", "cut off", "scale 1 % off"):
         (
             name,
             off.size - wrong.size,
-            f"{1e3 * wrong.min():.0f} to {1e3 * wrong.max():.0f} mm" if wrong.size else "-",
+            f"{1e3 * wrong.min():.1f} to {1e3 * wrong.max():.1f} mm" if wrong.size else "-",
             f"{1e3 * residual.min():.1f} to {1e3 * residual.max():.1f} mm",
             f"{through.min():.1%} to {through.max():.1%}",
         )
@@ -885,13 +885,10 @@ for name in ("right", "quarter turn", "cut off", "scale 1 % off"):
 table_of(*rows)
 
 # %% [markdown]
-# Read the table row by row. The quarter turn has a large residual *and* a large see-through share. Of the box that lies
-# more than half outside the image, half of the poses are right and the others are centimetres off. Their residual is
-# small, and some of them have no see-through either. The depth scale that is wrong by one per cent shows in neither
-# number and moves every pose by several millimetres. (In the card above, see-through noticed this scale, because the
-# card tests the true pose. A fit moves the pose with the wrong depths.)
-#
-# Can the pipeline notice the scale at all? Yes, if you tell it where the table is:
+# The quarter turn has a large residual *and* a large see-through share. Of the box that lies more than half outside the
+# image, half of the poses are right. The others are centimetres off, with a small residual and sometimes without any
+# see-through. A depth scale that is wrong by one per cent shows in neither number and moves every pose by several
+# millimetres. The pipeline can notice it only if it knows where the table is:
 
 # %% tags=["hide-code"]
 upwards = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
@@ -926,8 +923,8 @@ more_claims("a_residual_tells")
 # **A fixed camera.** Touch several points with the arm and measure the same points with the camera. That is a rigid
 # fit with known pairs. Its residual says little about its quality: three points have nine coordinates, and the six
 # numbers of the camera's pose are adjusted to them, so three points always fit well. The error at the part depends on
-# how many points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998). The pipeline
-# figure contains an example, and you will derive the simplest case in section 8.
+# how many points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998). You will
+# derive the simplest case in section 8.
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm from one pose to another
 # while the camera watches a fixed target. The arm reports the hand's motion $A$, and the images give the camera's
@@ -935,7 +932,7 @@ more_claims("a_residual_tells")
 #
 # $$A\,X = X\,B .$$
 #
-# This is **hand-eye calibration**. Several motions give several equations for the one unknown $X$. The rotation is
+# This is **hand-eye calibration**. The rotation is
 # solved first, from the axes of the turns: $X$ has to rotate each axis of $B$ onto that of $A$. Then the shift
 # follows from linear equations.
 
@@ -1104,8 +1101,8 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 #
 # An estimate without a status is not an interface. The caller has to know what to do with each answer, and an empty
 # table is an answer, not an exception. The status is *refuted* if the camera sees through the pose, *cut* if the part
-# reaches the border of the image, *ambiguous* if another pose explains the image as well or too much is left over, and
-# otherwise *found*.
+# reaches the border of the image, *ambiguous* if another pose explains the image as well, too much is left over or a
+# shift is unobserved, and otherwise *found*.
 
 # %% tags=["hide-code"]
 square, other = shape("box", 0.05, 0.0499, 0.03), shape("box", 0.05, 0.03, 0.03)
@@ -1114,7 +1111,7 @@ for name, part, available, then in (
     ("nothing", BOX, (), "wait, or ask for parts"),
     ("the part", BOX, (stand(BOX, 0.03, 0.0, 0.0, 0.5),), "grasp"),
     (
-        "the part, half out of the image",
+        "the part, mostly outside the image",
         BOX,
         (stand(BOX, 0.03, 0.45, 0.0, 0.5),),
         "move the camera",
@@ -1178,9 +1175,14 @@ took = [1e3 * timed.median for timed in interleaved(clocks, repeats=5, sample=5e
 took[4] -= sum(took[1:4])  # `locate` does these, too
 figure_, axis = plt.subplots(figsize=(7, 2), layout="constrained")
 bars = axis.barh(list(stages)[1:][::-1], took[1:][::-1], color=BLUE)
-_ = axis.bar_label(bars, [f"{ms:.2g} ms" for ms in took[1:][::-1]], padding=3, fontsize=8)
+_ = axis.bar_label(
+    bars,
+    [f"{ms:.0f} ms" if ms > 10 else f"{ms:.2g} ms" for ms in took[1:][::-1]],
+    padding=3,
+    fontsize=8,
+)
 _ = axis.axvline(1e3 / 30, color=ORANGE)
-_ = axis.text(1e3 / 30, 4.6, " period of 30 images per second", fontsize=8, color=ORANGE)
+_ = axis.text(35, 4, "period of 30 images per second", va="center", fontsize=8, color=ORANGE)
 _ = axis.set(xlim=(0, 1.2 * max(took[1:])), xlabel="time per image [ms]")
 plt.show()
 whole = sum(took[1:])
@@ -1200,9 +1202,9 @@ show("pipeline_keeps_up")
 # A control loop that runs a thousand times per second waits for none of this. It follows a reference, and the
 # reference moves when a new pose arrives.
 #
-# Simulating a whole system, as in chapter 11, would take too long with computed images. There the function
-# **`stand_in`** samples the error of a pose from a bias (a vector) and a covariance (a matrix), which depend on the
-# part's position. Here is its spread next to that of the real pipeline:
+# Simulating a whole system, as in chapter 11, would take too long with computed images. There the error of each pose is
+# sampled. The function **`stand_in`** returns its bias (a vector) and covariance (a matrix) for a position of the part.
+# Here is the predicted spread next to that of the real pipeline:
 
 # %% tags=["hide-code"]
 place = stand(BOX, 0.03, 0.05, 0.0, 0.8)
@@ -1273,9 +1275,10 @@ Markdown(
 # %% [markdown]
 # ### The simulation in full
 #
-# You look from above. Points have the colour of their cluster, the plane is grey, noise is black. Outlines show the
-# estimated poses on top of the true ones. Drag a part to move it, and drag its knob to turn it. Go through the
-# presets, and predict before you look:
+# You look from above. Points have the colour of their cluster, the plane is grey, noise is black. Dashed outlines show
+# the true poses, solid ones the estimates: green if *found*, orange if *ambiguous* or *cut*, red if *refuted*. A
+# predicted error of *not seen* means infinite: the position is unobserved. Drag a part to move it, and drag its knob to
+# turn it. Go through the presets, and predict before you look:
 #
 # 1. *Table in clusters*: which slider cures it, and what is lost then?
 # 2. *Touching*: does any eps separate the parts, and which direction is reported as uncertain?
@@ -1391,6 +1394,23 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 # more, and fewer neighbours alone find cubes of 16 mm. Had two stages lost the part, curing one would only have moved
 # the zero to the other. So count first.
 #
+# <div class="alert alert-block alert-danger">
+#
+# **Debugging tip.** *Small parts are missed.* Count the part's points after each stage: pixels, voxels, above the
+# plane, in a cluster. The first zero names the stage. No pixels: move the camera nearer. None above the plane: set
+# the tolerance in multiples of $\sigma_z$, not in millimetres out of habit. Not clustered: require a third or less of
+# $\pi(\epsilon/v)^2$ neighbours.
+#
+# <details><summary>What people get wrong here</summary>
+#
+# They make voxels smaller first. A voxel grid removes no part that has a pixel. Only a part less than two cells wide
+# may share all its means with the table and appear lower. What the grid does change is the number of neighbours. With
+# `min_points` unchanged, a *finer* grid therefore helps, but for this reason and not for the one usually given.
+#
+# </details>
+#
+# </div>
+#
 # **Large parts.** Their pose depends first on the estimator, then on what disturbs it. The chart compares seven
 # estimators in seven situations: the part alone; touching another part; beside its twin; partly hidden; more than half
 # outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree.
@@ -1419,29 +1439,11 @@ figures(
 
 # %% [markdown]
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
-# twin, `locate` at least reports *ambiguous*; it needs a second view. The other two are reported as *found*, because
-# here the program finds the table in the same wrong image. Tell it where the table really is, and it refutes both
-# (section 3); only a calibration cures them. A median hides one thing: of the parts that are cut off, about half are
-# placed right and the others are centimetres off.
+# twin, `locate` reports *ambiguous*; it needs a second view. The other two are reported as *found*, because the program
+# finds the table in the same wrong image. If it knows where the table is, it refutes both, as in section 3. A median
+# hides one thing: of the parts that are cut off, about half are placed right and the others are centimetres off.
 #
 # ### Debugging
-#
-# <div class="alert alert-block alert-danger">
-#
-# **Debugging tip.** *Small parts are missed.* Count the part's points after each stage: pixels, voxels, above the
-# plane, in a cluster. The first zero names the stage. No pixels: move the camera nearer. None above the plane: set
-# the tolerance in multiples of $\sigma_z$, not in millimetres out of habit. Not clustered: require a third or less of
-# $\pi(\epsilon/v)^2$ neighbours.
-#
-# <details><summary>What people get wrong here</summary>
-#
-# They make voxels smaller first. A voxel grid removes no part that has a pixel. Only a part less than two cells wide
-# may share all its means with the table and appear lower. What the grid does change is the number of neighbours. With
-# `min_points` unchanged, a *finer* grid therefore helps, but for this reason and not for the one usually given.
-#
-# </details>
-#
-# </div>
 #
 # <div class="alert alert-block alert-danger">
 #
