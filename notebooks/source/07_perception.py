@@ -852,12 +852,13 @@ plt.show()
 show("looked_through_is_wrong")
 
 # %% [markdown]
-# The right panel of the sketch shows the test's limit. Where two equal parts touch (**twins**), or where the part on
-# the table is slightly larger than the model, every pixel of the model is covered by *something*. See-through can't
-# object. The opposite question helps: does the pose explain all that was measured? Take all pixels of the model and
-# of the cluster. The share of them in which both agree is called **agrees**; what is missing to 1 is left over.
-# `locate` does not report *found* when too much is left over. This has a limit as well: the less a foreign part
-# differs from the model, the less is left over.
+# The right panel of the sketch shows the test's limit. Where two equal parts touch (**twins**), or where the part on the
+# table is slightly larger than the model, every pixel of the model is covered by *something*. See-through can't object.
+#
+# The opposite question helps: does the pose explain all that was measured? Take all pixels of the model and of the
+# cluster. The share of them in which both agree is called **agrees**; what is missing to 1 is left over. `locate` does
+# not report *found* when too much is left over. This has a limit as well: the less a foreign part differs from the
+# model, the less is left over.
 
 # %%
 show("not_looked_through_is_right")
@@ -917,18 +918,17 @@ more_claims("a_residual_tells")
 # %% [markdown]
 # ### Extrinsics and hand-eye calibration
 #
-# The pose is still in the camera's frame. The arm needs it in its base frame, so you need the camera's own pose in
-# the base: its **extrinsics**.
+# The arm needs the pose in its base frame, so you need the camera's own pose in the base: its **extrinsics**.
 #
 # **A fixed camera.** Touch several points with the arm and measure the same points with the camera. That is a rigid
 # fit with known pairs. Its residual says little about its quality: three points have nine coordinates, and the six
-# numbers of the camera's pose are adjusted to them, so three points always fit well. The error at the part depends on
+# numbers of the camera's pose are adjusted to them, so they always fit well. The error at the part depends on
 # how many points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998). You will
 # derive the simplest case in section 8.
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm from one pose to another
 # while the camera watches a fixed target. The arm reports the hand's motion $A$, and the images give the camera's
-# motion $B$. There are two ways from the old hand frame to the new camera frame, and they have to agree:
+# motion $B$. Both ways from the old hand frame to the new camera frame have to agree:
 #
 # $$A\,X = X\,B .$$
 #

@@ -227,11 +227,12 @@ def draws_find_the_plane(result):
 @claim(
     "For a tilted table and a stereo camera, a linear fit of inverse depth is more accurate "
     "than a fit to the points.",
-    "A camera of {wide:.0f} by {high:.0f} pixels with a baseline of {base_mm:.0f} mm and {noise} px "
-    "of noise measures the table's angle {ratio:.1f} times more accurately this way, because the "
-    "noise of a stereo sensor is uniform in 1 / z. It also avoids an offset of {offset_mm:.2f} mm "
-    "that the fit to the points has. If the table faces the camera, both are equally accurate. "
-    "With noise that is uniform in z the order is reversed: the ratio is {other:.2f}.",
+    "A camera of {wide:.0f} by {high:.0f} pixels with a baseline of {base_mm:.0f} mm and {noise} "
+    "px of noise measures the table's angle {ratio:.1f} times more accurately this way, because "
+    "the noise of a stereo sensor is uniform in 1 / z. It also avoids an offset of "
+    "{offset_mm:.2f} mm that the fit to the points has. If the table faces the camera, both are "
+    "equally accurate. With noise that is uniform in z the order is reversed: the ratio is "
+    "{other:.2f}.",
 )
 def inverse_depth_is_better(result):
     from course import perception as see

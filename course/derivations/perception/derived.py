@@ -56,8 +56,7 @@ def depth_bias(result):
     "{range:.0f} m.",
     ask=(
         "Seen from above, a part of height h counts as found if h is at least k standard "
-        "deviations "
-        "of a depth at the table's distance z. What is the largest z?",
+        "deviations of a depth at the table's distance z. What is the largest z?",
         "z = sqrt(h*f*B/(k*s))",
         {
             "h*f*B/(k*s)": "Noise grows with the square of the distance: a root.",

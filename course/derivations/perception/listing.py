@@ -184,10 +184,9 @@ def extent_is_size(result):
     "One worker that takes 100 ms for an image processes all images of a camera that takes 30 per "
     "second.",
     "It delivers {rate:.0f} poses per second and drops the other images. Several workers in turn "
-    "deliver all {camera:.0f}, but each pose is as old as before: at {speed:.0f} mm/s the part has "
-    "moved on by {late_mm:.0f} mm. A higher rate doesn't remove this error. A prediction to the "
-    "time "
-    "of use does: {left_mm:.1f} mm remain.",
+    "deliver all {camera:.0f}, but each pose is as old as before: at {speed:.0f} mm/s the part "
+    "has moved on by {late_mm:.0f} mm. A higher rate doesn't remove this error. A prediction to "
+    "the time of use does: {left_mm:.1f} mm remain.",
 )
 def pipeline_keeps_up(result):
     from course.perception import Tracker
@@ -225,9 +224,8 @@ def pipeline_keeps_up(result):
     "{wide:.0f} mm.",
     ask=(
         "Two parallel fingers, b wide along the part, close on a part of width W that is longer "
-        "than "
-        "b. The part lies e to the side and is turned by t about the fingers' middle. How much "
-        "farther than W/2 from the middle must each finger start?",
+        "than b. The part lies e to the side and is turned by t about the fingers' middle. How "
+        "much farther than W/2 from the middle must each finger start?",
         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)",
         {
             "e": "A turned part is wider between the fingers.",

@@ -19,8 +19,7 @@ SYMBOLS = {
     'One number on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise.',
     "The noise is {formula}, which depends on the distance: the same sensor has {low:.2f} mm at "
     "{near} m, {middle:.1f} mm at {mid} m and {high:.0f} mm at {far} m. Each quoted number is "
-    "right "
-    "at some distance.",
+    "right at some distance.",
     ask=(
         "Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
         "sigma = z^2*s/(f*B)",
@@ -120,14 +119,12 @@ def pixels_are_independent(result):
 @claim(
     "Half a pixel in the principal point does not matter.",
     "It moves every point by {formula}, which is {shift_mm:.2f} mm at {far:.2f} m, and no test of "
-    "the pipeline notices it. The residual is {same:.3f} times the right one's, and the covariance "
-    "claims an accuracy of {told_mm:.3f} mm. With pixel centres at integers, the middle of W "
-    "columns "
-    "is (W - 1)/2.",
+    "the pipeline notices it. The residual is {same:.3f} times the right one's, and the "
+    "covariance claims an accuracy of {told_mm:.3f} mm. With pixel centres at integers, the "
+    "middle of W columns is (W - 1)/2.",
     ask=(
         "A program uses a principal point that is half a pixel off. By how much does a point at "
-        "the "
-        "depth z move sideways?",
+        "the depth z move sideways?",
         "e = z/(2*f)",
         {
             "1/(2*f)": "That is the angle: times the distance.",
@@ -163,11 +160,10 @@ def half_a_pixel(result):
 
 @claim(
     "A calibration is as good as its residual says.",
-    "Three touched points up to {wide} m apart, each known to {sigma_mm:.0f} mm, leave a residual of "
-    "{three_mm:.2f} mm and an error of {far_mm:.1f} mm at {away} m above them. More points raise "
-    "the "
-    "residual and lower the error. The error is {formula} at the points' middle, and grows outside "
-    "of them with the distance divided by their extent.",
+    "Three touched points up to {wide} m apart, each known to {sigma_mm:.0f} mm, leave a residual "
+    "of {three_mm:.2f} mm and an error of {far_mm:.1f} mm at {away} m above them. More points "
+    "raise the residual and lower the error. The error is {formula} at the points' middle, and "
+    "grows outside of them with the distance divided by their extent.",
     ask=(
         "A rigid motion is fitted to N touched points, each coordinate with a standard deviation "
         "sigma. What is the root mean square position error at the points' middle?",
