@@ -410,14 +410,19 @@ figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
 events = [(0.0, 0), (0.9, 1), (1.2, 1), (1.5, 0)]  # time, computer
 for (a, i), (b, j) in ((events[0], events[1]), (events[2], events[3])):
     _ = axis.annotate("", (b, j), (a, i), arrowprops={"arrowstyle": "->", "color": BLUE})
-for k, (t, who) in enumerate(events):
-    _ = axis.plot(t, who, "o", color=ORANGE)
-    _ = axis.text(t + 0.02, who + (0.1 if who else -0.1), f"$t_{k}$", va="bottom" if who else "top")
+for k, (t, speaker) in enumerate(events):
+    _ = axis.plot(t, speaker, "o", color=ORANGE)
+    _ = axis.text(
+        t + 0.02,
+        speaker + (0.1 if speaker else -0.1),
+        f"$t_{k}$",
+        va="bottom" if speaker else "top",
+    )
 _ = axis.text(0.33, 0.5, "slow way there, $d_1$", ha="right")
 _ = axis.text(1.42, 0.5, "fast way back, $d_2$")
-for who, name in ((0, "asks"), (1, "answers")):
-    _ = axis.hlines(who, -0.05, 2.05, color=GREY, lw=0.8, zorder=0)
-    _ = axis.text(-0.1, who, name, ha="right", va="center")
+for speaker, name in ((0, "asks"), (1, "answers")):
+    _ = axis.hlines(speaker, -0.05, 2.05, color=GREY, lw=0.8, zorder=0)
+    _ = axis.text(-0.1, speaker, name, ha="right", va="center")
 _ = axis.set(xlim=(-0.4, 2.1), ylim=(-0.45, 1.45), xlabel="true time", yticks=(), xticks=())
 plt.show()
 
