@@ -72,8 +72,7 @@ def table(*rows):
 # ## 1 · Concept: six boxes and a robot
 #
 # Every chapter of this course is about one part of a robot's software. This chapter is about what connects the parts.
-# The simulation above draws it as a graph of six boxes and the robot. Click them, and read what goes in and what comes
-# out:
+# The simulation above draws it as a graph of six boxes and the robot. Click them to read what goes in and out:
 #
 # * The **simulation engine** takes torques and returns pictures and joint states. It stands for the robot (chapters 1
 #   to 4).
@@ -123,10 +122,11 @@ table(
 #
 # Each program in this chain is a *stage*. A stage has an **execution time** $C$, from its start to its result. Most
 # stages also have a clock with a **period** $T$, and start whenever the clock ticks. When a stage starts, it takes the
-# newest result of the stage before it. The chain of this chapter has three stages. *Perception* starts with each
-# picture of a camera at 30 Hz and needs 45 ms. That is longer than the 33.3 ms between two pictures, so two workers
-# take turns. The *planner* starts 10 times per second and needs 60 ms. The *joint loop* runs at 1,000 Hz and needs 0.2
-# ms.
+# newest result of the stage before it.
+#
+# The chain of this chapter has three stages. *Perception* starts with each picture of a camera at 30 Hz and needs 45
+# ms. That is longer than the 33.3 ms between two pictures, so two workers take turns. The *planner* starts 10 times per
+# second and needs 60 ms. The *joint loop* runs at 1,000 Hz and needs 0.2 ms.
 
 # %%
 show("chain_age")
@@ -260,10 +260,11 @@ table(
 # With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
 # **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
 # $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only use the
-# mean age, and the scatter of the age adds an error of its own to either of the two. If a control loop runs through the
-# chain, age costs it stability: its answer to a swing of $f$ cycles per second comes too late by the share $f A$ of a
-# cycle, which is the angle $2\pi f A$, called **phase**. An answer that comes half a cycle too late drives the swing
-# instead of damping it. Chapter 6 derives how much a loop can afford.
+# mean age, and the scatter of the age adds an error of its own to either of the two.
+#
+# If a control loop runs through the chain, age costs it stability: its answer to a swing of $f$ cycles per second comes
+# too late by the share $f A$ of a cycle, which is the angle $2\pi f A$, called **phase**. An answer that comes half a
+# cycle too late drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -439,8 +440,8 @@ plt.show()
 # %% [markdown]
 # **NTP** (Network Time Protocol, RFC 5905) works like this. It takes its stamps in software, so every wait in the
 # operating system looks like network delay. **PTP** (Precision Time Protocol, IEEE 1588) takes them in the network
-# card, and the switches on the way report their own delays. That removes most of the unequal part, but every device on
-# the way has to take part. For a camera there is a third way: a **trigger line**, a wire that tells the camera when to
+# card, and the switches on the way report their own delays. That removes most of the unequal part, if every device on
+# the way takes part. For a camera there is a third way: a **trigger line**, a wire that tells the camera when to
 # expose. The computer that drives the wire knows the time of capture without any network.
 #
 # Ask two questions about each sensor. Which clock made its stamp? And at what moment: at the middle of the exposure, at
@@ -741,8 +742,8 @@ interview("role")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page; you can derive them from what is. The third needs one more fact: the integral
-# of a swing lags behind it by a quarter of a cycle. The gate opens when all three are right.
+# Three formulas that are not on this page; you can derive them from what is. The third needs one more fact: the
+# integral of a swing lags behind it by a quarter of a cycle. The gate opens when all three are right.
 
 # %%
 checkpoint(
