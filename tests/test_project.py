@@ -16,7 +16,7 @@ import pytest
 
 from course import CHAPTERS, charts, contents
 from tests import budget
-from tools import gallery
+from tools import front, gallery
 
 pytestmark = pytest.mark.smoke
 
@@ -31,6 +31,33 @@ TOPICS = [chapter.topic for chapter in CHAPTERS]
 def test_the_chapters_are_numbered_from_0_to_12() -> None:
     assert [chapter.number for chapter in CHAPTERS] == list(range(13))
     assert len(set(TOPICS)) == 13
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=TOPICS)
+def test_a_chapter_has_the_title_of_its_page(chapter) -> None:
+    source = ROOT / "notebooks" / "source" / f"{Path(chapter.notebook).stem}.py"
+    first = re.search(r"^# # (.*)$", source.read_text(encoding="utf-8"), re.M)
+    assert first is not None and first[1] == f"{chapter.number} · {chapter.title}"
+
+
+def test_the_front_page_counts_what_is_there() -> None:
+    """Its numbers are at most what the folders hold, and not a whole step less."""
+    chapters, simulations, claims, pictures, exercises = map(
+        int, re.findall(r"\d+", front.counts())
+    )
+    folders = ROOT / "course", ROOT / "docs" / "charts", ROOT / "drills" / "catalogue"
+    models = [
+        p
+        for p in (folders[0] / "simulations").rglob("*.py")
+        if re.search(r"^MODEL\b.* = ", p.read_text(encoding="utf-8"), re.M)
+    ]
+    records = (folders[0] / "derivations" / "record").glob("*.toml")
+    recorded = sum(len(tomllib.loads(p.read_text(encoding="utf-8"))) for p in records)
+    assert chapters == len(list((ROOT / "notebooks" / "source").glob("[0-9]*.py")))
+    assert simulations == len(models)
+    assert 0 <= recorded - claims < 100
+    assert 0 <= len(list(folders[1].glob("*.png"))) - pictures < 10
+    assert 0 <= len(list(folders[2].glob("*/card.toml"))) - exercises < 10
 
 
 @pytest.mark.parametrize("chapter", CHAPTERS, ids=TOPICS)
