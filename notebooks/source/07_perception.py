@@ -489,12 +489,12 @@ columns = np.flatnonzero(ids[row] == 1)
 columns = np.arange(columns[0] - 12, columns[-1] + 13)
 rays_x, _ = EYE.rays()
 in_row = np.array([rays_x[columns] * noticed[row, columns], 0 * columns, noticed[row, columns]])
-kept, _ = perception.voxel_mean(in_row, 0.01)
+centres, _ = perception.voxel_mean(in_row, 0.01)
 figure_, axis = plt.subplots(figsize=(7, 2.6), layout="constrained")
 _ = axis.plot(
     1e3 * in_row[0], 1e3 * in_row[2], ".", color=GREY, ms=5, label="points of one image row"
 )
-_ = axis.plot(1e3 * kept[0], 1e3 * kept[2], "o", color=ORANGE, ms=5, label="means of voxels")
+_ = axis.plot(1e3 * centres[0], 1e3 * centres[2], "o", color=ORANGE, ms=5, label="means of voxels")
 steps_x, steps_z = (
     np.arange(np.floor(a.min() * 100), np.ceil(a.max() * 100) + 1) * 10 for a in in_row[::2]
 )
@@ -536,9 +536,9 @@ for axis, pair, name in ((axes[0], (3, 40), "a bad sample"), (axes[1], (1, 0), "
     inlier = np.abs(dots[1] - y0 - slope * (dots[0] - x0)) / np.hypot(1, slope) < 0.05
     line = np.array([0.0, 1.0])
     _ = axis.plot(line, y0 + slope * (line - x0), color=BLUE)
-    for off in (-0.05, 0.05):
+    for offset in (-0.05, 0.05):
         _ = axis.plot(
-            line, y0 + slope * (line - x0) + off * np.hypot(1, slope), "--", color=BLUE, lw=0.8
+            line, y0 + slope * (line - x0) + offset * np.hypot(1, slope), "--", color=BLUE, lw=0.8
         )
     _ = axis.plot(*dots[:, ~inlier], "o", ms=3, color=GREY)
     _ = axis.plot(*dots[:, inlier], "o", ms=4, color=ORANGE)
@@ -852,8 +852,9 @@ plt.show()
 show("looked_through_is_wrong")
 
 # %% [markdown]
-# The right panel of the sketch shows the test's limit. Where two equal parts touch (**twins**), or where the part on the
-# table is slightly larger than the model, every pixel of the model is covered by *something*. See-through can't object.
+# The right panel of the sketch shows the test's limit. Where two equal parts touch (**twins**), or where the part on
+# the table is slightly larger than the model, every pixel of the model is covered by *something*. See-through can't
+# object.
 #
 # The opposite question helps: does the pose explain all that was measured? Take all pixels of the model and of the
 # cluster. The share of them in which both agree is called **agrees**; what is missing to 1 is left over. `locate` does
@@ -872,12 +873,12 @@ show("not_looked_through_is_right")
 # %% tags=["hide-code"]
 rows = [("12 poses each", "within 2 mm", "the others are off by", "residual", "see-through")]
 for name in ("right", "quarter turn", "cut off", "scale 1 % off"):
-    (off, residual), (_, through) = (curve("silently_wrong", name, panel) for panel in (0, 1))
-    wrong = off[off > 0.002]
+    (error, residual), (_, through) = (curve("silently_wrong", name, panel) for panel in (0, 1))
+    wrong = error[error > 0.002]
     rows.append(
         (
             name,
-            off.size - wrong.size,
+            error.size - wrong.size,
             f"{1e3 * wrong.min():.1f} to {1e3 * wrong.max():.1f} mm" if wrong.size else "-",
             f"{1e3 * residual.min():.1f} to {1e3 * residual.max():.1f} mm",
             f"{through.min():.1%} to {through.max():.1%}",
