@@ -923,9 +923,9 @@ more_claims("a_residual_tells")
 #
 # **A fixed camera.** Touch several points with the arm and measure the same points with the camera. That is a rigid
 # fit with known pairs. Its residual says little about its quality: three points have nine coordinates, and the six
-# numbers of the camera's pose are adjusted to them, so they always fit well. The error at the part depends on
-# how many points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998). You will
-# derive the simplest case in section 8.
+# numbers of the camera's pose are adjusted to them, so they always fit well. The error at the part depends on how many
+# points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998). You will derive the
+# simplest case in section 8.
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm from one pose to another
 # while the camera watches a fixed target. The arm reports the hand's motion $A$, and the images give the camera's
@@ -933,9 +933,8 @@ more_claims("a_residual_tells")
 #
 # $$A\,X = X\,B .$$
 #
-# This is **hand-eye calibration**. The rotation is
-# solved first, from the axes of the turns: $X$ has to rotate each axis of $B$ onto that of $A$. Then the shift
-# follows from linear equations.
+# This is **hand-eye calibration**. The rotation comes first: $X$ has to rotate each turn's axis in $B$ onto that in
+# $A$. Then the shift follows from linear equations.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.6), layout="constrained")
