@@ -499,7 +499,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     if panel.ticks and not names:
         names_at = list(panel.tick_names) or [f"{value:g}" for value in panel.ticks]
         # Many names don't fit side by side.
-        slanted = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"}
+        slanted: dict[str, Any] = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"}
         ax.set_xticks(panel.ticks, names_at, **(slanted if len(panel.tick_names) > 3 else {}))
         ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     if panel.xlim != (None, None):
