@@ -281,10 +281,12 @@ def make_task(cell: Cell, level: Level, seed: int, number: int) -> Task:
         posts = np.column_stack((radii * np.cos(angles), radii * np.sin(angles), sizes))[:n]
         posts = np.vstack((posts, FEEDER))
         speed = velocity * np.array([math.cos(direction), math.sin(direction)])
-        ends = [part, slot] if not velocity else [part, part + 2.0 * speed, part + 4.0 * speed, slot]
+        ends = (
+            [part, slot] if not velocity else [part, part + 2.0 * speed, part + 4.0 * speed, slot]
+        )
         if not _solvable(cell, posts, ends):
             continue
-        clutter = []
+        clutter: list[list[float]] = []
         for (x, y), turn, low in zip(spots, turns, lows, strict=True):
             place = np.array([0.6 + 0.16 * x, 0.2 + 0.24 * y])
             # Flat or tall, never of the part's height; clear of the part's path.
@@ -316,8 +318,8 @@ def _faces(half: tuple[float, float], top: tuple[float, float], height: float) -
 def _rays(cell: Cell) -> Array:
     """Return the direction of each pixel's ray in the base, of depth 1, shape (3, n)."""
     v, u = np.mgrid[: cell.pixels[0], : cell.pixels[1]].reshape(2, -1)
-    middle_v, middle_u = (0.5 * (n - 1) for n in cell.pixels)
-    rays = np.array([(u - middle_u) / cell.focal, (v - middle_v) / cell.focal, np.ones(u.size)])
+    (fx, fy), (cx, cy) = cell.focal, cell.axis
+    rays = np.array([(u - cx) / fx, (v - cy) / fy, np.ones(u.size)])
     return np.asarray(np.array(cell.turn).reshape(3, 3) @ rays)
 
 
@@ -354,7 +356,10 @@ def render(cell: Cell, level: Level, task: Task, frame: int, seconds: float) -> 
         depth = np.where(entry <= leave, np.minimum(depth, entry), depth)
     rng = stream(task.seed, task.number, CAMERA, frame)
     depth = depth + level.noise * rng.standard_normal(depth.size)
-    depth[rng.random(depth.size) < level.lost_pixels] = 0.0
+    # Of the pixels without a measurement some hold 0, some NaN.
+    lost = rng.random(depth.size)
+    depth[lost < level.lost_pixels] = 0.0
+    depth[lost < 0.3 * level.lost_pixels] = math.nan
     return (depth / cell.unit).reshape(cell.pixels)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from drills.robot.records import (
     Image,
     Loop,
     Messages,
+    Motion,
     Outcome,
     Reach,
     Release,
@@ -37,7 +38,21 @@ SETTLE, CLOSE = 8, 20  # ticks
 DAMPING = 0.02  # m/rad
 DRIFT = 1e-4  # m^2/s^3, density of the part's acceleration as the tracker believes it
 PLANNED = 0.008  # m, clearance that a plan keeps
-AXES = ("x", "y")
+# Positions in the base that the log of a task holds, each as x and y [m].
+SIGNALS = (
+    "part_at_grip",
+    "seen_at_grip",
+    "command_at_grip",
+    "reference_at_grip",
+    "encoder_at_grip",
+    "tip_at_grip",
+    "slot",
+    "goal_at_release",
+    "reference_at_release",
+    "encoder_at_release",
+    "tip_at_release",
+    "part_at_rest",
+)
 
 
 class Stopped(Exception):
@@ -220,7 +235,8 @@ def run_task(
     Returns:
         Plain data: "success", "why" (empty for a success), "seconds" of the cycle, "error" of the
         placed part [m], "budget" (rows of `STAGES`, columns x and y) [m], which adds up to the
-        error, "processor" of each stage [s], "closest" clearance [m], "failure", "breaches", "log".
+        error, "processor" of each stage [s], "closest" clearance [m], "signals" (rows of
+        `SIGNALS`) [m], "failure", "breaches", "log".
     """
     bench.begin(task.number)
     begun = time.perf_counter()
@@ -232,6 +248,7 @@ def run_task(
         "error": [math.nan, math.nan],
         "grasp": [math.nan, math.nan],
         "budget": [[math.nan, math.nan] for _ in STAGES],
+        "signals": [[math.nan, math.nan] for _ in SIGNALS],
         "closest": math.inf,
         "failure": None,
     }
@@ -273,7 +290,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     for attempt in range(1 if level.speed == 0.0 else 3):
         estimate = stages.estimate(messages)
         target = estimate.position + ahead * estimate.velocity
-        motion = plan_to(arm, target, shadow, attempt)
+        motion, _ = plan_to(arm, target, shadow, attempt)
         if abs(motion.duration - ahead) < 0.02:
             break
         ahead = motion.duration
@@ -289,13 +306,15 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     grasp = tip - part
     outcome["grasp"] = grasp.tolist()
     grip = _shares(arm, grasp, perceived, command - part)
+    aimed, measured = tip_of(cell.lengths, arm.reference), tip_of(cell.lengths, arm.q)
+    signals = [part, part + perceived, command, aimed, measured, tip]
+    outcome["signals"][:6] = [x.tolist() for x in signals]
     if math.hypot(*grasp) > cell.cup:
         raise Stopped("the gripper missed the part")
     carried = part - tip
     arm.hold(CLOSE)
     # 6. Plan and move to the slot.
-    motion = plan_to(arm, task.slot, shadow, 7)
-    goal = tip_of(cell.lengths, motion.waypoints[-1])
+    motion, goal = plan_to(arm, task.slot, shadow, 7)
     arm.follow(motion.q, motion.v, motion.a)
     arm.reference = motion.waypoints[-1].copy()
     arm.hold(SETTLE + CLOSE)
@@ -309,10 +328,12 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     outcome["seconds"] = arm.now
     # The part is off by what the grasp was off, the other way round, and by what came after it.
     place = dict.fromkeys(STAGES, np.zeros(2))
-    believed = tip_of(cell.lengths, arm.q)
+    believed, aimed = tip_of(cell.lengths, arm.q), tip_of(cell.lengths, arm.reference)
+    signals = [task.slot, goal, aimed, believed, tip, tip + carried + slide]
+    outcome["signals"][6:] = [x.tolist() for x in signals]
     place["kinematics"] = goal - task.slot
-    place["planning"] = tip_of(cell.lengths, arm.reference) - goal
-    place["control"] = believed - tip_of(cell.lengths, arm.reference)
+    place["planning"] = aimed - goal
+    place["control"] = believed - aimed
     place["physics"] = tip - believed + slide
     outcome["budget"] = [(place[stage] - grip[stage]).tolist() for stage in STAGES]
     if not math.hypot(*error) <= cell.tolerance:
@@ -321,7 +342,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
         raise Stopped("the cycle took too long")
 
 
-def _advance(arm: Arm, tracker: Tracker, motion: Any, pause: int) -> None:
+def _advance(arm: Arm, tracker: Tracker, motion: Motion, pause: int) -> None:
     """Follow a motion; take images after a pause."""
     frame = arm.cell.frame
     arm.follow(motion.q[:pause], motion.v[:pause], motion.a[:pause])
@@ -344,8 +365,8 @@ def _shares(arm: Arm, grasp: Array, perceived: Array, commanded: Array) -> dict[
     return shares
 
 
-def plan_to(arm: Arm, target: Array, shadow: Array, attempt: int) -> Any:
-    """Return a motion from the reference to a position of the tip.
+def plan_to(arm: Arm, target: Array, shadow: Array, attempt: int) -> tuple[Motion, Array]:
+    """Return a motion from the reference to a position of the tip, and the tip at its goal [m].
 
     Raises:
         Stopped: if there is none.
@@ -363,7 +384,10 @@ def plan_to(arm: Arm, target: Array, shadow: Array, attempt: int) -> Any:
     motion = arm.stages.plan(route)
     if len(motion.waypoints) < 2 or not len(motion.q):
         raise Stopped("the planner found no way")
-    return motion
+    # Of the postures that reach the position, the one that the planner chose.
+    turns = goals - motion.waypoints[-1]
+    chosen = int(np.argmin(np.hypot(*(np.remainder(turns + math.pi, math.tau) - math.pi).T)))
+    return motion, tip_of(cell.lengths, goals[chosen])
 
 
 def _track(arm: Arm, tracker: Tracker, level: Level) -> tuple[Array, Array]:

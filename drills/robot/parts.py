@@ -15,6 +15,7 @@ from drills.robot.records import Breach, Failure
 from drills.robot.slots import NAMED, STAGES, Part, stage_of
 
 CALL = 1.0  # s of processor time that one call may take
+TASK = 8.0  # s that the calls of one stage may take in one task
 
 
 class PartFailed(Exception):
@@ -106,6 +107,7 @@ class Bench:
         limit: float = CALL,
     ) -> None:
         self.parts, self.promises, self.limit = parts, promises, limit
+        self.entering: Callable[[str, int, str], object] | None = None  # called before each call
         self.functions = {name: load_part(part) for name, part in parts.items()}
         self.task = self.tick = 0
         self.seconds = dict.fromkeys(STAGES, 0.0)
@@ -130,6 +132,8 @@ class Bench:
             PartFailed: for an exception, a result of another shape or type, NaN, or a call that
                 takes too long.
         """
+        if self.entering is not None:
+            self.entering(name, self.tick, call_text(self.parts[name].entry, args)[:200_000])
         begun = time.perf_counter()
         try:
             if self.limit:
@@ -142,11 +146,14 @@ class Bench:
         except _TooSlow as error:
             text = f"no answer within {self.limit:g} s of processor time"
             raise self.failed(name, "too slow", text, args, error) from None
-        except Exception as error:
+        except BaseException as error:  # sys.exit() too would end the whole run
             text = f"{type(error).__name__}: {error}"[:300]
             raise self.failed(name, "raised", text, args, error) from None
         finally:
             self.seconds[stage_of(name)] += time.perf_counter() - begun
+        if self.limit and self.seconds[stage_of(name)] > TASK:
+            text = f"{self.counts.get(name, 0) + 1} calls in this task; its stage took {TASK:g} s"
+            raise self.failed(name, "too slow", text, args)
         if name in NAMED:
             result = self._results(name, result, args)
         count = self.counts.get(name, 0)
@@ -181,9 +188,13 @@ class Bench:
             text = f"returned {_kind(result)}; {len(shapes)} values are expected"
             raise self.failed(name, "wrong type", text, args)
         values = []
-        for i, (value, shape) in enumerate(zip(result if several else (result,), shapes, strict=True)):
+        for i, (value, shape) in enumerate(
+            zip(result if several else (result,), shapes, strict=True)
+        ):
             where = f"result {i + 1} of {len(shapes)}" if several else "the result"
             try:
+                if value is None:
+                    raise TypeError("nothing was returned")
                 array = np.asarray(value, dtype=float)
             except (TypeError, ValueError):
                 text = f"{where} is {_kind(value)}; numbers are expected"

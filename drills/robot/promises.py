@@ -63,12 +63,12 @@ def plane_ransac(args: Args, result: Any) -> str:
     differ = differ[~close[differ]]
     if inside.size < 0.4 * points.shape[1]:
         text = f"most points lie near the table's plane: {inside.size} of {points.shape[1]} do"
-        return _off("normal of length 1", abs(np.linalg.norm(plane[:3]) - 1.0), 1e-6) or text
+        return _off("normal of length 1", abs(float(np.linalg.norm(plane[:3])) - 1.0), 1e-6) or text
     if not 1 <= tried <= len(triples):
         return f"the number of triples tried lies between 1 and {len(triples)}: it is {tried:g}"
     # Stop as soon as the confidence is reached, and not before. The refit may change the share.
     share = inside.size / points.shape[1]
-    enough = math.log1p(-confidence) / math.log1p(-min(share, 0.999999) ** 3)
+    enough = math.log1p(-confidence) / math.log1p(-(min(share, 0.999999) ** 3))
     early = tried < len(triples) and tried < 0.7 * enough - 1.0
     late = tried > 2.5 * enough + 6.0
     middle = points[:, inside].mean(axis=1)
@@ -89,8 +89,34 @@ def plane_ransac(args: Args, result: Any) -> str:
     )
 
 
+def plane_ransac_rule(args: Args, result: Any) -> str:
+    """Check the exercise's rule as well: the best triple so far decides when to stop."""
+    points, triples, tolerance, confidence = args
+    wrong = plane_ransac(args, result)
+    if wrong:
+        return wrong
+    a, b, c = (points[:, triples[:, k]] for k in range(3))
+    normals = np.cross((b - a).T, (c - a).T)
+    sizes = np.linalg.norm(normals, axis=1)
+    units = normals / np.where(sizes > 0.0, sizes, 1.0)[:, None]
+    away = np.abs(units @ points - np.sum(units * a.T, axis=1)[:, None])
+    counts = np.where(sizes > 0.0, np.sum(away <= tolerance, axis=1), 0)
+    shares = np.minimum(np.maximum.accumulate(counts) / points.shape[1], 1.0 - 1e-12)
+    tried = np.arange(1, len(triples) + 1)
+    enough = tried * np.log1p(-(shares**3)) <= math.log1p(-confidence)
+    last = int(tried[enough][0]) if enough.any() else len(triples)
+    if round(float(result[2])) != last:
+        return f"the search stops after {last} triples: it tried {result[2]:g}"
+    # Least squares of the points near the best triple.
+    near = points[:, away[int(np.argmax(counts[:last]))] <= tolerance]
+    middle = near.mean(axis=1)
+    normal = np.linalg.eigh((near - middle[:, None]) @ (near - middle[:, None]).T)[1][:, 0]
+    tilt = float(np.linalg.norm(np.cross(normal, result[0][:3])))
+    return _off("the plane is that of the best triple's points", tilt, 1e-5, "rad")
+
+
 def dbscan(args: Args, labels: Any) -> str:
-    """Check the definition of DBSCAN: cores are connected by cores, border points by the nearest."""
+    """Check the definition: chains of core points are clusters, border points join the nearest."""
     points, eps, least = args
     if labels.size != points.shape[1]:
         return f"one label for each point: {labels.size} labels, {points.shape[1]} points"
@@ -138,7 +164,7 @@ def _rotation(R: Array) -> str:
 
 
 def rigid_fit(args: Args, result: Any) -> str:
-    """Check the conditions of the best rigid motion: means match, the turned spread is symmetric."""
+    """Check the best rigid motion: means match, and the turned spread is symmetric."""
     source, target, weights = args
     R, p = result
     w = weights / weights.sum()
@@ -295,9 +321,13 @@ def edge_check(args: Args, share: Any) -> str:
     gaps = clearance(pair, posts, a + share * along * (b - a))
     deepest = -float(np.min(gaps[:-1] if share < 1.0 else gaps, initial=np.inf))
     if deepest > 1e-6:
-        return f"the motion is free up to the share {share:.4g}: it goes {1e3 * deepest:.2g} mm deep"
+        return (
+            f"the motion is free up to the share {share:.4g}: it goes {1e3 * deepest:.2g} mm deep"
+        )
     if share < 1.0 and abs(gaps[-1]) > 1e-4:
-        return f"a post is touched at the share {share:.4g}: the gap is {1e3 * gaps[-1]:.2g} mm there"
+        return (
+            f"a post is touched at the share {share:.4g}: the gap is {1e3 * gaps[-1]:.2g} mm there"
+        )
     return ""
 
 
@@ -309,7 +339,9 @@ def _touches(a: Array, b: Array, discs: Array) -> bool:
 
 
 def _path(path: Array, ends: tuple[Array, Array], discs: Array) -> str:
-    if not np.allclose(path[0], ends[0], atol=1e-9) or not np.allclose(path[-1], ends[1], atol=1e-9):
+    if not np.allclose(path[0], ends[0], atol=1e-9) or not np.allclose(
+        path[-1], ends[1], atol=1e-9
+    ):
         return "the path leads from the start to the goal: its ends differ"
     hits = [i for i in range(len(path) - 1) if _touches(path[i], path[i + 1], discs)]
     return f"no edge of the path touches a disc: edge {hits[0] + 1} does" if hits else ""
@@ -317,7 +349,7 @@ def _path(path: Array, ends: tuple[Array, Array], discs: Array) -> str:
 
 def rrt_connect(args: Args, result: Any) -> str:
     """Check the path: its ends, its edges, its steps; and the count of nodes."""
-    start, goal, discs, samples, step = args
+    start, goal, discs, _, step = args
     path, sizes = result
     if np.any(sizes < 1):
         return "each tree has a root"
@@ -335,27 +367,46 @@ def rrt_connect(args: Args, result: Any) -> str:
         "the trees hold the path: it has more points than they have nodes"
         if len(path) > sizes.sum() - 1
         else "",
-        _greedy(args, path, sizes),
     )
 
 
-def _greedy(args: Args, path: Array, sizes: Array) -> str:
-    """Check the connection of RRT-Connect: where the first sample's step sees the goal, it is done."""
+def rrt_connect_rule(args: Args, result: Any) -> str:
+    """Check the exercise's rule as well: with the samples given, the trees can grow in one way."""
     start, goal, discs, samples, step = args
-    off = samples[0] - start
-    distance = float(np.linalg.norm(off))
-    first = samples[0] if distance <= step else start + step / distance * off
-    if _touches(start, first, discs) or _touches(goal, first, discs):
+    wrong = rrt_connect(args, result)
+    if wrong:
+        return wrong
+    trees = [[np.array(start)], [np.array(goal)]]
+
+    def steps(tree: list[Array], target: Array, limit: int) -> bool:
+        nodes = np.array(tree)
+        here = nodes[int(np.argmin(np.hypot(*(nodes - target).T)))]
+        for _ in range(limit):
+            off = target - here
+            distance = math.hypot(*off)
+            there = target if distance <= step else here + step / distance * off
+            if _touches(here, there, discs):
+                return False
+            tree.append(there)
+            here = there
+            if distance <= step:
+                return True
+        return limit == 1
+
+    for i, sample in enumerate(samples):
+        one, other = trees[i % 2], trees[1 - i % 2]
+        if steps(one, sample, 1) and steps(other, one[-1], 10_000):
+            break
+    grown = [len(tree) for tree in trees]
+    if [round(float(n)) for n in result[1]] == grown:
         return ""
-    needed = 2 + math.ceil(float(np.linalg.norm(goal - first)) / step - 1e-9)
-    if len(path) == needed and np.allclose(path[1], first, atol=1e-9):
-        return ""
-    return "the second tree connects to the new node step by step: the first sample was enough"
+    had = " and ".join(f"{n:g}" for n in result[1])
+    return f"the trees grow by the rule to {grown[0]} and {grown[1]} nodes: they have {had}"
 
 
 def shortcut(args: Args, path: Any) -> str:
     """Check that the path keeps its ends, stays free and becomes no longer."""
-    before, discs, draws = args
+    before, discs, _ = args
     if len(path) < 2:
         return "a path has two points or more"
 
@@ -363,23 +414,31 @@ def shortcut(args: Args, path: Any) -> str:
         return float(np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
     longer = length(path) - length(before)
-    first = _first(
+    return _first(
         _path(path, (before[0], before[-1]), discs),
         _off("the path becomes no longer", longer, 1e-9, "rad"),
     )
-    if first or len(before) < 3:
-        return first
-    # Every draw whose edge is free has been used: none of the first ones is left to gain much.
-    along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(before, axis=0), axis=1))))
+
+
+def shortcut_rule(args: Args, path: Any) -> str:
+    """Check the exercise's rule as well: every draw whose edge is free is used, in their order."""
+    before, discs, draws = args
+    wrong = shortcut(args, path)
+    if wrong:
+        return wrong
+    points = before
     for pair in draws:
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
         low, high = np.sort(pair) * along[-1]
-        ends = [np.array([np.interp(s, along, before[:, k]) for k in (0, 1)]) for s in (low, high)]
-        i, j = np.searchsorted(along, [low, high], side="right")
-        if i != j and not _touches(*ends, discs):
-            possible = length(before) - ((high - low) - float(np.linalg.norm(ends[1] - ends[0])))
-            gained = length(path) - possible
-            return _off("the first free shortcut is taken", gained, 1e-7, "rad")
-    return ""
+        i, j = (int(np.searchsorted(along, s, side="right")) for s in (low, high))
+        if i == j:
+            continue
+        ends = [np.array([np.interp(s, along, points[:, k]) for k in (0, 1)]) for s in (low, high)]
+        if not _touches(ends[0], ends[1], discs):
+            points = np.vstack((points[:i], *ends, points[j:]))
+    if len(points) != len(path):
+        return f"the draws leave {len(points)} vertices: the path has {len(path)}"
+    return _off("vertices are at the draws", float(np.max(np.abs(points - path))), 1e-7, "rad")
 
 
 def trapezoid(args: Args, result: Any) -> str:
@@ -428,7 +487,9 @@ def computed_torque(args: Args, tau: Any) -> str:
     got = np.array(acceleration(world, gravity, tau, v, q))
     wish = reference[2] + kd * (reference[1] - v) + kp * (reference[0] - q)
     scale = float(np.max(np.abs(wish))) + 1.0
-    return _off("the joints accelerate as the gains demand", float(np.max(np.abs(got - wish))) / scale, 1e-6)
+    return _off(
+        "the joints accelerate as the gains demand", float(np.max(np.abs(got - wish))) / scale, 1e-6
+    )
 
 
 def lqr(args: Args, K: Any) -> str:
@@ -499,6 +560,23 @@ def contact_step(args: Args, result: Any) -> str:
     )
 
 
+def contact_step_rule(args: Args, result: Any) -> str:
+    """Check the exercise's scheme as well, step by step: gravity, normal impulse, friction."""
+    position, velocity, slope, mu, dt, steps = args
+    wrong = contact_step(args, result)
+    if wrong:
+        return wrong
+    (x, height), (u, w) = (tuple(map(float, pair)) for pair in (position, velocity))
+    for _ in range(int(steps)):
+        u, w = u + dt * 9.81 * math.sin(slope), w - dt * 9.81 * math.cos(slope)
+        push = max(0.0, -w - height / dt)
+        u -= math.copysign(min(abs(u), mu * push), u)
+        w += push
+        x, height = x + dt * u, height + dt * w
+    off = max(abs(float(result[0][0]) - x), abs(float(result[0][1]) - height))
+    return _off("the scheme's own position at the end", off, 1e-8, "m")
+
+
 def verlet(args: Args, result: Any) -> str:
     """Check the step against its own accelerations: the mean of both ends, and a Taylor series."""
     q, v, a, acceleration_of, dt = args
@@ -543,3 +621,16 @@ PROMISES: dict[str, Promise] = {
     "contact_step": contact_step,
     "verlet": verlet,
 }
+# Of parts that answer the exercise; another planner has rules of its own.
+RULES: dict[str, Promise] = {
+    "plane_ransac": plane_ransac_rule,
+    "rrt_connect": rrt_connect_rule,
+    "shortcut": shortcut_rule,
+    "contact_step": contact_step_rule,
+}
+
+
+def promises_of(slot: str, holder: str) -> Promise:
+    """Return the promise of a slot's part: the exercise's rule too, unless it is a library's."""
+    answers = holder in ("yours", "course") and slot in RULES
+    return RULES[slot] if answers else PROMISES[slot]

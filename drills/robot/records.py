@@ -30,7 +30,8 @@ class Cell(NamedTuple):
         tick: period of control and physics [s].
         frame: period of the camera in ticks.
         pixels: of the depth picture, rows and columns.
-        focal: length of the camera [px].
+        focal: lengths of the camera along the columns and the rows [px].
+        axis: column and row where the optical axis meets the picture [px].
         camera: position of the camera in the base [m].
         turn: rotation matrix from the camera's frame to the base, row by row.
         unit: length of one count of the depth picture [m].
@@ -55,7 +56,8 @@ class Cell(NamedTuple):
     tick: float = 0.004
     frame: int = 12
     pixels: tuple[int, int] = (48, 64)
-    focal: float = 90.0
+    focal: tuple[float, float] = (90.0, 93.0)
+    axis: tuple[float, float] = (30.5, 24.2)
     camera: tuple[float, float, float] = (0.6, 0.2, 0.9)
     turn: tuple[float, ...] = (0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0)
     unit: float = 1e-4
@@ -81,7 +83,8 @@ class Image(NamedTuple):
     """What the camera hands to perception.
 
     Attributes:
-        depth: along the optical axis in counts, shape (rows, columns); 0 is no measurement.
+        depth: along the optical axis in counts, shape (rows, columns); 0 and NaN are no
+            measurement.
         captured: when it was taken [s].
         triples: indices to try for the table's plane, shape (m, 3); random numbers of this image.
         noise: standard deviation of a pixel's depth [m].
@@ -99,12 +102,12 @@ class Sighting(NamedTuple):
     Attributes:
         position: of the part in the base, shape (2,) [m].
         heading: of the part's long side, modulo pi [rad].
-        count: points that the pose rests on.
+        points: number of points that the pose rests on.
     """
 
     position: Array
     heading: float
-    count: int
+    points: int
 
 
 # --- estimation -----------------------------------------------------------------------------------

@@ -36,17 +36,17 @@ SLOTS = (
     Slot("point_to_plane_step", "perception", "point_to_plane_step", "refines the pose",
          ((3, 3), (3,)), 4),
     Slot("to_the_present", "estimation", "to_the_present", "brings an old message to now",
-         ((4,), (4, 4)), 4),
+         ((4,), (4, 4))),
     Slot("visual_gain", "estimation", "visual_gain", "chooses the tracking gain", ((), ()), 4),
     Slot("two_link_ik", "kinematics", "two_link_ik", "joint angles for a position", ((2, 2),)),
     Slot("jacobian", "kinematics", "geometric_jacobian", "tip velocity per joint rate",
          ((6, 2),), 4),
     Slot("damped_step", "kinematics", "damped_step", "corrects the tip a little", ((2,),), 4),
-    Slot("edge_check", "planning", "edge_check", "is a straight motion free?", ((),), 4),
+    Slot("edge_check", "planning", "edge_check", "is a straight motion free?", ((),)),
     Slot("rrt_connect", "planning", "rrt_connect", "finds a way around the posts",
          ((None, 2), (2,))),
     Slot("shortcut", "planning", "shortcut", "cuts corners", ((None, 2),)),
-    Slot("trapezoid", "planning", "trapezoid", "times the motion", ((), (2, None), (2, None)), 4),
+    Slot("trapezoid", "planning", "trapezoid", "times the motion", ((), (2, None), (2, None)), 2),
     Slot("computed_torque", "control", "computed_torque", "torques that follow a motion",
          ((2,),), 97),
     Slot("lqr", "control", "lqr", "gains of the joint loops", ((1, 2),)),
@@ -59,6 +59,19 @@ SLOTS = (
 
 NAMED = {slot.name: slot for slot in SLOTS}
 NAMES = tuple(NAMED)
+# The functions of `records.Stages`: a file of your own may replace one.
+FUNCTIONS = {
+    "perceive": "perception",
+    "estimate": "estimation",
+    "choose_gain": "estimation",
+    "reach": "kinematics",
+    "correct": "kinematics",
+    "plan": "planning",
+    "gains": "control",
+    "control": "control",
+    "move": "physics",
+    "release": "physics",
+}
 
 
 def of_stage(stage: str) -> list[Slot]:
@@ -67,15 +80,15 @@ def of_stage(stage: str) -> list[Slot]:
 
 
 def stage_of(part: str) -> str:
-    """Return the stage of a slot; a stage is its own."""
-    return NAMED[part].stage if part in NAMED else part
+    """Return the stage of a slot, or of a function of `records.Stages`."""
+    return NAMED[part].stage if part in NAMED else FUNCTIONS[part]
 
 
 class Part(NamedTuple):
-    """What fills a slot, or a whole stage, as text.
+    """What fills a slot, or replaces a whole function of `records.Stages`, as text.
 
     Attributes:
-        slot: name of the slot or of the stage.
+        slot: name of the slot or of the function.
         holder: "yours", "course", or the name of a library.
         source: Python text that defines the entry.
         entry: name of the function.

@@ -5,6 +5,7 @@ A stage of your own replaces one of these functions; `records.Stages` says what 
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -47,9 +48,7 @@ def build(cell: Cell, bench: Bench) -> Stages:
     model, normals, spare = part_model(cell)
 
     def perceive(image: Image) -> Sighting | None:
-        v, u = (0.5 * (n - 1) for n in cell.pixels)
-        f, unit = cell.focal, cell.unit
-        points = bench.call("back_project", image.depth, f, f, u, v, unit)
+        points = bench.call("back_project", image.depth, *cell.focal, *cell.axis, cell.unit)
         if points.shape[1] < 100:
             return None
         # The table: on every third point, so that a plain loop over points stays fast.
@@ -82,11 +81,12 @@ def build(cell: Cell, bench: Bench) -> Stages:
         axis = np.linalg.eigh(spread)[1][:, 1]
         R = _about_z(math.atan2(axis[1], axis[0]))
         p = np.append(middle, 0.0)
-        ones = np.ones(cloud.shape[1])
+        # Low points are close to the table, where the cluster may have lost some.
+        weights = np.where(cloud[2] > 0.4 * cell.height, 1.0, 0.5)
         # Point to point first: robust far away, slow near by.
         for _ in range(2):
             source = _nearest(R.T @ (cloud - p[:, None]), model)
-            R, p = bench.call("rigid_fit", source, cloud, ones)
+            R, p = bench.call("rigid_fit", source, cloud, weights)
             R, p = _flat(R, p)
         # Point to plane near by, without what lies on an edge.
         for _ in range(3):
@@ -132,7 +132,9 @@ def build(cell: Cell, bench: Bench) -> Stages:
         distance = math.hypot(*request.target)
         inner, outer = abs(l1 - l2) + 1e-3, l1 + l2 - 1e-3
         inside = min(max(distance, inner), outer) / max(distance, 1e-9)
-        return np.asarray(bench.call("two_link_ik", np.array(cell.lengths), inside * request.target))
+        return np.asarray(
+            bench.call("two_link_ik", np.array(cell.lengths), inside * request.target)
+        )
 
     placements = np.stack((np.eye(4), np.eye(4)))
     placements[1, 0, 3] = cell.lengths[0]
@@ -150,7 +152,7 @@ def build(cell: Cell, bench: Bench) -> Stages:
         def is_free(path: Array) -> bool:
             return all(
                 bench.call("edge_check", np.array(cell.lengths), posts, a.copy(), b.copy()) >= 1.0
-                for a, b in zip(path, path[1:], strict=False)
+                for a, b in itertools.pairwise(path)
             )
 
         for goal in goals:
@@ -173,7 +175,7 @@ def build(cell: Cell, bench: Bench) -> Stages:
     def timed(path: Array) -> Motion:
         rates, limits = np.array(cell.rates), np.array(cell.accelerations)
         qs, vs, accelerations, total = [], [], [], 0.0
-        for a, b in zip(path, path[1:], strict=False):
+        for a, b in itertools.pairwise(path):
             duration, _, _ = bench.call("trapezoid", a, b, rates, limits, np.zeros(1))
             n = max(1, math.ceil(min(max(duration, 0.0), 20.0) / cell.tick - 1e-9))
             times = cell.tick * np.arange(n + 1)
