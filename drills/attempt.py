@@ -92,6 +92,8 @@ class Learner:
         self.loading = 0.0  # s, the submission's top level
         self.last_request = ""  # the last request, as one would type it
         self.last_args: tuple[Any, ...] = ()  # of the last request
+        self.parts: list[int] = []  # the case that each step belongs to, -1 for none
+        self.pending: Step | None = None  # a request that ended the child before it was answered
         self.longest = 0.0  # s of processor time, the slowest request so far
         self._spent: list[float] = []
         self._attempt = attempt
@@ -130,11 +132,15 @@ class Learner:
         self.last_request = (
             describe_call(name, *retained) if kind in ("call", "new", "method") else ""
         )
+        self.pending = Step(kind, name, handle, *retained, None)
+        self.parts.append(self._attempt.in_case)
         try:
             result = request(self.child, kind, name, handle, args, kwargs)
         except Raised as raised:
+            self.pending = None
             self.steps.append(Step(kind, name, handle, *retained, Failure(raised.type)))
             raise
+        self.pending = None
         self.longest = max(self.longest, self.child.spent)
         self._spent.append(self.child.spent)
         self.steps.append(Step(kind, name, handle, *retained, result))
@@ -196,6 +202,11 @@ class Attempt:
         self._part = before
 
     @property
+    def in_case(self) -> int:
+        """The case that is tried now, an index into the plan; -1 for none."""
+        return self._part
+
+    @property
     def failed(self) -> bool:
         """True if a check has failed so far."""
         return any(not check.passed for check in self.report.checks)
@@ -238,6 +249,7 @@ class Attempt:
         truth = np.asarray(expected, dtype=np.float64)
         base: dict[str, Any] = {"name": name, "call": call, "unit": unit, "why": why}
         base |= {"tolerance": tolerance, "expected": describe(truth, SHOWN)}
+        base |= {"values": (got, truth)}
         try:
             values = as_float64(got, truth.shape)
         except Mismatch as wrong:
@@ -404,7 +416,8 @@ class Attempt:
             self._add(Check("inputs unchanged", Reason.INPUTS_CHANGED, sentence, call))
 
     def _add(self, check: Check) -> None:
-        self.report.checks.append(replace(check, part=self._part))
+        asked = len(self.learner.steps)
+        self.report.checks.append(replace(check, part=self._part, asked=asked))
 
 
 def _copied(value: Any) -> Any:

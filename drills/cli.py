@@ -346,6 +346,7 @@ def show(session: Session, name: str) -> int:
 @click.option("--file", "file", metavar="PATH", help="Grade this file (- for standard input).")
 @click.option("--seed", type=SEED, help="Draw the hidden cases from this seed, to replay a run.")
 @click.option("--all", "everything", is_flag=True, help="Check every answer in the work folder.")
+@click.option("--case", is_flag=True, help="Print the first case that failed, as code to run.")
 @click.option("--rendered", is_flag=True, help="Add the feedback as text and HTML to the JSON.")
 @click.option("--called", metavar="TEXT", help="How messages call the file.")
 @options
@@ -356,15 +357,16 @@ def check(
     file: str | None,
     seed: int | None,
     everything: bool,
+    case: bool,
     rendered: bool,
     called: str | None,
 ) -> int:
     """Grade an answer: NAME of a drill, a FILE, or - for standard input."""
     if everything:
-        if target or file:
+        if target or file or case:
             raise Misuse("Check one answer or --all of them, not both.")
         return commands.check_all(session, seed)
-    return commands.check(session, target, file, seed, rendered, called)
+    return commands.check(session, target, file, seed, rendered, called, case)
 
 
 @cli.command()

@@ -34,10 +34,14 @@ def check(
     seed: int | None,
     rendered: bool = False,
     called: str | None = None,
+    case: bool = False,
 ) -> int:
-    """Grade one answer and say what was found."""
+    """Grade one answer and say what was found; with `case`, only the failed case as code."""
     card, path = _exercise_and_file(session, target, file)
     report = graded(session, card, path, seed, called=called)
+    if case and report.case:
+        session.say(report.case.rstrip("\n"))
+        return session.finish(WRONG, {**_data(session, card, report, path), "picture": None})
     code, payload = report_result(session, card, report, path)
     if rendered:
         from drills import feedback
@@ -238,6 +242,12 @@ def report_result(
         )
         session.say(text.rstrip("\n"))
         if not report.passed and report.reason not in UNCOUNTED:
+            if report.case:
+                file = "" if path == str(workspace.answer(session.work, card.name)) else path
+                where = f" --file {workspace.shown(Path(file))}" if file else ""
+                session.say(
+                    f"The case as code: drills check {card.name}{where} --seed {report.seed} --case"
+                )
             session.say(f"A hint: drills hint {card.name}")
         elif report.passed:
             session.say(f"The worked answer: drills solution {card.name}")

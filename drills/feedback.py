@@ -285,6 +285,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
         "slip": report.slip or None,
         "diagnosis": report.diagnosis or None,
         "call": clean(report.call) or None,
+        "case": report.case or None,
         "problem": problem
         and {
             "type": clean(problem.type),
@@ -364,6 +365,11 @@ def html(report: Report, card: Card, picture: bytes = b"") -> str:
         parts.append(f"<p>call <code>{escape(report.call)}</code></p>")
     if report.problem:
         parts.append(f"<pre>{escape(_problem_text(report))}</pre>")
+    if report.case:
+        parts.append(
+            "<details><summary>The case as code, to paste into a cell below your answer</summary>"
+            f"<pre>{escape(report.case)}</pre></details>"
+        )
     if picture:
         data = base64.b64encode(picture).decode()
         parts.append(f'<img alt="the first case that failed" src="data:image/png;base64,{data}"/>')

@@ -45,6 +45,8 @@ class Check:
         why: why the tolerance is what it is.
         slip: the slip that this failure shows, or "".
         part: the case that it belongs to, an index into `Report.parts`; -1 for none.
+        values: what was compared: the value that came back, and the right one; None if nothing was.
+        asked: how many requests had been made when it was recorded.
     """
 
     name: str
@@ -59,6 +61,8 @@ class Check:
     why: str = ""
     slip: str = ""
     part: int = -1
+    values: tuple[Any, Any] | None = field(default=None, compare=False, repr=False)
+    asked: int = field(default=0, compare=False, repr=False)
 
     @property
     def passed(self) -> bool:
@@ -92,7 +96,8 @@ class Report:
     """The verdict and everything that explains it.
 
     `parts` are all cases of the exercise in the order of `LEVELS`; `begun` and `ended` hold the
-    indices of those that were asked, and of those whose questions were all answered.
+    indices of those that were asked, and of those whose questions were all answered. `case` is the
+    first failure as a program (`drills.case_code`), or "".
     """
 
     drill: str
@@ -112,6 +117,7 @@ class Report:
     begun: set[int] = field(default_factory=set)
     ended: set[int] = field(default_factory=set)
     shown: Shown | None = None
+    case: str = ""
     output: str = ""
     seconds: float = 0.0
 

@@ -18,6 +18,7 @@ from drills import cards as catalogue
 from drills import exercise as exercises
 from drills.attempt import Attempt, Place, Step
 from drills.cards import Card
+from drills.case_code import case_code
 from drills.diagnosis import diagnosis, repeated
 from drills.exercise import Exercise
 from drills.grade_report import LEVELS, Check, Problem, Report
@@ -205,11 +206,11 @@ _OWN = re.compile(
 
 def _own_module(stop: Raised) -> str:
     """Return the sentence for an answer that imports a module of the course, or ""."""
-    found = _OWN.search(stop.message)
-    if found is None or not {stop.type, *stop.kinds} & {"ImportError", "OSError"}:
+    match = _OWN.search(stop.message)
+    if match is None or not {stop.type, *stop.kinds} & {"ImportError", "OSError"}:
         return ""
     return (
-        f"An answer can't use the course's own modules, such as {found[1] or found[2]}: the worked "
+        f"An answer can't use the course's own modules, such as {match[1] or match[2]}: the worked "
         "answers are in them. Write what you need yourself, with NumPy and the standard library."
     )
 
@@ -248,6 +249,8 @@ def _conclude(attempt: Attempt, graded: Exercise) -> None:
         raise AssertionError(f"the judge of {report.drill} checked nothing")
     if not report.passed:
         report.slip, report.diagnosis = diagnosis(attempt, graded)
+        shown = failures[0] if failures and failures[0].reason is report.reason else None
+        report.case = case_code(attempt, graded, shown)
 
 
 def printed(output: str, start: float, end: float) -> str:

@@ -99,6 +99,11 @@ class Result(Shown):
         self.details = details or {}
         self._source = source
 
+    @property
+    def case(self) -> str:
+        """The first case that failed as code, to paste into a cell; "" where there is none."""
+        return self.details.get("case") or ""
+
     def chart(self) -> Shown:
         """Return the speed against accuracy: this answer beside the reference and a library."""
         if not self.passed:

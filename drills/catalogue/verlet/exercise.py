@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt
+from drills.cards import definitions
 from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of
 from drills.chart import chart_of
 from drills.chart_plan import Plan
@@ -35,6 +36,13 @@ class Field:
     def __deepcopy__(self, memo: Any) -> Field:
         """Return a field of its own for the worked answer, whose calls do not count."""
         return Field(self.kind, self.numbers, self.shape)
+
+    def code(self) -> str:
+        """Return the acceleration as a function that a learner can run."""
+        call = f"forces({self.kind!r}, {self.numbers!r}, q)"
+        source = definitions(Path(__file__).with_name("given.py"), ["acceleration"])
+        source = source.replace("def acceleration(", "def forces(")
+        return f"{source}\n\ndef acceleration(q):\n    return {call}\n"
 
     def __call__(self, place: Any) -> Array:
         """Return the acceleration at a position and count the call, after checking its shape."""
