@@ -601,6 +601,7 @@ def verify(session: Session, names: tuple[str, ...], seeds: int) -> int:
     return session.finish(WRONG if failed else RIGHT, payload)
 
 
+cli.add_command(Later("robot", "drills.robot.command", "Build a robot from your answers."))
 cli.add_command(Later("debug", "drills.interview.debug", "Debug a program that misbehaves."))
 
 
