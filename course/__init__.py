@@ -6,7 +6,10 @@ what it needs.
 
 from dataclasses import dataclass
 
-PREREQUISITES = "Basic linear algebra and some Python."
+PREREQUISITES = (
+    "Linear algebra and some Python. Later chapters also use derivatives, eigenvalues, "
+    "differential equations and probability; each chapter says at its top what it needs."
+)
 
 # The five sides from which every chapter looks at its subject.
 DIMENSIONS = ("concept", "design", "code", "debug", "frontier")
@@ -19,7 +22,7 @@ class Chapter:
     Attributes:
         number: its place in the course, from 0.
         topic: its name in every room of the course, such as "rigid_body".
-        title: its title.
+        title: its title, that of its page without the number.
         question: what it answers, in one line.
         simulation: title of its interactive simulation.
         ready: whether its module, notebook and simulation are written.
@@ -60,7 +63,7 @@ CHAPTERS = (
     Chapter(
         1,
         "rigid_body",
-        "Rigid bodies, rotations, integrators",
+        "Rigid bodies",
         "How does a body move, and how far can the computed motion be trusted?",
         "A box that bounces and tumbles",
         ready=True,
@@ -76,7 +79,7 @@ CHAPTERS = (
     Chapter(
         3,
         "platforms",
-        "One scene on several simulators",
+        "Simulation platforms",
         "Which simulator for which job, and why do they disagree?",
         "The same scene, side by side",
         ready=True,
@@ -84,7 +87,7 @@ CHAPTERS = (
     Chapter(
         4,
         "kinematics",
-        "Kinematics and dynamics of a chain",
+        "Kinematics and dynamics of arms",
         "Where is the hand, and which joint motion brings it somewhere else?",
         "A two-link arm that follows the pointer",
         ready=True,

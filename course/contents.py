@@ -2,29 +2,11 @@
 
 from pathlib import Path
 
-from course import CHAPTERS, DIMENSIONS
-
-
-def figures() -> str:
-    """Return a table of the numbers of chapters and simulations, planned and written, and of sides.
-
-    Returns:
-        A Markdown table of three figures.
-    """
-    written = sum(chapter.ready for chapter in CHAPTERS)
-    planned = len(CHAPTERS)
-    return (
-        "| chapters | simulations | sides of each subject |\n"
-        "|:---:|:---:|:---:|\n"
-        f"| **{planned}** | **{planned}** | **{len(DIMENSIONS)}** |\n"
-        f"| {written} written, {planned - written} coming "
-        f"| {written} written, {planned - written} coming "
-        f"| {', '.join(DIMENSIONS)} |\n"
-    )
+from course import CHAPTERS
 
 
 def map_of_chapters(folder: str = "") -> str:
-    """Return every chapter with its question, its simulation and whether it is there.
+    """Return every chapter with its question and its simulation.
 
     Args:
         folder: what to put before the name of a notebook in a link, such as "notebooks/".
@@ -32,15 +14,13 @@ def map_of_chapters(folder: str = "") -> str:
     Returns:
         A Markdown table.
     """
-    rows = ["| | chapter | what it answers | simulation | |", "|---:|---|---|---|---|"]
+    rows = ["| | chapter | what it answers | simulation |", "|---:|---|---|---|"]
     for chapter in CHAPTERS:
         # Links start from the notebooks' folder; `folder` leads there from elsewhere.
         name = chapter.notebook.removeprefix("notebooks/")
-        title = f"[{chapter.title}]({folder}{name})" if chapter.ready else chapter.title
-        state = "ready" if chapter.ready else "coming"
-        rows.append(
-            f"| {chapter.number} | {title} | {chapter.question} | {chapter.simulation} | {state} |"
-        )
+        coming = f"{chapter.title} (coming)"
+        title = f"[{chapter.title}]({folder}{name})" if chapter.ready else coming
+        rows.append(f"| {chapter.number} | {title} | {chapter.question} | {chapter.simulation} |")
     return "\n".join(rows) + "\n"
 
 

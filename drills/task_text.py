@@ -6,6 +6,7 @@ import textwrap
 from typing import Any
 
 from drills.cards import Card, Hint
+from drills.plain_math import readable
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.terminal import Terminal
 
@@ -77,7 +78,7 @@ def markdown_lines(text: str, terminal: Terminal) -> list[str]:
         legacy_windows=False,
         emoji=False,
     )
-    console.print(Markdown(text, hyperlinks=False))
+    console.print(Markdown(readable(text), hyperlinks=False))
     lines = [line.rstrip() for line in page.getvalue().rstrip("\n").split("\n")]
     return [line for i, line in enumerate(lines) if line or (i and lines[i - 1])]
 

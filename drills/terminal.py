@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -42,9 +43,14 @@ _ASCII = str.maketrans(
         **{"α": "alpha", "β": "beta", "γ": "gamma", "δ": "delta", "ε": "epsilon", "θ": "theta"},
         **{"λ": "lambda", "μ": "mu", "ρ": "rho", "σ": "sigma", "τ": "tau", "φ": "phi"},
         **{"ω": "omega", "Δ": "Delta", "∆": "Delta", "Σ": "Sigma", "Ω": "Omega", "ζ": "zeta"},
-        **{"○": "o", "◐": "/", "●": "*"},
+        **{"○": "o", "◐": "/", "●": "*", "η": "eta", "κ": "kappa", "ν": "nu", "ξ": "xi"},
+        **{"χ": "chi", "ψ": "psi", "Γ": "Gamma", "Θ": "Theta", "Λ": "Lambda", "Π": "Pi"},
+        **{"Φ": "Phi", "Ψ": "Psi", "∝": "~", "≪": "<<", "≫": ">>", "≡": "==", "∓": "-+"},
+        **{"⊥": "perp", "∈": "in", "∂": "d", "∫": "integral of ", "∇": "grad "},
+        **{"⌈": "ceil(", "⌉": ")", "⌊": "floor(", "⌋": ")"},
     }
 )
+_POWERS = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ]+")
 
 
 class OutputLost(OSError):
@@ -117,7 +123,8 @@ def to_ascii(text: str) -> str:
     """Return the text in ASCII: names for Greek letters, plain signs for drawn ones."""
     if text.isascii():
         return text
-    plain = unicodedata.normalize("NFKD", text.translate(_ASCII))
+    powers = _POWERS.sub(lambda m: f"^{unicodedata.normalize('NFKD', m[0])}", text)
+    plain = unicodedata.normalize("NFKD", powers.translate(_ASCII))
     plain = "".join(c for c in plain if not unicodedata.combining(c))
     return plain.encode("ascii", "backslashreplace").decode("ascii")
 

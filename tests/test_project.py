@@ -1,6 +1,7 @@
 """The project as a whole: imports, who may import whom, the set-up, the README."""
 
 import ast
+import functools
 import os
 import pty
 import re
@@ -15,7 +16,7 @@ import pytest
 
 from course import CHAPTERS, charts, contents
 from tests import budget
-from tools import gallery
+from tools import front, gallery
 
 pytestmark = pytest.mark.smoke
 
@@ -30,6 +31,33 @@ TOPICS = [chapter.topic for chapter in CHAPTERS]
 def test_the_chapters_are_numbered_from_0_to_12() -> None:
     assert [chapter.number for chapter in CHAPTERS] == list(range(13))
     assert len(set(TOPICS)) == 13
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=TOPICS)
+def test_a_chapter_has_the_title_of_its_page(chapter) -> None:
+    source = ROOT / "notebooks" / "source" / f"{Path(chapter.notebook).stem}.py"
+    first = re.search(r"^# # (.*)$", source.read_text(encoding="utf-8"), re.M)
+    assert first is not None and first[1] == f"{chapter.number} · {chapter.title}"
+
+
+def test_the_front_page_counts_what_is_there() -> None:
+    """Its numbers are at most what the folders hold, and not a whole step less."""
+    chapters, simulations, claims, pictures, exercises = map(
+        int, re.findall(r"\d+", front.counts())
+    )
+    folders = ROOT / "course", ROOT / "docs" / "charts", ROOT / "drills" / "catalogue"
+    models = [
+        p
+        for p in (folders[0] / "simulations").rglob("*.py")
+        if re.search(r"^MODEL\b.* = ", p.read_text(encoding="utf-8"), re.M)
+    ]
+    records = (folders[0] / "derivations" / "record").glob("*.toml")
+    recorded = sum(len(tomllib.loads(p.read_text(encoding="utf-8"))) for p in records)
+    assert chapters == len(list((ROOT / "notebooks" / "source").glob("[0-9]*.py")))
+    assert simulations == len(models)
+    assert 0 <= recorded - claims < 100
+    assert 0 <= len(list(folders[1].glob("*.png"))) - pictures < 10
+    assert 0 <= len(list(folders[2].glob("*/card.toml"))) - exercises < 10
 
 
 @pytest.mark.parametrize("chapter", CHAPTERS, ids=TOPICS)
@@ -103,6 +131,7 @@ AHEAD = {("platforms", "kinematics")}
 COLLECTED = {"measure", "charts", "derivations"}
 
 
+@functools.cache
 def modules() -> dict[str, Path]:
     """Every module under course/, by its import path."""
     result = {}
@@ -704,7 +733,7 @@ def test_the_gallery_shows_every_chart_as_it_was_built() -> None:
     assert sorted(shown) == sorted(path.stem for path in charts.PICTURES.glob("*.png"))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_film_of_the_readme_is_up_to_date() -> None:
     from tests.simulations.films import is_out_of_date
 

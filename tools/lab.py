@@ -6,17 +6,22 @@ a step; what the server has to say goes to `build/lab.log`, and only what is cri
 address, to the terminal. Further arguments are JupyterLab's.
 """
 
+import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+from course.simulations import LIVE_TAG
 from drills import chapters, notebook
 from drills.chapters import ROOT, Copy
 from drills.workspace import Misuse, shown
 
 LOG = ROOT / "build" / "lab.log"
 HOME_TAG = "home"
+_CALL = re.compile(r"^simulation\(\"(\w+)\"", re.M)
 
 
 def copies(work: Path, folder: Path = ROOT / "notebooks") -> Iterator[Copy]:
@@ -35,9 +40,29 @@ def copies(work: Path, folder: Path = ROOT / "notebooks") -> Iterator[Copy]:
         if source.stem == chapters.HOME and not chapters.open_in_jupyter(copy.path):
             page = notebook.home()._repr_mimebundle_()
             changed |= chapters.show_in(copy.path, HOME_TAG, page)
+            if moving := _live(source):
+                changed |= chapters.show_in(copy.path, LIVE_TAG, moving)
         if changed:
             trust(copy.path)
         yield copy
+
+
+def _live(index: Path) -> dict[str, Any] | None:
+    """Return the output of the home page's simulation: one that runs in the page, without a kernel.
+
+    Args:
+        index: the course's home page, which has a picture of it.
+    """
+    from course.simulations import declaration
+
+    for cell in json.loads(index.read_text(encoding="utf-8"))["cells"]:
+        if LIVE_TAG in cell["metadata"].get("tags", ()):
+            modules = {name.rpartition(".")[2]: name for name in declaration.names()}
+            (name,) = _CALL.findall("".join(cell["source"]))
+            data = cell["outputs"][0]["data"]
+            picture = "".join(data["image/png"]).replace("\n", "")
+            return {**data, "text/html": declaration.inline(modules[name], picture)}
+    return None
 
 
 def trust(path: Path) -> None:

@@ -28,7 +28,7 @@ import course
 import course.contents
 from course.check import one_of
 from drills import cards
-from tools import form, plumbing
+from tools import form, front, plumbing
 
 FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 
@@ -38,7 +38,7 @@ _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 _ADDRESS = re.compile(r"\bat 0x[0-9a-fA-F]{6,}")
 # A film of a simulation: its title, and its module in course.simulations.
 _FILM = re.compile(r"!\[([^\]]+)\]\(attachment:([\w.]+)\.png\)")
-# What a text takes from the package, such as {{contents.figures}}.
+# What a text takes from the package, such as {{contents.moving}}, or from the tool {{front.hours}}.
 _FILLED = re.compile(r"\{\{([\w.]+)\}\}")
 _CELL_TIMEOUT = 600  # s
 _MINUTES = re.compile(r"\{(open|folded|exercise) minutes\}")
@@ -57,12 +57,15 @@ def target(source: Path) -> Path:
 def filled(text: str) -> str:
     """Return a text with what the package `course` has in place of {{names}}; functions are called.
 
+    A name that begins with `front.` is a function of `tools.front`.
+
     Raises:
         AttributeError: there is no such name.
     """
 
     def value(match: re.Match[str]) -> str:
-        result = operator.attrgetter(match[1])(course)
+        _, of_front, name = match[1].rpartition("front.")
+        result = operator.attrgetter(name)(front if of_front else course)
         return str(result() if callable(result) else result).rstrip("\n")
 
     return _FILLED.sub(value, text)

@@ -51,6 +51,9 @@ SIMULATIONS = (
     "interview",
 )
 
+# The tag of the home page's cell whose simulation moves as soon as the page is there.
+LIVE_TAG = "live"
+
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
     "perception": "each image goes through NumPy and SciPy: rendering, k-d trees, poses",

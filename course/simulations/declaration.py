@@ -7,6 +7,7 @@ are recorded, and `RECORDED` says why. Nothing here needs a widget or a plot.
 import base64
 import contextlib
 import gzip
+import html
 import importlib
 import itertools
 import json
@@ -190,6 +191,32 @@ def script() -> str:
         "{ compiled, recorded, allowed, panel, mount };\n"
         'if (document.readyState !== "loading") mount();\n'
         'else document.addEventListener("DOMContentLoaded", mount);\n})();\n'
+    )
+
+
+def inline(name: str, picture: str) -> str:
+    """Return a live simulation as HTML that needs nothing beside it; it moves at once.
+
+    JupyterLab runs its scripts in a trusted notebook, before there is a kernel.
+
+    Args:
+        name: of a simulation that is live.
+        picture: what is shown until it runs, a PNG in base64.
+
+    Raises:
+        ValueError: there is no such simulation, or it is recorded.
+    """
+    if not is_live(name):
+        raise invalid("name", name, "a live simulation")
+    label = html.escape(model(name).paper.label)
+    # A `</script>` inside a script would end it early.
+    scripts = "".join(
+        "<script>" + text.replace("</", "<\\/") + "</script>" for text in (bundle(name), script())
+    )
+    return (
+        f'<div class="course-live" data-simulation="{name}" data-plays '
+        f'data-lm-suppress-shortcuts="true"><img alt="{label}" '
+        f'src="data:image/png;base64,{picture}"></div>{scripts}'
     )
 
 

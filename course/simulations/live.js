@@ -389,7 +389,8 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
     const words = `Recorded: these pictures were computed beforehand, as ${told.recorded}.`;
     side.append(make("p", { className: "quiet", textContent: words }));
   }
-  if (matchMedia("(prefers-reduced-motion: reduce)").matches) {
+  const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  if (calm) {
     const words = "Your system asks for less motion: nothing moves before Play, Step shows one picture.";
     side.append(make("p", { className: "quiet", textContent: words }));
   }
@@ -434,6 +435,8 @@ export function panel(place, { declaration: told, wasm, pictures, film }) {
     place.courseLive = experiment;
     await choose();
     place.dataset.ready = live ? "live" : "recorded";
+    // On the home page it moves at once, unless the reader's system asks for less motion.
+    if (place.dataset.plays !== undefined && !calm && !playing) toggle();
     if (waiting) adopt(...waiting);
   };
   // Go on from where another one has come to, unless something has been done here meanwhile.

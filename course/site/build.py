@@ -29,6 +29,8 @@ WORK = notebooks.ROOT / "build" / "site"
 TARGET = notebooks.ROOT / "site"
 # What a reader finds beside the chapters, in the order of the side bar.
 BESIDE = ("claims", "charts", "cards", "questions", "glossary")
+DOORS = tuple(notebooks.TEXTS)
+STILL = f"{notebooks.FILM.stem}.still.png"  # for who wants no motion
 _CLAIM = re.compile(r' id="claim-(\w+)"')  # where the first tag of a card goes on
 _LEFT_OUT = (".buildinfo", "objects.inv", "genindex.html")
 
@@ -46,7 +48,11 @@ def _contents() -> str:
     chapters = [reference.page_of(chapter) for chapter in CHAPTERS]
     return "\n\n".join(
         f"```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(pages) + "\n```"
-        for caption, pages in (("Chapters", chapters), ("Beside them", BESIDE))
+        for caption, pages in (
+            ("Chapters", chapters),
+            ("Beside them", BESIDE),
+            ("Practise, use the code", DOORS),
+        )
     )
 
 
@@ -97,6 +103,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
         "cards": reference.predictions(anchors),
         "questions": reference.questions(),
         "glossary": reference.glossary(anchors),
+        **{name: reference.text(path, faults) for name, path in notebooks.TEXTS.items()},
     }
     # Check every simulation first, so that all faults are reported together.
     names = {name for page in made.values() for name in page.simulations}
@@ -110,7 +117,8 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
     moving = reference.moving({name: page.simulations for name, page in made.items()})
     added = {
         "scores": reference.scores(made),
-        "moving": f"## What moves on this site\n\n{moving}",
+        "moving": "## What moves on this site\n\n<details><summary>Every simulation, live or "
+        f"recorded</summary>\n\n{moving}\n\n</details>",
         "contents": _contents(),
     }
     for id, text in added.items():
@@ -128,6 +136,8 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
     for page in made.values():
         for file, png in page.pictures.items():
             (pictures / file).write_bytes(png)
+    shutil.copy(notebooks.FILM, pictures)
+    (pictures / STILL).write_bytes(notebooks.first_picture(notebooks.FILM.read_bytes()))
     static = folder / "_static"
     shutil.copy(HERE / "course.css", static)
     shutil.copy(HERE / "page.js", static)

@@ -9,13 +9,18 @@ from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util import logging
 
 from course.site.formulas import in_html, mathml
-from course.site.notebooks import CHARTS
+from course.site.notebooks import CHARTS, PICTURES
 
 _TABLE = re.compile(r"<table\b")
 _CHART = re.compile(rf"{CHARTS}/(\w+)\.png")
 _NARROW = (
     '<picture><source media="(max-width: 640px)" srcset="_static/charts/{}.svg" '
     'type="image/svg+xml">'
+)
+_FILM = re.compile(rf"{PICTURES}/film\.png")
+_STILL = (
+    f'<picture class="course-film"><source media="(prefers-reduced-motion: reduce)" '
+    f'srcset="{PICTURES}/film.still.png" type="image/png">'
 )
 _LOG = logging.getLogger(__name__)
 
@@ -63,6 +68,10 @@ class Page(SphinxPostTransform):
                 raw.children[:] = [nodes.Text(text.replace("</table>", "</table></div>"))]
         for image in list(self.document.findall(nodes.image)):
             image["loading"] = "lazy"
+            if _FILM.fullmatch(image["uri"]):
+                del image["loading"]  # it is the first thing on the home page
+                image.parent.insert(image.parent.index(image), _raw(_STILL))
+                image.parent.insert(image.parent.index(image) + 1, _raw("</picture>"))
             if chart := _CHART.fullmatch(image["uri"]):
                 # On a phone the narrow one, which `course.site.charts` draws.
                 image.parent.insert(image.parent.index(image), _raw(_NARROW.format(chart[1])))
@@ -89,10 +98,17 @@ def _scripts(
         app.add_js_file("live.js", loading_method="defer", priority=900)
 
 
+def _wide(app: Sphinx, _doctree: nodes.document) -> None:
+    """Give the home page the whole width: it has no contents of its own beside it."""
+    if app.env.docname == app.config.root_doc:
+        app.env.metadata[app.env.docname]["hide-toc"] = ""
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the extension; Sphinx calls this."""
     app.add_config_value("course_simulations", {}, "html")
     app.add_html_math_renderer("mathml", (_visit_math, None), (_visit_math_block, None))
     app.add_post_transform(Page)
+    app.connect("doctree-read", _wide)
     app.connect("html-page-context", _scripts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -20,12 +20,15 @@ import nbformat
 from nbformat import NotebookNode
 from PIL import Image
 
-from course.simulations import declaration
+from course.simulations import LIVE_TAG, declaration
 from course.simulations.model import Model
 
 ROOT = Path(__file__).resolve().parents[2]
 # Folders of what a page shows, beside it.
 PICTURES, CHARTS = "_static/pictures", "charts"
+# The moving picture of the README and the home page, and the texts of the project that are pages.
+FILM = ROOT / "docs" / "film.png"
+TEXTS = {"drills": ROOT / "drills" / "README.md", "modules": ROOT / "docs" / "howto" / "modules.md"}
 _FILM = re.compile(r"!\[[^\]]+\]\(attachment:([\w.]+)\.png\)\n*")
 _LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 _FENCE = re.compile(r"^```.*?^```|`[^`\n]+`", re.S | re.M)
@@ -78,6 +81,12 @@ def _by_label() -> dict[str, str]:
     return {declaration.model(name).paper.label: name for name in declaration.names()}
 
 
+@functools.cache
+def _pages() -> dict[Path, str]:
+    """Return the page of each text of the project that has one."""
+    return {path: name for name, path in TEXTS.items()}
+
+
 def slug(text: str) -> str:
     """Return a text as it stands in an anchor: small letters, digits and dashes."""
     return re.sub(r"\W+", "-", text.lower()).strip("-")
@@ -112,7 +121,9 @@ def first_picture(png: bytes) -> bytes:
     return packed.getvalue()
 
 
-def place_of_simulation(name: str, model: Model, picture: str, preset: str = "") -> str:
+def place_of_simulation(
+    name: str, model: Model, picture: str, preset: str = "", plays: bool = False
+) -> str:
     """Return where a simulation comes to life, with its saved picture; HTML.
 
     Args:
@@ -120,9 +131,11 @@ def place_of_simulation(name: str, model: Model, picture: str, preset: str = "")
         model: that one.
         picture: address of its saved picture, relative to the page.
         preset: the one to start with, if it is not the first.
+        plays: whether it moves as soon as it is there.
     """
     label, chosen = html.escape(model.paper.label), html.escape(preset)
     start = f' data-preset="{chosen}"' if preset else ""
+    start += " data-plays" if plays else ""
     return (
         f'<div class="course-live" data-simulation="{name}"{start}>'
         f'<img alt="{label}" loading="lazy" src="{picture}" width="{int(model.paper.width)}"></div>'
@@ -151,7 +164,9 @@ def _simulation(
     page.simulations.append(name)
     # A string argument that names a preset is the one that the notebook starts with.
     presets = [text for text in called(cell.source)[1] if text in model.presets]
-    return _html(place_of_simulation(name, model, f"{PICTURES}/{file}", *presets[-1:]))
+    plays = LIVE_TAG in cell.metadata.get("tags", ())
+    preset = presets[-1] if presets else ""
+    return _html(place_of_simulation(name, model, f"{PICTURES}/{file}", preset, plays))
 
 
 def _outputs(page: Page, cell: NotebookNode, film: bytes | None, place: str) -> list[NotebookNode]:
@@ -204,6 +219,10 @@ def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
         elif file.parent == ROOT / "docs" / "charts":
             mine = f"{CHARTS}/{file.name}" if mark else "charts.md"
             return f"{mark}[{label}]({mine}{'#' if anchor else ''}{anchor})"
+        elif mark and file == FILM:
+            return f"{mark}[{label}]({PICTURES}/{file.name})"
+        elif name := _pages().get(file):
+            return f"[{label}]({name}.md{'#' if anchor else ''}{anchor})"
         elif file.suffix != ".ipynb":
             return f"{label} (`{file.relative_to(ROOT).as_posix()}`)"
         return match[0]

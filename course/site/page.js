@@ -128,6 +128,42 @@
     });
   }
 
+  // --- Where a reader was --------------------------------------------------------------------------
+
+  const LAST = "course.page"; // in localStorage: file, title, section and its title
+  const chapterHere = location.pathname.match(/\/(\d\d_\w+\.html)$/)?.[1];
+
+  // A chapter's page notes the section that is on the screen when the reader leaves it.
+  function note() {
+    const sections = [...document.querySelectorAll("article section[id]")];
+    const above = sections.filter((e) => e.getBoundingClientRect().top < innerHeight / 2);
+    const last = above.at(-1);
+    const words = (e) => e?.querySelector(":is(h1,h2,h3,h4)")?.firstChild?.textContent ?? "";
+    try {
+      const where = [chapterHere, words(sections[0]), last?.id ?? "", words(last)];
+      localStorage.setItem(LAST, JSON.stringify(where));
+    } catch {
+      // Nothing may be stored here; then the home page begins with chapter 0.
+    }
+  }
+
+  // The home page leads back there, below its doors.
+  function goOn(doors) {
+    let where = null;
+    try {
+      where = JSON.parse(localStorage.getItem(LAST));
+    } catch {
+      // Somebody else stored something.
+    }
+    const good = Array.isArray(where) && where.length === 4 && where.every((e) => typeof e === "string");
+    if (!good || !/^\d\d_\w+\.html$/.test(where[0])) return;
+    const [file, title, id, section] = where;
+    const href = id ? `${file}#${encodeURIComponent(id)}` : file;
+    const words = section && section !== title ? `${title}: ${section}` : title;
+    const link = make("a", { href, textContent: words });
+    doors.before(make("p", { className: "course-go-on" }, "Go on where you were: ", link));
+  }
+
   // --- Pictures ----------------------------------------------------------------------------------
 
   const picture = make("img", { alt: "The enlarged picture" });
@@ -158,6 +194,13 @@
     for (const card of cards) listen(card);
     if (here.length) countHere();
     for (const place of document.querySelectorAll(".course-scores")) countChapters(place);
+    const doors = document.querySelector(".course-doors");
+    if (doors) goOn(doors);
+    if (chapterHere) {
+      note();
+      addEventListener("pagehide", note);
+      document.addEventListener("visibilitychange", note);
+    }
     refresh();
     // An answer that is given in another window counts here too.
     addEventListener("storage", (event) => event.key === KEY && refresh());

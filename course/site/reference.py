@@ -94,9 +94,17 @@ def charts(faults: list[str]) -> str:
     Args:
         faults: gets a sentence for each link that leads nowhere.
     """
-    gallery = notebooks.ROOT / "docs" / "charts" / "README.md"
-    text = gallery.read_text(encoding="utf-8")
-    return notebooks.linked(text, gallery.parent, gallery.name, faults)
+    return text(notebooks.ROOT / "docs" / "charts" / "README.md", faults)
+
+
+def text(path: Path, faults: list[str]) -> str:
+    """Return a text of the project as a page.
+
+    Args:
+        path: of the Markdown file.
+        faults: gets a sentence for each link that leads nowhere.
+    """
+    return notebooks.linked(path.read_text(encoding="utf-8"), path.parent, path.name, faults)
 
 
 def _symbols(chapter: Chapter) -> dict[str, str]:
@@ -211,7 +219,7 @@ def moving(pages: Mapping[str, Sequence[str]]) -> str:
     rows = ["| simulation | chapter | in the page |", "|---|---|---|"]
     titles = {page_of(chapter): _title(chapter) for chapter in CHAPTERS}
     for name in declaration.names():
-        where = [page for page, shown in pages.items() if name in shown]
+        where = [page for page, shown in pages.items() if name in shown and page in titles]
         links = ", ".join(f"[{titles[page]}]({page}.ipynb)" for page in where)
         # Simulations that no chapter shows are not listed.
         if links:

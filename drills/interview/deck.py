@@ -33,12 +33,16 @@ class Entry:
         kind: one of `KINDS`.
         chapter: its number.
         file: of a claim or its formula, such as "rigid_body.flight".
+        rank: 0 for what a first interview asks: its questions, the claims and formulas that their
+            answers quote, the formulas of the checkpoints, the drills. 1 for what later rounds ask,
+            2 for the rest.
     """
 
     key: str
     kind: str
     chapter: int
     file: str = ""
+    rank: int = 2
 
     @property
     def name(self) -> str:
@@ -75,27 +79,44 @@ def deck(chapters: Collection[int] | None = None) -> list[Entry]:
 
 @functools.cache
 def _all() -> tuple[Entry, ...]:
-    from course.interview import FOLDER, museum
+    from course.interview import museum
 
     result = [
-        Entry(f"drill/{card.name}", "drill", card.chapter)
+        Entry(f"drill/{card.name}", "drill", card.chapter, rank=0)
         for card in catalogue.cards()
         if card.drill
     ]
+    questions, quoted = _ranks()
     numbers = {chapter.topic: chapter.number for chapter in CHAPTERS}
     for file in files():
         number = numbers[file.partition(".")[0]]
         for id, entry in load(file).items():
-            result.append(Entry(f"claim/{id}", "claim", number, file))
+            rank = quoted.get(id, 2)
+            result.append(Entry(f"claim/{id}", "claim", number, file, rank))
             if entry.get("formula"):
-                result.append(Entry(f"formula/{id}", "formula", number, file))
-    for topic, number in numbers.items():
-        names = sorted(path.stem for path in (FOLDER / topic).glob("*.md"))
-        result += [Entry(f"question/{topic}/{name}", "question", number) for name in names]
+                result.append(Entry(f"formula/{id}", "formula", number, file, rank))
+    for (topic, name), rank in questions.items():
+        result.append(Entry(f"question/{topic}/{name}", "question", numbers[topic], rank=rank))
     last = CHAPTERS[-1].number
     names = [exhibit.name.replace(" ", "_") for exhibit in museum.EXHIBITS]
-    result += [Entry(f"exhibit/{name}", "exhibit", last) for name in names]
+    result += [Entry(f"exhibit/{name}", "exhibit", last, rank=1) for name in names]
     return tuple(sorted(result, key=lambda entry: (entry.chapter, KINDS.index(entry.kind))))
+
+
+def _ranks() -> tuple[dict[tuple[str, str], int], dict[str, int]]:
+    """Return the rank of each question, and of each claim that an answer or a checkpoint quotes."""
+    from course import cards
+    from course.interview import FOLDER, read
+
+    questions, quoted = dict[tuple[str, str], int](), dict[str, int]()
+    for topic in (chapter.topic for chapter in CHAPTERS):
+        for path in sorted((FOLDER / topic).glob("*.md")):
+            question = read(path)
+            rank = questions[topic, path.stem] = int(question.level > 1)
+            for source, _ in question.fields():
+                quoted[source] = min(rank, quoted.get(source, rank))
+        quoted |= dict.fromkeys(cards.gate(topic), 0)
+    return questions, quoted
 
 
 def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:

@@ -65,7 +65,7 @@ class Flashcards(ipywidgets.VBox):
     """
 
     def __init__(self, cards: list[Entry], clock: Callable[[], datetime], seed: int) -> None:
-        self._cards, self._clock, self._seed = cards, clock, seed
+        self._cards, self._clock = store.sequence(cards, seed), clock
         self._path = store.beside(workspace.progress_file(workspace.folder()))
         self._reviews, report = store.load(self._path)
         self._passed: set[str] = set()
@@ -139,8 +139,9 @@ class Flashcards(ipywidgets.VBox):
 
     def _deal(self) -> None:
         now = self._clock()
-        line = store.queue(self._cards, self._reviews, now, self._seed)
-        self.entry = next((one for one in line if one.key not in self._passed), None)
+        line = store.queue(self._cards, self._reviews, now)
+        line = [one for one in line if one.key not in self._passed]
+        self.entry = store.following(line, self.entry)
         self.turned = False
         due = len(store.due(self._cards, self._reviews, now))
         new = len(store.fresh(self._cards, self._reviews))

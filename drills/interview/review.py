@@ -15,8 +15,9 @@ from drills import cards as catalogue
 from drills import commands, task_text, workspace
 from drills.interview import listen, read_line, store
 from drills.interview.deck import Entry, deck, judge, sides
-from drills.interview.rehearse import chapters_of
+from drills.interview.rehearse import EVERY, chapters_of
 from drills.interview.store import AGAIN, GOOD, HARD, RATINGS
+from drills.progress import Loaded, Reading
 from drills.session import RIGHT, Session, body, options
 
 LIMIT = 20
@@ -52,16 +53,21 @@ class Round:
         """Ask up to so many cards, and tell how one stands."""
         import fsrs  # noqa: F401  # what is missing is told before the first question
 
-        session, cards, passed = self.session, deck(chosen), set[str]()
+        session, passed = self.session, set[str]()
+        # Whoever names chapters wants these; else what was opened comes first.
+        opened = opened_chapters(session.records()) if chosen == EVERY else ()
+        cards = store.sequence(deck(chosen), seed, opened)
+        last: Entry | None = None
         self.path = store.beside(session.progress_file)
         self.reviews, report = store.load(self.path)
         self._show_status(report)
         try:
             while len(self.rated) < limit:
-                line = store.queue(cards, self.reviews, self.clock(), seed)
-                entry = next((one for one in line if one.key not in passed), None)
+                line = store.queue(cards, self.reviews, self.clock())
+                entry = store.following([one for one in line if one.key not in passed], last)
                 if entry is None:
                     break
+                last = entry
                 session.say(session.terminal.paint(self._head(entry, limit), "head"))
                 if not self.ask(entry):
                     passed.add(entry.key)
@@ -100,9 +106,9 @@ class Round:
         """Take the rating of a card, and keep it."""
         words = ", ".join(f"{number} {word}" for number, word in RATINGS.items())
         words += f"; a blank line is {RATINGS[intended]}" if intended else ""
-        self.session.say(f"How well did you know it? {words}.")
+        self.session.wrap(f"How well did you know it? {words}.")
         while (line := self._line()) not in map(str, RATINGS) and (line or not intended):
-            self.session.say(f"{task_text.cut(line, 20)!r} is no rating: {words}.")
+            self.session.wrap(f"{task_text.cut(line, 20)!r} is no rating: {words}.")
         rating, now = int(line or intended or AGAIN), self.clock()
         try:
             self.reviews, report = store.rate(self.path, entry, rating, now, self.reviews)
@@ -169,6 +175,12 @@ class Round:
             "reviews_file": str(self.path.absolute()) if self.path else None,
         }
         return session.finish(RIGHT, payload)
+
+
+def opened_chapters(loaded: Loaded) -> set[int]:
+    """Return the numbers of the chapters in which something was read, answered or attempted."""
+    read = {number for number, reading in loaded.chapters.items() if reading != Reading()}
+    return read | {card.chapter for card in catalogue.cards() if loaded.of(card.name).attempts}
 
 
 def span(time: timedelta) -> str:

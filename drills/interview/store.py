@@ -7,10 +7,10 @@ read and written: two terminals at once lose nothing, and a damaged file is put 
 
 from __future__ import annotations
 
-import random
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
@@ -133,11 +133,37 @@ def weak(deck: Sequence[Entry], reviews: Reviews) -> list[Entry]:
     return sorted(poor, key=lambda entry: -again[entry.key])
 
 
-def queue(deck: Sequence[Entry], reviews: Reviews, now: datetime, seed: int) -> list[Entry]:
-    """Return what is asked: what is due, then what is new, drawn by seed."""
-    new = fresh(deck, reviews)
-    random.Random(seed).shuffle(new)
-    return due(deck, reviews, now) + new
+def sequence(deck: Sequence[Entry], seed: int, opened: Collection[int] = ()) -> list[Entry]:
+    """Return cards in the order in which they are new: shuffled once, whatever is asked meanwhile.
+
+    Cards of opened chapters come first, and of these what is asked most.
+
+    Args:
+        deck: the cards.
+        seed: of the shuffle.
+        opened: numbers of the chapters that the learner has opened.
+    """
+
+    def place(entry: Entry) -> tuple[bool, int, bytes]:
+        # A hash for each card: the order of the others does not change when a card is taken out.
+        drawn = blake2b(f"{seed}/{entry.key}".encode(), digest_size=8).digest()
+        return entry.chapter not in opened, entry.rank, drawn
+
+    return sorted(deck, key=place)
+
+
+def queue(deck: Sequence[Entry], reviews: Reviews, now: datetime) -> list[Entry]:
+    """Return what is asked: what is due, then what is new, in the order of the deck."""
+    return due(deck, reviews, now) + fresh(deck, reviews)
+
+
+def following(line: Sequence[Entry], last: Entry | None) -> Entry | None:
+    """Return the first card of a queue that is not of the file of claims of the last one.
+
+    Where all are, it is the first card; None if there is none.
+    """
+    other = (one for one in line if last is None or not one.file or one.file != last.file)
+    return next(other, line[0] if line else None)
 
 
 def missing_cards(deck: Sequence[Entry], reviews: Reviews) -> list[str]:

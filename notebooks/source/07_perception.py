@@ -473,12 +473,12 @@ columns = np.flatnonzero(ids[row] == 1)
 columns = np.arange(columns[0] - 12, columns[-1] + 13)
 rays_x, _ = EYE.rays()
 in_row = np.array([rays_x[columns] * noticed[row, columns], 0 * columns, noticed[row, columns]])
-kept, _ = perception.voxel_mean(in_row, 0.01)
+centres, _ = perception.voxel_mean(in_row, 0.01)
 figure_, axis = plt.subplots(figsize=(7, 2.6), layout="constrained")
 _ = axis.plot(
     1e3 * in_row[0], 1e3 * in_row[2], ".", color=GREY, ms=5, label="points of one image row"
 )
-_ = axis.plot(1e3 * kept[0], 1e3 * kept[2], "o", color=ORANGE, ms=5, label="means of voxels")
+_ = axis.plot(1e3 * centres[0], 1e3 * centres[2], "o", color=ORANGE, ms=5, label="means of voxels")
 steps_x, steps_z = (
     np.arange(np.floor(a.min() * 100), np.ceil(a.max() * 100) + 1) * 10 for a in in_row[::2]
 )
@@ -521,9 +521,9 @@ for axis, pair, name in ((axes[0], (3, 40), "a bad sample"), (axes[1], (1, 0), "
     inlier = np.abs(dots[1] - y0 - slope * (dots[0] - x0)) / np.hypot(1, slope) < 0.05
     line = np.array([0.0, 1.0])
     _ = axis.plot(line, y0 + slope * (line - x0), color=BLUE)
-    for off in (-0.05, 0.05):
+    for offset in (-0.05, 0.05):
         _ = axis.plot(
-            line, y0 + slope * (line - x0) + off * np.hypot(1, slope), "--", color=BLUE, lw=0.8
+            line, y0 + slope * (line - x0) + offset * np.hypot(1, slope), "--", color=BLUE, lw=0.8
         )
     _ = axis.plot(*dots[:, ~inlier], "o", ms=3, color=GREY)
     _ = axis.plot(*dots[:, inlier], "o", ms=4, color=ORANGE)
@@ -845,8 +845,8 @@ show("not_looked_through_is_right")
 rows = [("pose", "median error", "residual [m]", "see-through share")]
 for name in ("right", "quarter turn", "cut off", "scale 1 % off"):
     lines = [one for one in read("silently_wrong").splitlines() if one.startswith(name + ":")]
-    off, residual = lines[0].split(": ")[1].split(" off, residual [m] ")
-    rows.append((name, off, residual, lines[1].split("see-through share ")[1]))
+    errors, residual = lines[0].split(": ")[1].split(" off, residual [m] ")
+    rows.append((name, errors, residual, lines[1].split("see-through share ")[1]))
 table_of(*rows)
 
 # %% [markdown]

@@ -1,20 +1,45 @@
 # %% [markdown]
-# *For anyone who wants to know how far a simulated number can be trusted, and for interviews about it*
-#
 # # Robotics Simulation & Software
 #
-# You learn to build the simulator and the software of the robot that runs in it: from the motion of
-# one rigid body to a policy that leaves the simulator for the real machine. Every number in the
-# course is computed in front of you. Every method is measured, speed against accuracy, beside the
-# library that professionals use for the same job, and pushed until it fails.
+# ![A box that tumbles, bounces and loses energy: the simulation of chapter 1](../docs/film.png)
+#
+# Build a robot simulator, and the software of the robot that runs in it. You can move everything you see.
+#
+# <div class="course-doors">
+#
+# [**Learn the subject**](00_role.ipynb) from chapter 0 on
+#
+# [**Practise**](../drills/README.md) for an interview: graded drills, mock interviews
+#
+# [**Use the code**](../docs/howto/modules.md) of a chapter in your project
+#
+# </div>
+
+# %% [markdown]
+# ## Move something
+#
+# Drag the orange dot: the arm follows. Then pull it out of reach.
+
+# %% tags=["live"]
+from course.simulations import simulation
+
+simulation("arm")
+
+# %% [markdown]
+# The arm takes small steps of inverse kinematics, and near the limit of its reach a careless step becomes very
+# large. [Chapter 4](04_kinematics.ipynb) explains why, and what to do about it.
+#
+# The course goes from the motion of one rigid body to a policy that leaves the simulator for a real machine.
+# Every method is measured, speed against accuracy, compared with the library that professionals use for the
+# same job, and pushed until it fails. {{front.counts}} {{front.hours}}
 #
 # **What to know first:** {{PREREQUISITES}}
 
 # %% [markdown]
 # ## Where you are
 #
-# Written anew each time you open the course; run the cell to see it as it is now, and the one below it to
-# tick off what you have read.
+# This list is brought up to date each time you open the course. Run the cell to update it now, and the one
+# below it to tick off the sections that you have read.
 
 # %% tags=["home", "nbval-ignore-output"]
 from drills.notebook import home, ticks
@@ -25,25 +50,12 @@ home()
 ticks()
 
 # %% [markdown]
-# {{contents.figures}}
-#
 # ## The chapters
 #
 # {{contents.map_of_chapters}}
 #
-# ## Five sides of every subject
-#
-# | | what you find there |
-# |---|---|
-# | **Concept** | the idea from first principles, short enough for a whiteboard |
-# | **Design** | where it sits in the system, what flows in and out and how fast, the trade-offs |
-# | **Code** | the reference implementation, shown from the module that the tests run |
-# | **Debug** | how it fails: the symptom, its cause, a test for it, the repair |
-# | **Frontier** | what is new, with year and source, and a small part of it to run |
-#
-# A chapter has one simulation to move, one chart of speed against accuracy, one map of where its
-# methods stop working, and exercises. Work from top to bottom, or open a section by its heading in
-# the side panel.
+# Each chapter explains a concept, shows where it sits in a robot's software, opens the code that implements
+# it, and shows how it fails and what is new. It ends with exercises and with the questions of an interview.
 #
 # ## Boxes in the text
 #
@@ -64,24 +76,12 @@ ticks()
 # </div>
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The one sentence to keep.
+# **Key insight.** The one sentence to remember.
 #
 # </div>
 #
-# ## Three doors
+# ## On a phone, without Python
 #
-# - **You want to learn the subject.** Open the first chapter that is ready in the table above and
-#   <span class="kernel-only">run it (*Run, Run All Cells*, which needs no network), then</span> work
-#   through it from top to bottom.
-# - **You have an interview soon.** Each chapter ends with the questions and their follow-ups. In a
-#   terminal, `.venv/bin/drills` lists coding drills that are graded in a second or two; the exercises of a
-#   chapter are graded in its notebook, which shows at its top which of them you have attempted and
-#   solved. A checkpoint closes a chapter.
-# - **You want the code.** Each chapter is a module that needs neither a notebook nor a display:
-#   `from course import rigid_body`. Then `help(rigid_body)` shows what is in it.
-#
-# ## Without a kernel
-#
-# `make site` makes pages of these notebooks, the folder `site/`: no server, no kernel, nothing fetched
-# from elsewhere. A double click on its `index.html` opens them, and so does every static host that the
-# folder is copied to; `python -m http.server -d site` is one. {{contents.moving}}
+# <span class="kernel-only">`make site` builds these notebooks as pages in the folder `site/`. They need no
+# server and no kernel: open `site/index.html`, or copy the folder to any static host.</span>
+# {{contents.moving}}

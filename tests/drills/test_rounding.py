@@ -112,7 +112,7 @@ def moved(value: Any) -> Any:
 
 def answers(name: str) -> Iterator[tuple[Case, list[tuple[Any, ...]]]]:
     """Yield each case with the right results: as they are, of moved floats, of noisy routines."""
-    found, text = card(name), card(name).solution_text()
+    exercise, text = card(name), card(name).solution_text()
     given = exercises.of(name).given
     exact = InProcess(text, given)
     noisy = InProcess(text + NOISY, given) if "np.linalg" in text else exact
@@ -120,9 +120,9 @@ def answers(name: str) -> Iterator[tuple[Case, list[tuple[Any, ...]]]]:
     for seed in SEEDS:
         for case in module.cases(np.random.default_rng(seed)):
             results = [
-                exact.call(found.entry, *case.args),
-                exact.call(found.entry, *map(moved, case.args)),
-                noisy.call(found.entry, *case.args),
+                exact.call(exercise.entry, *case.args),
+                exact.call(exercise.entry, *map(moved, case.args)),
+                noisy.call(exercise.entry, *case.args),
             ]
             yield case, [one if isinstance(one, tuple) else (one,) for one in results]
 
@@ -184,12 +184,12 @@ INTEGER_RESULTS = {"compatible", "keep_last", "response_times", "wake_ups", "whi
 @pytest.mark.parametrize("name", list(judged_by_cases()))
 def test_integer_arguments_have_fractional_results(name: str) -> None:
     """Check the case of integers: an answer that keeps their type shows only in fractions."""
-    found = card(name)
+    exercise = card(name)
     module = importlib.import_module(f"drills.catalogue.{name}.exercise")
-    place = InProcess(found.solution_text(), exercises.of(name).given)
+    place = InProcess(exercise.solution_text(), exercises.of(name).given)
     whole = [case for case in module.cases(np.random.default_rng(0)) if case.label == WHOLE]
     for case in whole:
-        got = place.call(found.entry, *case.args)
+        got = place.call(exercise.entry, *case.args)
         parts = [np.asarray(v, dtype=float) for v in (got if isinstance(got, tuple) else (got,))]
         fractional = any(np.any(part != np.trunc(part)) for part in parts)
         assert fractional is not (name in INTEGER_RESULTS)

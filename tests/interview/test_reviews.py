@@ -1,5 +1,6 @@
 """Cards and when they are asked: the schedule, the file, and the command `drills review`."""
 
+import itertools
 import json
 import re
 import subprocess
@@ -13,11 +14,14 @@ from hypothesis import strategies as st
 
 from course import cards as pages
 from course.derivations import formula, records, run
+from course.interview import questions
 from drills import cards as catalogue
+from drills import plain_math
 from drills.interview import review, store
 from drills.interview.deck import KINDS, VERDICTS, Entry, deck, judge, sides
 from drills.session import Session
-from drills.terminal import Terminal
+from drills.task_text import markdown_lines
+from drills.terminal import Terminal, to_ascii
 from tests.budget import examples
 from tests.drills.place import Place, a_place
 
@@ -55,6 +59,26 @@ def test_both_sides_of_a_card_are_whole(kind: str) -> None:
             assert not re.search(
                 r"\{\w+(\.\w+)?(:[^{}]*)?\}", re.sub(r"\$.*?\$", "", shown.back, flags=re.S)
             )
+
+
+@pytest.mark.slow
+def test_no_card_shows_a_field_that_nothing_fills() -> None:
+    """Every card of the deck, as the command shows it."""
+    for entry in deck():
+        shown = sides(entry)
+        text = re.sub(r"\$.*?\$|`[^`]*`", "", f"{shown.front}\n{shown.back}", flags=re.S)
+        if entry.kind != "drill":  # whose back is code
+            assert not re.search(r"\{\w+([.:][^{}]*)?\}", text), entry.key
+
+
+def test_a_first_interview_asks_what_its_questions_quote() -> None:
+    ranks = {entry.key: entry.rank for entry in deck()}
+    assert ranks["question/contact/aabb_by_hand"] == 0 == ranks["claim/aabb_six_numbers"]
+    later = next(q for q in questions("contact") if q.level == 3)
+    assert ranks[f"question/contact/{later.name}"] == 1
+    assert {ranks[f"formula/{id}"] for id in pages.gate("contact")} == {0}
+    counts = [list(ranks.values()).count(rank) for rank in range(3)]
+    assert min(counts) > 50
 
 
 @pytest.mark.slow
@@ -114,8 +138,72 @@ def test_what_is_due_weak_new_and_gone() -> None:
     assert store.due(cards, reviews, NOON + timedelta(days=60)) == [ONE, TWO]
     assert store.weak([*cards, three], reviews) == [ONE]
     assert store.fresh([*cards, three], reviews) == [three]
-    assert store.queue([three, *cards], reviews, NOON + timedelta(days=1), 0) == [ONE, three]
+    assert store.queue([three, *cards], reviews, NOON + timedelta(days=1)) == [ONE, three]
     assert store.missing_cards([TWO], reviews) == [ONE.key]
+
+
+CARDS = st.lists(
+    st.builds(
+        Entry,
+        st.integers(0, 999).map("claim/{}".format),
+        st.just("claim"),
+        st.integers(1, 3),
+        st.sampled_from(["", "a", "b", "c"]),
+        st.integers(0, 2),
+    ),
+    max_size=30,
+    unique_by=lambda entry: entry.key,
+)
+
+
+@examples(60)
+@given(CARDS, st.integers(0, 99), st.sets(st.integers(1, 3)))
+def test_new_cards_are_shuffled_once(cards: list[Entry], seed: int, opened: set[int]) -> None:
+    """A rating takes its card out and moves no other; opened chapters come first, by rank."""
+    line = store.sequence(cards, seed, opened)
+    assert sorted(line, key=lambda e: e.key) == sorted(cards, key=lambda e: e.key)
+    places = [(entry.chapter not in opened, entry.rank) for entry in line]
+    assert places == sorted(places)
+    reviews, later = store.Reviews(), NOON
+    for entry in line:
+        assert store.queue(line, reviews, later) == store.fresh(line, reviews)
+        assert store.fresh(line, reviews)[0] == entry
+        store.rate(None, entry, 4, later, reviews)
+    for entry in cards:
+        rest = [one for one in cards if one != entry]
+        assert store.sequence(rest, seed, opened) == [one for one in line if one != entry]
+
+
+@examples(60)
+@given(CARDS)
+def test_no_two_cards_in_a_row_are_of_one_file_while_there_is_another(cards: list[Entry]) -> None:
+    line, last = list(cards), None
+    while line:
+        entry = store.following(line, last)
+        assert entry is not None
+        if last is not None and last.file and entry.file == last.file:
+            assert all(one.file == last.file for one in line)
+        line.remove(entry)
+        last = entry
+    assert store.following([], last) is None
+
+
+def test_neighbours_of_the_deck_do_not_come_one_after_the_other() -> None:
+    """The share of neighbours among 20 new cards is that of a shuffle, not a run of the deck."""
+    cards = deck()
+    place = {entry.key: at for at, entry in enumerate(cards)}
+    near = total = 0
+    for seed in range(60):
+        line, last = store.sequence(cards, seed), None
+        taken: list[int] = []
+        for _ in range(20):
+            last = store.following(line, last)
+            assert last is not None
+            line.remove(last)
+            taken.append(place[last.key])
+        near += sum(abs(a - b) <= 2 for a, b in itertools.pairwise(taken))
+        total += len(taken) - 1
+    assert near / total < 0.03  # 0.54 when the list was shuffled again after each rating
 
 
 def test_a_clock_that_ran_backwards_holds_no_card_back() -> None:
@@ -269,6 +357,53 @@ def test_the_grader_rates_a_drill(place: Place, monkeypatch: pytest.MonkeyPatch)
         assert (turn.rated[0]["right"], turn.rated[0]["rating"]) == expected
         assert turn.rated[0]["due"] < (NOON + timedelta(minutes=20)).isoformat()
         (place.work / "reviews.json").unlink()
+
+
+def test_cards_of_opened_chapters_come_first(place: Place) -> None:
+    def chapters(*options: str) -> set[int]:
+        data = place.json("review", "--limit", "8", "--seed", "1", *options, text="\n3\n" * 20)
+        return {one["chapter"] for one in data["rated"]}
+
+    assert len(chapters()) > 2
+    (place.work / "reviews.json").unlink()
+    place.run("read", "5", "1")
+    assert chapters() == {5}
+    assert 3 in chapters("--chapters", "3,5")  # chapters that are named are wanted alike
+
+
+@pytest.mark.parametrize(
+    ("tex", "text"),
+    [
+        (r"0\le f\perp\phi\ge0", "0 ≤ f ⊥ φ ≥ 0"),
+        (r"\omega h < 2", "ω h < 2"),
+        (r"2 \sqrt{D/a}", "2 √(D/a)"),
+        (r"\frac{1}{\sqrt{x^2+1}}", "1/(√(x²+1))"),
+        (r"\ddot e + K_d\dot e + K_p e", "e'' + K_d e' + K_p e"),
+        (r"\lVert f_t\rVert\le\mu f_n", "|f_t| ≤ μ f_n"),
+        (r"x = l_1\cos q_1 + s_{\min}", "x = l_1 cos q_1 + s_min"),
+        (r"J^\mathsf{T}e + 10^{-6} (2^{1/n} - 1)", "J^T e + 10⁻⁶ (2^(1/n) - 1)"),
+    ],
+)
+def test_a_formula_is_readable_in_a_terminal(tex: str, text: str) -> None:
+    assert plain_math.formula(tex) == text
+    assert plain_math.readable(f"Say ${tex}$ and `$x$`.").endswith(" and `$x$`.")
+
+
+def test_no_card_or_question_shows_tex_in_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    terminal = Terminal()
+    shown = [entry for entry in deck() if entry.kind == "question"]
+    found = 0
+    for entry in shown:
+        text = f"{sides(entry).front}\n\n{sides(entry).back}"
+        found += "$" in text
+        lines = markdown_lines(text, terminal)
+        code = re.findall(r"`([^`]*)`", text)
+        written = to_ascii("\n".join(lines))
+        for line in code:
+            written = written.replace(line, "")
+        assert "$" not in written and "\\" not in written, entry.key
+    assert found > 20
 
 
 def test_the_end_of_input_keeps_what_was_said_and_a_wrong_rating_is_asked_again(

@@ -1,5 +1,6 @@
 """`make lab`: the copies and the home page before the server, and where its words go."""
 
+import base64
 import contextlib
 import json
 import os
@@ -13,6 +14,7 @@ import nbformat
 import pytest
 from nbformat.sign import NotebookNotary
 
+from course.simulations import LIVE_TAG, declaration
 from drills import progress
 from drills.chapters import ROOT
 from tools import lab
@@ -63,6 +65,25 @@ def test_the_home_page_is_written_anew_from_the_progress(project: Path) -> None:
     assert states == ["as it was", "as it was"]
     after = home_page(project)
     assert after != before and after.count("●") == before.count("●") + 1
+
+
+def test_the_home_page_has_a_simulation_that_runs_without_a_kernel(project: Path) -> None:
+    """Its output has the whole panel: the picture, the compiled model, and what runs it."""
+    list(lab.copies(project / "work", project / "notebooks"))
+    book = nbformat.read(project / "work" / "index.ipynb", as_version=4)
+    (cell,) = [c for c in book.cells if LIVE_TAG in c.metadata.get("tags", ())]
+    data = cell.outputs[0].data
+    html = data["text/html"]
+    assert html.startswith('<div class="course-live" data-simulation="kinematics.arm" data-plays')
+    wasm = base64.b64encode(declaration.module("kinematics.arm").read_bytes()).decode()
+    assert wasm in html and "course-live" in declaration.script()
+    assert html.count("<script>") == html.count("</script>") == 2
+    assert data["image/png"] in html and data["text/plain"].startswith("A two-link arm")
+
+
+def test_what_is_recorded_runs_nowhere_by_itself() -> None:
+    with pytest.raises(ValueError, match=r"^name must be a live simulation, got 'pipeline'"):
+        declaration.inline("pipeline", "")
 
 
 def test_a_copy_is_trusted_and_one_that_others_changed_is_not(project: Path) -> None:

@@ -15,12 +15,14 @@ import nbformat
 import pytest
 from bs4 import BeautifulSoup
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+from PIL import Image
 
 from course import CHAPTERS, cards, charts, derivations
 from course.interview import questions
 from course.simulations import declaration
 from course.site import build, formulas, notebooks, reference
 from tests.budget import ROOT
+from tools import front
 
 PNG = (
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJg"
@@ -196,6 +198,45 @@ def test_a_sentence_about_a_kernel_is_found_and_left_out() -> None:
     assert notebooks.without_kernel(text) == "Answer. Then read."
 
 
+def test_the_home_page_begins_with_the_film_the_doors_and_something_to_move(site: Path) -> None:
+    page = soup(site / "index.html")
+    film, *_ = page.select("article img")
+    assert (site / unquote(str(film["src"]))).read_bytes() == notebooks.FILM.read_bytes()
+    assert film.get("loading") != "lazy"
+    still = film.parent.source
+    assert still["media"] == "(prefers-reduced-motion: reduce)"
+    assert getattr(Image.open(site / still["srcset"]), "n_frames", 1) == 1
+    doors = page.select(".course-doors a")
+    assert [door["href"].partition("#")[0] for door in doors] == [
+        "00_role.html",
+        "drills.html",
+        "modules.html",
+    ]
+    (place,) = page.select(".course-live")
+    assert place.has_attr("data-plays") and declaration.is_live(place["data-simulation"])
+    whole = page.article.get_text(" ")
+    at = [str(page.article).find(part) for part in ("course-film", "course-doors", "course-live")]
+    assert -1 not in at and at == sorted(at)
+    # It says how much there is and how long it takes, and keeps no books.
+    assert front.hours() in " ".join(whole.split()) and front.counts() in " ".join(whole.split())
+    assert not re.search(r"\d (coming|written)|\bready\b", whole)
+
+
+def test_every_chapter_has_one_name(site: Path) -> None:
+    """In its page, the side bar, the list of the home page and the pages beside."""
+    for chapter, name in zip(CHAPTERS, CHAPTER_PAGES, strict=True):
+        title = f"{chapter.number} · {chapter.title}"
+        page = soup(site / f"{name}.html")
+        assert page.h1.find(string=True, recursive=False) == title
+        home = soup(site / "index.html")
+        bar = [a.get_text() for a in home.select(f'.sidebar-tree a[href="{name}.html"]')]
+        listed = [a.get_text() for a in home.select(f'article table a[href="{name}.html"]')]
+        assert bar == [title] and chapter.title in listed
+        for beside in ("claims", "cards", "questions"):
+            heads = [h.find(string=True) for h in soup(site / f"{beside}.html").select("h2")]
+            assert title in heads, (beside, title)
+
+
 def test_the_home_page_counts_the_cards_of_every_chapter(site: Path) -> None:
     rows = soup(site / "index.html").select(".course-scores [data-cards]")
     assert len(rows) == len(CHAPTERS)
@@ -303,7 +344,7 @@ def links(page: Path) -> list[tuple[Path, str]]:
 @pytest.mark.slow
 def test_every_link_and_anchor_leads_somewhere(site: Path) -> None:
     pages = sorted(site.glob("*.html"))
-    assert len(pages) == 1 + len(CHAPTERS) + len(build.BESIDE) + 1
+    assert len(pages) == 1 + len(CHAPTERS) + len(build.BESIDE) + len(build.DOORS) + 1
     for page in pages:
         for file, anchor in links(page):
             assert file.is_file(), (page.name, file)

@@ -86,8 +86,8 @@ def voxels_remove_small_parts(result):
 @claim(
     "Requiring 50 neighbours is a good setting of DBSCAN for voxels of 5 mm and an eps of 20 mm.",
     "A face along the grid has about {formula} voxels within eps, and {flat:.0f} in its "
-    "interior. So 50 is a borderline value. Of a face of {large_mm:.0f} mm, {kept:.0%} of the "
-    "voxels end up in clusters, and with more points per voxel {dense:.0%}. Of a tilted face, "
+    "interior. So {least:.0f} is a borderline value. Of a face of {large_mm:.0f} mm, {kept:.0%} of "
+    "the voxels end up in clusters, and with more points per voxel {dense:.0%}. Of a tilted face, "
     "which has {tilted:.0f} neighbours, all do, and of a part of {small_mm:.0f} mm none. A "
     "third of the formula finds them all.",
     ask=(
@@ -113,7 +113,9 @@ def fifty_neighbours(result):
         z = y * np.sin(tilt) + 0.0017
         return voxel_mean([x, y * np.cos(tilt), z], 0.005, [-1e-9] * 3)[0]
 
-    def retained(cloud, least=50):
+    required = int(result.input("least", 50))
+
+    def retained(cloud, least=required):
         return np.mean(dbscan(cloud, 0.02, least)[0] >= 0)
 
     side, part = result.input("large_mm", 200) / 1000, result.input("small_mm", 30) / 1000

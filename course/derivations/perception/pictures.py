@@ -95,9 +95,9 @@ def averaging_removes_all(result):
 )
 def pixels_are_independent(result):
     def ratio(n, window, count=150, step=0.0):
-        seen = walls(1.0, result.rng, count, n, window=window, step=step)
+        depth = walls(1.0, result.rng, count, n, window=window, step=step)
         # Averaged as disparity, in which the noise is added.
-        means = (30.0 / seen).mean(axis=(1, 2))
+        means = (30.0 / depth).mean(axis=(1, 2))
         return np.std(means) / 0.1 * n
 
     side, window = int(result.input("side", 48)), int(result.input("window", 5))

@@ -90,7 +90,7 @@ def a_residual_tells(result):
 
     right, cut = ([first(x, yaw) for yaw in np.linspace(0.2, 2.9, 6)] for x in (0.0, 0.45))
     scaled, scale = first(0.0, 0.6, 1.0 + result.input("scale_off", 0.01))
-    _, seen = first(0.0, 0.6, 1.0 + result.input("seen_off", 0.03))
+    _, too_large = first(0.0, 0.6, 1.0 + result.input("seen_off", 0.03))
     worst, one = max(cut, key=lambda run: run[0])
     result.measure("cut_mm", worst, 0.2)
     ratio = result.measure("ratio", one.residual / np.mean([r.residual for _, r in right]), 0.2)
@@ -105,7 +105,7 @@ def a_residual_tells(result):
         all(run.status in ("cut", "refuted") for _, run in cut),
         scale.status == "found",
         scaled > 4,
-        seen.status != "found",
+        too_large.status != "found",
     )
 
 
@@ -156,13 +156,13 @@ def outline_tells(result):
         far = apart(BOX, pose, one.pose)[0]
         return faces.unobserved, one.status == "found", far, e @ np.linalg.solve(C, e) / 3.0
 
-    blind, found, far, squares = zip(*[tried() for _ in range(30)], strict=True)
-    result.measure("found", np.mean(found), 0.05)
+    blind, solved, far, squares = zip(*[tried() for _ in range(30)], strict=True)
+    result.measure("found", np.mean(solved), 0.05)
     middle = result.measure("error_px", np.median(far) / (z / eye.fx), 0.4)
     ratio = result.measure("nees", np.mean(squares), 0.5)
     result.statement = "30 boxes at random under a camera that looks straight down."
     result.statement_holds(not all({"x", "y", "turn z"} <= set(names) for names in blind))
-    result.correction_holds(np.mean(found) > 0.9, middle < 0.1, 0.2 < ratio < 1.5)
+    result.correction_holds(np.mean(solved) > 0.9, middle < 0.1, 0.2 < ratio < 1.5)
 
 
 @claim(

@@ -6,12 +6,14 @@ Every request to another origin is refused and counted as a failure.
 import functools
 import http.server
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.budget import PROVE
 from tests.conftest import chromium
 from tests.site.test_build import WORDS
 
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
+# Pages of each kind; the long tier looks at all of them.
+LOOKED_AT = {"index.html", "search.html", "claims.html", "02_contact.html", "10_middleware.html"}
 
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
@@ -174,7 +179,9 @@ def test_every_page_opens_alone_and_fits(
 def test_pages_have_names_and_levels(browser: "Browser", site: Path, addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
         result = {
-            path.name: reader.open(path.name).evaluate(UNNAMED) for path in site.glob("*.html")
+            name: reader.open(name).evaluate(UNNAMED)
+            for name in (path.name for path in sorted(site.glob("*.html")))
+            if PROVE or name in LOOKED_AT
         }
     result["search.html"].remove("h1: ")  # it is Furo's, and has none before one has searched
     assert {name: text for name, text in result.items() if text} == {}
@@ -253,6 +260,79 @@ def test_what_is_folded_unfolds_and_the_side_bar_opens(
         page.locator("label.nav-overlay-icon, .mobile-header .nav-overlay-icon").first.click()
         page.locator(".sidebar-tree a", has_text="The claims").click()
         page.wait_for_url("**/claims.html")
+        assert reader.wrong == []
+
+
+PIXELS = """() => {
+  const canvas = document.querySelector('.course-live canvas');
+  const copy = new OffscreenCanvas(canvas.width, canvas.height);
+  const context = copy.getContext('2d', {willReadFrequently: true});
+  context.drawImage(canvas, 0, 0);
+  const {data} = context.getImageData(0, 0, canvas.width, canvas.height);
+  let sum = 0;
+  for (let k = 0; k < data.length; k += 1) sum = (sum * 31 + data[k]) % 4294967291;
+  return sum;
+}"""
+
+
+@pytest.mark.parametrize("wide", [390, 1440])
+def test_the_home_page_moves_at_once_and_is_dragged(
+    browser: "Browser", addresses: list[str], capsys: pytest.CaptureFixture[str], wide: int
+) -> None:
+    start = time.monotonic()
+    with Reader(browser, addresses[1], viewport={"width": wide, "height": 850}) as reader:
+        page = reader.open("index.html")
+        canvas = page.locator(".course-live[data-ready] canvas[data-frame]")
+        canvas.wait_for()
+        assert canvas.bounding_box()["y"] < 850, "it begins on the first screen"
+        first = page.evaluate(PIXELS)
+        page.wait_for_function(f"first => ({PIXELS})() !== first", arg=first)
+        moved = time.monotonic() - start
+        page.get_by_role("button", name="Pause").click()
+        before = page.evaluate(PIXELS)
+        canvas.scroll_into_view_if_needed()
+        box = canvas.bounding_box()
+        page.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 0.4 * box["height"])
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.15 * box["width"], box["y"] + 0.6 * box["height"])
+        page.mouse.up()
+        page.wait_for_function(f"before => ({PIXELS})() !== before", arg=before)
+        dragged = time.monotonic() - start
+        assert reader.wrong == []
+    with capsys.disabled():
+        print(
+            f"\nhome page, {wide} px: it moves after {moved:.1f} s, dragged after {dragged:.1f} s"
+        )
+
+
+def test_with_less_motion_the_home_page_stands_still(
+    browser: "Browser", addresses: list[str]
+) -> None:
+    with Reader(browser, addresses[0], reduced_motion="reduce") as reader:
+        page = reader.open("index.html")
+        page.locator(".course-live").scroll_into_view_if_needed()
+        page.locator(".course-live[data-ready] canvas[data-frame]").wait_for()
+        film = page.locator(".course-film img").evaluate("e => e.currentSrc")
+        assert film.endswith("film.still.png")
+        assert page.get_by_role("button", name="Play").count() == 1
+
+
+def test_the_home_page_leads_back_to_where_one_was(
+    browser: "Browser", addresses: list[str]
+) -> None:
+    with Reader(browser, addresses[1]) as reader:
+        page = reader.open("index.html")
+        assert page.locator(".course-go-on").count() == 0
+        page = reader.open("02_contact.html")
+        section = page.locator("article section section h2").nth(3)
+        section.evaluate("e => e.scrollIntoView({behavior: 'instant'})")
+        title = section.evaluate("e => e.firstChild.textContent")
+        page = reader.open("index.html")
+        link = page.locator(".course-go-on a")
+        assert link.inner_text().startswith("2 · Contact and friction: ")
+        assert title in link.inner_text()
+        link.click()
+        page.wait_for_url("**/02_contact.html#*")
         assert reader.wrong == []
 
 
