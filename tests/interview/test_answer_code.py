@@ -185,7 +185,8 @@ def _tree(names: Names) -> None:
             assert gaps.min() > -1e-9
     # A thin disc across an edge whose ends and middle are free.
     a, b = np.zeros(2), np.array([10.0, 0.0])
-    assert not exact(a, b, np.array([[3.0, 0.0]]), np.array([0.01]))
+    for x in (0.0, 3.0, 9.0):
+        assert not exact(a, b, np.array([[x, 0.0]]), np.array([0.01]))
     assert exact(a, b, np.array([[3.0, 0.02], [-1.0, 0.0]]), np.array([0.01, 0.9]))
     # A goal inside a ring: no path, after the whole budget; a blocked end is an error.
     turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
