@@ -112,23 +112,6 @@ tables.cheat_sheet()
 #
 # </div>
 #
-# ### How to say "I measured" honestly
-#
-# Interviewers ask once "on which robot?", and an answer that was borrowed falls apart. Five habits prevent this:
-#
-# * **Name the place.** "In a course I measured ...", "in a simulation I computed ...", "at work we measured ...". If
-#   you only read it, say where and in which year.
-# * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
-# * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
-#   an interval is Wilson's, two-sided at 95 %. A gate is tested one-sided at 5 %. Two policies are compared two-sided
-#   at 5 %, with enough trials to notice the difference four times in five.
-# * **Separate assumptions from results.** "I assume 2 m/s² of braking; then the base needs 0.9 m."
-# * **Say what you would measure next, and what you do if the number turns out bad.** A number from another system is a
-#   reason to measure, not a specification.
-#
-# The figures of this course are from simulations, and you may quote them as such. Standards you name with number and
-# edition, and you never quote a limit from memory: you say who looks it up.
-#
 # ### How good is a policy that passed a test?
 #
 # The first screen asked about a policy with seventy successes in a hundred runs. Suppose that each run
@@ -197,6 +180,23 @@ plt.show()
 show("imu_reads_acceleration")
 
 # %% [markdown]
+# ### How to say "I measured" honestly
+#
+# Interviewers ask once "on which robot?", and an answer that was borrowed falls apart. Five habits prevent this:
+#
+# * **Name the place.** "In a course I measured ...", "in a simulation I computed ...", "at work we measured ...". If
+#   you only read it, say where and in which year.
+# * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
+# * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
+#   an interval is Wilson's, two-sided at 95 %. A gate is tested one-sided at 5 %. Two policies are compared two-sided
+#   at 5 %, with enough trials to notice the difference four times in five.
+# * **Separate assumptions from results.** "I assume 2 m/s² of braking; then the base needs 0.9 m."
+# * **Say what you would measure next, and what you do if the number turns out bad.** A number from another system is a
+#   reason to measure, not a specification.
+#
+# The figures of this course are from simulations, and you may quote them as such. Standards you name with number and
+# edition, and you never quote a limit from memory: you say who looks it up.
+#
 # ### Where are the joints of a planar arm?
 #
 # A standard warm-up for the coding round is forward kinematics in the plane. Each angle of an arm is measured against
@@ -409,15 +409,15 @@ for (label, log), colour in zip(curves.items(), (GREY, BLUE), strict=True):
 for axis in (upper, lower):
     axis.axvline(1e3 * felt, color=ORANGE, lw=1, ls="--")
     axis.set(xlabel="time since the touch [ms]")
-upper.axhline(10.0, color=ORANGE, lw=1)
+upper.axhline(10.0, color=ORANGE, lw=1, label="threshold of 10 N")
 upper.set(ylabel="contact force [N]", ylim=(0, 115))
 upper.legend(fontsize=7, loc="upper right")
 lower.set(ylabel="speed [m/s]")
 plt.show()
 
 # %% [markdown]
-# Detecting the force does not stop the arm. At the threshold it has given up hardly any of its speed, and all of the
-# remaining energy still has to go somewhere. What helps is to arrive slowly, to be light, or to be soft.
+# At the threshold the arm has given up hardly any of its speed, and all of the remaining energy still has to go
+# somewhere. What helps is to arrive slowly, to be light, or to be soft.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -542,15 +542,12 @@ plt.show()
 #
 # ## 5 · Debug: four programs that fail
 #
-# "Your simulation explodes. What do you do?" Many candidates name a fix: a smaller time step. A good candidate names an
+# "Your simulation explodes. What do you do?" The tempting answer is a fix: a smaller time step. A better answer is an
 # experiment. A **symptom** is what you observe. Several causes can produce the same symptom, and a fix tried at random
 # may hide it without removing the cause.
 #
 # A **probe** is an experiment that you may run on the failing program: it returns a number, and it uses up some of your
 # time. A probe is worth its time only if its outcome differs between the causes that are still possible.
-
-# %%
-predict("first_probe")
 
 # %%
 case = diagnose("explodes", seed=3)
@@ -563,7 +560,11 @@ case.show()
 # 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
 # 3. The brake receives the speed late. Beyond a quarter of a swing of delay it pushes where it should pull.
 # 4. Friction and speed have opposite sign conventions, so friction drives the slide instead of slowing it.
-#
+
+# %%
+predict("first_probe")
+
+# %% [markdown]
 # Before you run anything, say what each cause predicts. Three of the probes report a ratio: the time until the slide is
 # lost with the change, divided by the time without it. We simulate for three times the duration of the failing run. If
 # the slide isn't lost by then, we enter that time, so the ratio is at most about three. A ratio of one means that the
