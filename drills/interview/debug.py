@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import secrets
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from typing import Any
 
@@ -52,7 +52,7 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     except ValueError as error:
         raise click.BadParameter(f"{error}.") from None
     rejected: list[str] = []
-    verdict = _talk(session, case, rejected)
+    verdict = talk(session, case, rejected, _lines(session.terminal))
     payload: dict[str, Any] = {
         "scenario": name,
         "seed": case.case.seed,
@@ -67,10 +67,17 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     return session.finish(RIGHT if done else WRONG, payload)
 
 
-def _talk(
-    session: Session, case: scenarios.Diagnosis, rejected: list[str]
+def talk(
+    session: Session, case: scenarios.Diagnosis, rejected: list[str], lines: Iterable[str]
 ) -> scenarios.Verdict | None:
-    """Do what the lines say, until one of them concludes."""
+    """Do what the lines say, until one of them concludes; return the verdict, None if none does.
+
+    Args:
+        session: where it writes.
+        case: what is debugged.
+        rejected: gets what is said of lines that mean nothing.
+        lines: what is typed.
+    """
     one = scenarios.scenario(case.case.name)
     head = session.terminal.paint(one.title, "head")
     session.say(f"{head} (seed {case.case.seed})")
@@ -87,7 +94,7 @@ def _talk(
     shown["probes"]()
     session.say()
     _rows(session, list(WORDS.items()))
-    for line in _lines(session.terminal):
+    for line in lines:
         try:
             match line.split():
                 case ["quit"]:
