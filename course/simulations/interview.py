@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from numba.extending import register_jitable
 
-from course.derivations.records import figure
 from course.interview import FOLDER as QUESTIONS
-from course.interview import filled, read
+from course.interview import read
+from course.interview.fields import estimate
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider, switch
@@ -115,11 +115,11 @@ _NAMED = ("gate", *DRILLS)
 _ASKED = ("trials_for_a_gate", "three_link_chain", "tree_in_the_plane", "pid_that_lets_go")
 _FRONT = [read(QUESTIONS / "interview" / f"{name}.md").title for name in _ASKED]
 _BACK_OF_GATE = (
-    "One-sided at five per cent: it passes, just. A policy exactly at the gate reaches "
-    "{estimate.gate_bar:.0f} or more with probability {estimate.gate_chance:.1%}. Two-sided, the "
-    "rate is {estimate.gate_low:.0%} to {estimate.gate_high:.0%}. Say which test you mean before "
-    "the number. Better: {estimate.gate_trials:.0f} trials, of which "
-    "{estimate.gate_trials_bar:.0f} must succeed."
+    f"One-sided at five per cent: it passes, just. A policy exactly at the gate reaches "
+    f"{estimate('gate_bar'):.0f} or more with probability {estimate('gate_chance'):.1%}. "
+    f"Two-sided, the rate is {estimate('gate_low'):.0%} to {estimate('gate_high'):.0%}. Say which "
+    f"test you mean before the number. Better: {estimate('gate_trials'):.0f} trials, of which "
+    f"{estimate('gate_trials_bar'):.0f} must succeed."
 )
 _INSIGHTS = [
     tomllib.loads((_CATALOGUE / name / "card.toml").read_text("utf-8"))["insight"]
@@ -164,7 +164,7 @@ _NAMES = word(
     "Mock question: PID",
 )[0]
 _FRONTS = np.array([_face(f"{front} Answer aloud.") for front in _FRONT])
-_BACKS = np.array([_face(text) for text in (filled(_BACK_OF_GATE, figure), *_INSIGHTS)])
+_BACKS = np.array([_face(text) for text in (_BACK_OF_GATE, *_INSIGHTS)])
 _RATINGS = word("again", "hard", "good", "easy")[0]
 _SHORT = word(*_NAMED)[0]
 (

@@ -120,12 +120,8 @@ tables.cheat_sheet()
 #
 # $$\sigma = \sqrt{\frac{p\,(1 - p)}{n}} .$$
 #
-# **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
-# deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
-# this width you need four times as many runs. The interval below is a little different, because it does not insert the
-# observed rate for $p$.
-#
-# The picture shows how likely each count is for $p = 0.7$. The shaded band is two standard deviations to each side:
+# The picture shows how likely each count is for $p = 0.7$ and $n = 100$. The shaded band is two standard deviations to
+# each side:
 
 # %% tags=["hide-code"]
 counts = np.arange(50, 91)
@@ -137,6 +133,11 @@ axis.set(xlabel="successes in 100 runs", ylabel="probability")
 plt.show()
 
 # %% [markdown]
+# **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
+# deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
+# this width you need four times as many runs. The interval below is a little different, because it does not insert the
+# observed rate for $p$.
+#
 # A **confidence interval** is the set of true rates that are compatible with the observed count, at a chosen level of
 # confidence. Two standard deviations correspond to a level of about 95 %. The simple formula above uses the observed
 # rate instead of the unknown one, and fails near 0 and 1. The **Wilson interval** avoids this. It contains every $p$
@@ -287,7 +288,7 @@ half = np.sqrt(0.15 / 2.0)
 left.plot([0, half, 2 * half], [0, 2 * half, 0], color=ORANGE, label="0.15 m: triangle")
 left.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0, 1.55))
 left.legend(fontsize=7, loc="upper right")
-spans = [("planning", 0.1, ORANGE), ("other computing", 0.07, "#e69f00")]
+spans = [("planning", 0.1, "#cc79a7"), ("other computing", 0.07, "#e69f00")]
 spans += [("four moves", 4.4, BLUE), ("gripping", 0.6, GREY)]
 start = 0.0
 for name, span, colour in spans:
@@ -606,6 +607,13 @@ Markdown("\n".join(rows))
 # but together they leave the late brake. The last row confirms it by an independent route: the brake acts many steps
 # behind the speed. So the fix is to give the brake the present speed. Half the step made almost no difference.
 #
+# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
+# feeds energy in does not care about the step at all. Judge this statement with that in mind:
+
+# %%
+show("growing_energy")
+
+# %% [markdown]
 # The next three cases are yours. Each shows its program, its symptom and its probes with their prices. Read the
 # program first, write down what each cause predicts, and only then choose a probe.
 # <span class="kernel-only">Call `diagnose` with another seed to get another cause, `case.probe("name")` to run a probe,
@@ -655,12 +663,6 @@ plt.show()
 # for all of them, the experiment is not worth its time, however fast it is.
 #
 # </div>
-#
-# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
-# feeds energy in does not care about the step at all. Judge this statement with that in mind:
-
-# %%
-show("growing_energy")
 
 # %%
 more_claims("error_by_its_shape", "complete_planners")

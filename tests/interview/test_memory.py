@@ -61,7 +61,7 @@ def test_answers_are_forgotten_as_days_pass() -> None:
 
 def test_no_side_of_a_card_is_cut() -> None:
     """Each fits on the lines of the card, with one to spare for Reveal."""
-    for text in (*interview._FRONT, *interview._INSIGHTS):
+    for text in (*interview._FRONT, interview._BACK_OF_GATE, *interview._INSIGHTS):
         assert len(textwrap.wrap(f"{text} Answer aloud.", interview._WIDE)) < interview._ROWS
 
 
