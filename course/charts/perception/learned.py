@@ -92,13 +92,13 @@ def learned_start(
     spent = time.process_time() - begin
     plane, known = yaw_net.plane_of(TABLE), methods(network, rng)
     trade = Panel(
-        "Right poses against computing time",
+        "Right poses and time, by the kind of start",
         "processor time [ms]",
         "share within 2 mm and 2 degrees",
     )
     shows = Panel(
-        "How much the image looks through the part",
-        "error of the estimated rotation [deg]",
+        "What see-through says about the poses",
+        "error of the turn [deg]",
         "see-through share",
         scale="log x",
         lines=[("y", 0.1, "refuted above")],
