@@ -150,12 +150,15 @@ def _pid(names: Names) -> None:
         assert loop.update(sign, 0.0) == sign * 2.0
     assert _released(names["PID"](4.0, 1.0, 1.0, 2.0, 1e-3)) < 0.4
 
-    class WithoutLimit(names["PID"]):  # integrates without the limit, and is limited afterwards
-        def update(self, target: float, measured: float) -> float:
-            self.limit = 1e9
-            return min(max(super().update(target, measured), -2.0), 2.0)
+    # Without the limit inside, the integral never stops; the command is limited afterwards.
+    class Limited:
+        def __init__(self) -> None:
+            self.inner = names["PID"](4.0, 1.0, 1.0, 1e9, 1e-3)
 
-    assert _released(WithoutLimit(4.0, 1.0, 1.0, 2.0, 1e-3)) > 0.5
+        def update(self, target: float, measured: float) -> float:
+            return min(max(float(self.inner.update(target, measured)), -2.0), 2.0)
+
+    assert _released(Limited()) > 0.5
 
 
 # --- RRT: dense samples of each edge, closed rooms, counted calls ---------------------------------
@@ -163,8 +166,14 @@ def _pid(names: Names) -> None:
 
 @truth("interview/tree_in_the_plane")
 def _tree(names: Names) -> None:
-    calls, exact = [], names["is_free"]
-    names["is_free"] = lambda *args: calls.append(1) or exact(*args)
+    calls: list[int] = []
+    exact = names["is_free"]
+
+    def counted(*args: Any) -> bool:
+        calls.append(1)
+        return bool(exact(*args))
+
+    names["is_free"] = counted
     fractions = np.linspace(0.0, 1.0, 3001)[:, None]
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -291,10 +300,11 @@ def _ages(
 @truth("role/age_of_a_chain")
 def _age(names: Names) -> None:
     rng = np.random.default_rng(5)
-    for stages in (
+    chains: list[list[tuple[float, float | None, int]]] = [
         [(0.045, 1 / 30, 2), (0.06, 0.1, 1), (0.0002, 0.001, 1)],
         [(0.02, 0.05, 1), (0.015, None, 1), (0.004, 0.01, 1)],
-    ):
+    ]
+    for stages in chains:
         least, mean, greatest = names["chain_age"](stages)
         observed = np.array(list(_ages(stages, rng)))
         assert least - 1e-9 <= observed.min() and observed.max() <= greatest + 1e-9
@@ -313,7 +323,8 @@ NEED_NAMES = {"middleware/write_the_loop"}
 @truth("middleware/write_the_loop")
 def _loop(_: Names) -> None:
     durations = [0.2, 0.3, 2.4, 0.1, 1.0, 0.2, 3.0, 0.1]
-    now, starts = [10.0], []
+    now = [10.0]
+    starts: list[float] = []
 
     class Running:
         def __bool__(self) -> bool:
