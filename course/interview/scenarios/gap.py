@@ -372,5 +372,5 @@ SCENARIO = Scenario(
     price=price,
     price_words="pairs of points to look at, by those before",
     affordable=2.0,
-    path=6,
+    path=7,
 )

@@ -371,7 +371,7 @@ SCENARIO = Scenario(
             "kg m^2",
             12,
             two_torques,
-            2e-3,
+            1e-2,
         ),
         Probe("no_touch", "the share of targets reached short of every key", "", 6, untouched, 0.1),
     ),
