@@ -259,10 +259,9 @@ table(*rows)
 # a slower loop tolerates a later command. So losses measured one at a time don't tell you what the differences cost
 # together.
 #
-# Gains tuned on the arm that they run on (the squares) recover most of what was lost. So the task is not too difficult
-# for this arm.
+# Gains tuned on the arm that they run on (the squares) recover most of what was lost.
 #
-# On a real robot you don't own both sides. You start from symptoms:
+# On a real robot you start from symptoms:
 #
 # <table>
 # <tr><th>gap</th> <th>what differs</th> <th>what you observe</th> <th>on this arm</th> <th>remedy</th></tr>

@@ -14,7 +14,7 @@ def test_what_lowers_and_what_lifts_success() -> None:
     assert twin.high[0] < twin.y[-1]
     (bought,) = charts.stored("robot_time")
     plain = {name: rate for _, rate, name in bought.lines}
-    report, tried = bought["identified"], bought["fine-tuned"]
+    report, tried = bought["identified from a log"], bought["fine-tuned"]
     assert plain["no range"] < plain["range 1"] < min(report.low)
     assert report.x[0] < 0.02 * tried.x[0] and report.high[0] > max(tried.low)
 

@@ -220,7 +220,7 @@ def learned_model(
     cases = {
         "learned model": (lengths, [worth(rolled, [learned(x) for x in row]) for row in logged])
     }
-    for label, out in (("our arm", ()), ("our arm, no friction, no delay", ("f1", "f2", "delay"))):
+    for label, out in (("our arm", ()), ("no friction, no delay", ("f1", "f2", "delay"))):
         fits = [[from_log(twin, t, s, out) for s in range(seeds)] for t in short]
         cases[label] = short, [worth(driven, row) for row in fits]
     for label, (x, y) in cases.items():
