@@ -343,11 +343,11 @@ curves(
 
 # %% tags=["hide-code"]
 with mock.patch.object(plants, "ARM", replace(plants.ARM, torques=(600.0, 300.0))):
-    lates = np.linspace(0.0, 0.03, 16)
-    failing = [1 - rollouts(Plants(delay=x), 1.6 * tuned, tasks(200, 41)).rate for x in lates]
-without = 1e3 * np.interp(0.5, failing, lates)
-failing = [1 - rollouts(Plants(delay=x), 1.6 * tuned, tasks(200, 41)).rate for x in lates]
-limited = 1e3 * np.interp(0.5, failing, lates)
+    delays = np.linspace(0.0, 0.03, 16)
+    failing = [1 - rollouts(Plants(delay=x), 1.6 * tuned, tasks(200, 41)).rate for x in delays]
+without = 1e3 * np.interp(0.5, failing, delays)
+failing = [1 - rollouts(Plants(delay=x), 1.6 * tuned, tasks(200, 41)).rate for x in delays]
+limited = 1e3 * np.interp(0.5, failing, delays)
 print(f"gains x 1.6: half of the reaches fail at {limited:.1f} ms;")
 print(f"with motors of a hundred times the torque at {without:.1f} ms")
 
