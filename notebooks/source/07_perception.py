@@ -1692,8 +1692,8 @@ for depth, true in images:
 print(f"start at the true turn, noise x 3.75: {right / len(images):.2f} right")
 
 # %% [markdown]
-# Even then the share is about the same, so the errors come from the fit and not from the start. See-through does not
-# notice these poses. It detects most clearly different parts and turns, but not an error of a few millimetres.
+# Even then most of the errors remain, so they come from the fit and not from the start. See-through does not notice
+# these poses. It detects most clearly different parts and turns, but not an error of a few millimetres.
 #
 # Read the table above with this chapter's questions. What input does the method need? How large is its error *against
 # a truth*, in millimetres, and at which distance? What does it answer for an object that it doesn't know? A network
