@@ -257,7 +257,7 @@ SCENARIO = Scenario(
     prompt="An arm of one joint presses keys of all depths and widths. Its policy was trained on "
     "a model, on which it presses every key within the time. On the robot, which stands behind a "
     "closed door, it does not reach half of them. The program is what you may read; the robot you "
-    "can only run. Which number is not as on the model, and what do you change?",
+    "can only run. Which parameter of the robot differs from the model, and what do you change?",
     symptom_words="the share of keys pressed and held",
     unit="",
     symptom=symptom,
@@ -337,7 +337,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_positions",
-            "angles of the model replayed slowly into a key: torque above the model's",
+            "the model's joint angles replayed slowly into a key: excess torque",
             "N m",
             20,
             positions,
@@ -392,7 +392,7 @@ SCENARIO = Scenario(
     ),
     popular="widen",
     price=price,
-    price_words="time to come near the key, by that on the model",
+    price_words="time to come near the key, relative to the model's",
     affordable=1.4,
     path=6,
     on_model=on_model,
