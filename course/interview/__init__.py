@@ -16,7 +16,7 @@ from course.interview.fields import FIELD, Figure
 from course.interview.fields import filled as filled
 
 FOLDER = Path(__file__).parent / "questions"
-KINDS = ("concept", "debugging", "design", "estimate", "coding")
+KINDS = ("concept", "debugging", "design", "estimate", "coding", "behavioural")
 LEVELS = {1: "screen", 2: "senior", 3: "staff"}
 PARTS = ("In a minute", "In full")
 

@@ -351,3 +351,55 @@ def _loop(_: Names) -> None:
     turns = np.array(starts) - 10.0
     np.testing.assert_allclose(turns, [0, 1, 2, 5, 6, 7, 8, 11], atol=1e-9)
     assert names["skipped"] == 4
+
+
+# --- Layouts: the recurrence of the angles alone --------------------------------------------------
+
+
+@truth("rigid_body/layout_of_a_batch")
+def _layouts(names: Names) -> None:
+    rng = np.random.default_rng(4)
+    h, length = 0.01, 0.7
+    angle, rate = rng.uniform(-2.0, 2.0, (2, 6))
+    bodies = np.zeros(6, dtype=[("angle", float), ("rate", float), ("mass", float)])
+    bodies["angle"], bodies["rate"] = angle, rate
+    path = [angle.copy()]
+    for _ in range(50):
+        names["step_fields"](angle, rate, h, length=length)
+        names["step_records"](bodies, h, length=length)
+        path.append(angle.copy())
+    np.testing.assert_allclose(bodies["angle"], angle, atol=1e-13)
+    # Without the rates, the steps are a second difference: (a' - 2 a + a'') / h^2 = -g/l sin a.
+    second = (path[2:] - 2.0 * np.array(path[1:-1]) + path[:-2]) / h**2
+    np.testing.assert_allclose(second, -9.81 / length * np.sin(path[1:-1]), atol=1e-9)
+
+
+# --- A filter: least squares over everything at once ----------------------------------------------
+
+
+@truth("perception/write_an_ekf")
+def _filter(names: Names) -> None:
+    rng = np.random.default_rng(5)
+    A, C = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    Q, R, P0 = np.diag([0.01, 0.04]), np.array([[0.09]]), np.diag([2.0, 3.0])
+    z, x, P = rng.normal(size=(6, 1)), np.array([0.3, -0.2]), P0
+    start, squares = x, []
+    for one in z:
+        x, P = names["predict"](x, P, lambda s: A @ s, lambda s: A, Q)
+        x, P, square = names["update"](x, P, one, lambda s: C @ s, lambda s: C, R)
+        squares.append(square)
+    # All states from 0 to 6 as one weighted least-squares problem; the last one is compared.
+    rows, right = [np.linalg.inv(np.linalg.cholesky(P0)) @ np.eye(2, 14)], []
+    right.append(np.linalg.inv(np.linalg.cholesky(P0)) @ start)
+    for k in range(6):
+        root = np.linalg.inv(np.linalg.cholesky(Q))
+        rows.append(root @ (np.eye(2, 14, 2 * k + 2) - A @ np.eye(2, 14, 2 * k)))
+        right.append(np.zeros(2))
+        rows.append(C @ np.eye(2, 14, 2 * k + 2) / np.sqrt(R))
+        right.append(z[k] / np.sqrt(R[0]))
+    J, b = np.vstack(rows), np.concatenate(right)
+    states, squared, *_ = np.linalg.lstsq(J, b, rcond=None)
+    np.testing.assert_allclose(x, states[-2:], atol=1e-10)
+    np.testing.assert_allclose(P, np.linalg.inv(J.T @ J)[-2:, -2:], atol=1e-10)
+    # The squares add up to what the least squares leave over.
+    assert sum(squares) == pytest.approx(squared[0], rel=1e-9)
