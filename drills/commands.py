@@ -47,7 +47,10 @@ def check(
         from drills import feedback
 
         plain = feedback.text(report, card, colour=False, unicode=True, width=80)
-        payload |= {"text": plain, "html": feedback.html(report, card, _drawn(payload))}
+        html = feedback.html(report, card, _drawn(payload))
+        if report.passed and fits_robot(card):
+            html += f"<p>Put it into your robot: <code>{fits_robot(card)}</code></p>"
+        payload |= {"text": plain, "html": html}
     return session.finish(code, payload)
 
 
@@ -251,12 +254,21 @@ def report_result(
             session.say(f"A hint: drills hint {card.name}")
         elif report.passed:
             session.say(f"The worked answer: drills solution {card.name}")
+            if fits_robot(card):
+                session.say(f"Put it into your robot: {fits_robot(card)}")
     drawn = _pictured(session, card, report)
     if drawn is not None:
         session.say(f"A picture of it: {workspace.shown(drawn)}")
     data = _data(session, card, report, path)
     data["picture"] = None if drawn is None else str(drawn.absolute())
     return (RIGHT if report.passed else WRONG), data
+
+
+def fits_robot(card: Card) -> str:
+    """Return the command that tries an answer in the robot, or "" where no slot takes it."""
+    from drills.robot.slots import NAMED
+
+    return "drills robot run" if card.name in NAMED else ""
 
 
 def _pictured(session: Session, card: Card, report: Report) -> Path | None:

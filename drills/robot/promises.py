@@ -257,9 +257,9 @@ def visual_gain(args: Args, result: Any) -> str:
         return f"the limit separates loops that settle from others: {limit:.4g} does not"
     if gain >= limit:
         return "" if variance == -1.0 else "a loop that does not settle has the variance -1"
-    response, errors = np.zeros(4000), np.zeros(4000)
+    errors = np.zeros(600)
     errors[0] = -gain
-    for n in range(1, response.size):
+    for n in range(1, errors.size):
         errors[n] = errors[n - 1] - (gain * errors[n - 1 - delay] if n > delay else 0.0)
     true = float(errors @ errors)
     return _off("variance of the settled loop", abs(variance / true - 1.0), 1e-3)
