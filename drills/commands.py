@@ -43,6 +43,8 @@ def check(
         session.say(report.case.rstrip("\n"))
         return session.finish(WRONG, {**_data(session, card, report, path), "picture": None})
     code, payload = report_result(session, card, report, path)
+    if called and report.passed:
+        put_into_robot(session, card, report.source)
     if rendered:
         from drills import feedback
 
@@ -269,6 +271,19 @@ def fits_robot(card: Card) -> str:
     from drills.robot.slots import NAMED
 
     return "drills robot run" if card.name in NAMED else ""
+
+
+def put_into_robot(session: Session, card: Card, source: str) -> None:
+    """Save an answer from a notebook as the file of its slot, unless there is an answer already."""
+    path = workspace.answer(session.work, card.name)
+    free = not os.path.lexists(path) or workspace.is_untouched(path, card)
+    if not fits_robot(card) or session.progress_file is None or not free:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        workspace.write_over(path, source)
+    except OSError as error:
+        session.notices.append(f"{workspace.shown(path)} can't be written: {error.strerror}.")
 
 
 def _pictured(session: Session, card: Card, report: Report) -> Path | None:

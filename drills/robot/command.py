@@ -112,7 +112,7 @@ def _say_slot(session: Session, holder: Holder) -> None:
     mark = task_text.sign(SOLVED if yours else holder.state, terminal)
     who = terminal.paint("yours      ", "good") if yours else "the course's"[:12]
     if holder.missing:
-        note = "solved, but its file is gone"
+        note = f"solved; put your answer into {name}.py"
     elif holder.changed:
         note = "changed since it was graded"
     else:
