@@ -24,9 +24,9 @@ simulation("point")
 # feedback loops from chapter 6, expectation and the normal distribution.
 #
 # A **policy** is a rule that turns an observation into an action. In this chapter, policies come from three sources.
-# You can write one down, as chapter 6 did. In **reinforcement learning** the policy acts, receives a number called the
-# reward, and changes so that the sum of rewards grows. In **imitation learning** somebody demonstrates the task, and
-# the policy learns to act as they did.
+# You can write one down, as chapter 6 did. In **reinforcement learning** the policy acts step by step in an
+# *environment* (here a simulation), receives a number called the reward, and changes so that the sum of rewards grows.
+# In **imitation learning** somebody demonstrates the task, and the policy learns to act as they did.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -91,11 +91,11 @@ def last(chart, panel=0):
 # Learning curves rarely show how far a number could rise. This chapter works on a task so small that the best possible
 # result is known exactly, and reports every learner as a share of that optimum.
 #
-# The task is the point from the simulation above. Start and goal are sampled at random from a square with a side of 2
-# m, and the point starts at rest. The policy observes the vector to the goal and the velocity. It chooses an
-# acceleration of at most 1 m/s² along each axis, and holds it for one step of 50 ms. Each step updates the velocity
-# first and then moves the point with the new velocity. The episode ends successfully when the point enters a disc of
-# 5 cm radius around the goal. Otherwise it ends after 100 steps.
+# The task is the point above (sections 1 and 8 explain its readouts). Start and goal are sampled at random from a
+# square with a side of 2 m, and the point starts at rest. The policy observes the vector to the goal and the velocity.
+# It chooses an acceleration of at most 1 m/s² along each axis, and holds it for one step of 50 ms. Each step updates
+# the velocity first and then moves the point with the new velocity. The episode ends successfully when the point enters
+# a disc of 5 cm radius around the goal. Otherwise it ends after 100 steps.
 #
 # The plots show six runs each of two policies: the fastest that is possible, and one that was written by hand. The
 # written one is a PD law, with one gain on the remaining distance and one on the velocity. Each dot is one step.
@@ -459,9 +459,9 @@ show("sparse_chance")
 
 # %% [markdown]
 # **A worked example.** On average, a random path of the point runs 0.9 m inside that area. With $R = 5$ cm that makes
-# $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The number on the card is slightly larger, because it also counts the round
-# ends of the strip.) A batch of 2,048 steps contains about 20 episodes. The chance that none of them succeeds is
-# $0.977^{20} = 63\,\%$, so most batches contain no success at all.
+# $2 \cdot 0.05 \cdot 0.9 / 4 = 2.3\,\%$. (The card also counts the strip's round ends.) A batch of 2,048 steps contains
+# about 20 episodes. The chance that none of them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success
+# at all.
 #
 # ### Dense rewards: minus the distance, or a potential
 #
@@ -841,15 +841,15 @@ more_claims("code_of_zero")
 #
 # </details>
 #
-# Always run the nearest demonstration as a baseline. It needs no training, but it becomes worse as the state gets more
-# dimensions. Then judge by runs: count successes and the share of each way.
+# Always run the nearest demonstration as a baseline. It needs no training, but usually suffers from more dimensions.
+# Then judge by runs: count successes and the share of each way.
 #
 # ### Denoising and flows, step by step
 #
-# Start with flow matching, which is the simpler one. Take a demonstrated action $x$ and a random noise vector
-# $\epsilon$, and connect them by a straight line. Time $t$ runs from 0 (noise) to 1 (data):
-# $x_t = (1-t)\,\epsilon + t\,x$. The velocity along the line is $x - \epsilon$. A network $v$ learns to predict it from
-# the point on the line, the time and the state:
+# Start with flow matching, the simpler one. Take a demonstrated action $x$ and a random noise vector $\epsilon$, and
+# connect them by a straight line. Time $t$ runs from 0 (noise) to 1 (data): $x_t = (1-t)\,\epsilon + t\,x$. The
+# velocity along the line is $x - \epsilon$. A network $v$ learns to predict it from the point on the line, the time and
+# the state:
 #
 # $$\text{loss} = \mathbb{E}\,\lVert v(x_t, t, s) - (x - \epsilon) \rVert^2 .$$
 #
