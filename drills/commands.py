@@ -223,7 +223,8 @@ def graded(
         costs = {cost.what: (cost.yours, cost.unit) for cost in report.costs}
 
         def enter(record: Record) -> None:
-            progress.note_attempt(record, report.passed, costs)
+            found = report.diagnosis or report.sentence
+            progress.note_attempt(record, report.passed, costs, found=found)
 
         session.record(card.name, enter)
     return report

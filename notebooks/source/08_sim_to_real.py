@@ -493,10 +493,10 @@ free = dict.fromkeys(logs.six(), (1e-4, 10.0))
 six = logs.six()
 masses, inertias = (np.linspace(0.4, 1.6, 21) * six[name] for name in ("m1", "I1"))
 grid = np.meshgrid(masses, inertias)
-many = {name: np.full(grid[0].size, value) for name, value in six.items()}
-many |= {"m1": grid[0].ravel(), "I1": grid[1].ravel()}
-off = logs.rods(many, log) - log.measured[..., None]
-rms = 1e3 * np.sqrt((off**2).mean(axis=(0, 1))).reshape(grid[0].shape)
+candidates = {name: np.full(grid[0].size, value) for name, value in six.items()}
+candidates |= {"m1": grid[0].ravel(), "I1": grid[1].ravel()}
+residual = logs.rods(candidates, log) - log.measured[..., None]
+rms = 1e3 * np.sqrt((residual**2).mean(axis=(0, 1))).reshape(grid[0].shape)
 figure_, axis = plt.subplots(figsize=(5, 2.7), layout="constrained")
 drawn = axis.contourf(masses, inertias, rms, levels=12, cmap="viridis")
 _ = figure_.colorbar(drawn, ax=axis, label="residual, rms [mrad]")
@@ -645,10 +645,10 @@ for width, colour in ((1.0, "#c5cae9"), (0.4, BLUE)):
     label = f"simulators, range {width:g}"
     _ = axis.plot(1e3 * cloud.delay, cloud.payload, ".", color=colour, label=label)
 for gap, late_by in ((0.3, 0.01), (1.0, 0.01)):
-    there = real(gap, late_by)
-    _ = axis.plot(1e3 * there.delay, there.payload, "*", color=RED, ms=12)
+    robot = real(gap, late_by)
+    _ = axis.plot(1e3 * robot.delay, robot.payload, "*", color=RED, ms=12)
     _ = axis.annotate(
-        f"real arm, gap {gap}", (1e3 * there.delay[0] + 0.5, there.payload[0]), color=RED
+        f"real arm, gap {gap}", (1e3 * robot.delay[0] + 0.5, robot.payload[0]), color=RED
     )
 _ = axis.set(xlabel="delay [ms]", ylabel="payload [kg]", ylim=(-0.02, 0.58))
 _ = axis.legend(fontsize=8, loc="center right")

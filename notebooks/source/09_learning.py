@@ -422,10 +422,10 @@ show("clip_keeps")
 # ![SAC and PPO: share of the optimum over environment steps](../docs/charts/off_policy.png)
 
 # %% tags=["hide-code"]
-off = stored("off_policy")[0]
+off_policy = stored("off_policy")[0]
 rows = [("method", "environment steps", "share of the optimum, median", "quartiles")]
-for one in off.series:
-    k = np.argmin(np.abs(np.array(one.x) - off["SAC"].x[-1])) if one.label != "SAC" else -1
+for one in off_policy.series:
+    k = np.argmin(np.abs(np.array(one.x) - off_policy["SAC"].x[-1])) if one.label != "SAC" else -1
     for at in (k,) if k in (-1, len(one.x) - 1) else (k, -1):
         band_ = f"{one.low[at]:.2f} to {one.high[at]:.2f}"
         rows.append((one.label, f"{one.x[at]:,.0f}", f"{one.y[at]:.2f}", band_))

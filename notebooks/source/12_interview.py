@@ -75,7 +75,7 @@ plt.show()
 # |---|---|
 # | `drills review` | shows the flashcards that are due today and schedules the next review of each |
 # | `drills interview --minutes 45` | runs a mock interview: a question, a debugging case, a graded coding exercise and a design, then a report |
-# | `drills debug explodes` | gives you one of four faulty programs and lets you experiment on it |
+# | `drills debug explodes` | gives you one of six faulty programs and lets you experiment on it |
 #
 # Section 8 has these exercises:
 
@@ -492,7 +492,8 @@ case = diagnose("explodes", seed=3)
 case.show()
 
 # %% [markdown]
-# Let us solve this case together. Four causes can make the slide swing out:
+# Let us solve this case together. Four causes can make the slide swing out. Each case leaves one of them off the list
+# above, and offers `none_of_these` instead, which is right if the one that is missing is at work:
 #
 # 1. Each stop has two contact points by mistake, so it is twice as stiff as the time step allows.
 # 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
@@ -528,7 +529,7 @@ Markdown("\n".join(rows))
 # longest that is recorded). The last probe confirms the reason by an independent route: the brake acts many steps
 # behind the speed. So the fix is to give the brake the present speed. Half the step made almost no difference.
 #
-# The next three cases are yours. Each shows its program, its symptom and its probes with their prices. Read the
+# The next five cases are yours. Each shows its program, its symptom and its probes with their prices. Read the
 # program first, write down what each cause predicts, and only then choose a probe.
 # <span class="kernel-only">Call `diagnose` with another seed to get another cause, `case.probe("name")` to run a probe,
 # and `case.conclude("cause", "repair")` to finish. The verdict shows which causes your measurements excluded, what the
@@ -543,8 +544,14 @@ diagnose("touch", seed=1).show()
 # %%
 diagnose("gap", seed=1).show()
 
+# %%
+diagnose("late", seed=1).show()
+
+# %%
+diagnose("sure", seed=1).show()
+
 # %% [markdown]
-# How much does one probe tell? Four causes make six pairs, five make ten. The chart shows for each probe the
+# How much does one probe tell? Four causes make six pairs, eight make 28. The chart shows for each probe the
 # share of pairs that it tells apart reliably, that is, by more than its own noise. The model answer also considers the
 # price, and uses the blue probes:
 
@@ -553,10 +560,8 @@ from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
 
-figure_, axes = plt.subplots(
-    1, len(scenario_names()), figsize=(10, 3.2), layout="constrained", sharex=True
-)
-for axis, name in zip(axes, scenario_names(), strict=True):
+figure_, axes = plt.subplots(2, 3, figsize=(10, 6.2), layout="constrained", sharex=True)
+for axis, name in zip(axes.flat, scenario_names(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
     parted = {

@@ -37,11 +37,14 @@ FAULTS: dict[str, dict[str, Any]] = {
     "stiff_keys": {"stiffness": 9.3},
     "foreign_statistics": {"std": MODEL.std * np.array([[1.415], [1.0], [1.0], [1.0], [1.0]])},
 }
+ON_MODEL = "model"  # stands in the place of a cause
 LEARNT = {"refit_friction": "dry_joint", "refit_inertia": "heavy_tool", "refit_key": "stiff_keys"}
 
 
 def robot(cause: str, seed: int) -> Robot:
-    """Return the robot of a seed, which is nearly the model but for one cause."""
+    """Return the robot of a seed, which is nearly the model but for one cause; or the model."""
+    if cause == ON_MODEL:
+        return MODEL
     one, draw = replace(MODEL, **FAULTS[cause]), np.random.default_rng([2, seed])
     sizes = {"inertia": 0.005, "drag": 0.05, "friction": 0.02, "stiffness": 0.01}
     near = {name: getattr(one, name) * draw.uniform(1 - s, 1 + s) for name, s in sizes.items()}
@@ -226,6 +229,12 @@ def untouched(cause: str, seed: int) -> float:
     return program.success(press(robot(cause, seed), weights(), target, STEPS), target, width, HELD)
 
 
+@cache
+def on_model(probe: str) -> float:
+    """Return the figure of a probe on the model: the median of several readings."""
+    return float(np.median([SCENARIO.a_probe(probe).run(ON_MODEL, seed) for seed in range(7)]))
+
+
 SCENARIO = Scenario(
     name="policy",
     title="The policy is right on its model and fails on the robot",
@@ -352,4 +361,5 @@ SCENARIO = Scenario(
     price_words="time to come near the key, by that on the model",
     affordable=1.4,
     path=9,
+    on_model=on_model,
 )
