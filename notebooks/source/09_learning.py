@@ -998,13 +998,14 @@ show("react_less")
 # %% [markdown]
 # ![Success over executed steps and over disturbances; changes of side; drift](../docs/charts/commit_or_react.png)
 #
-# Under disturbances of 50 mm, executing two steps is best by a small margin. With disturbances of 20 mm, executing one,
-# two or four steps makes no measurable difference in 1,000 runs. The second panel compares remedies. One is **temporal
-# ensembling**, from ACT: the policy predicts a chunk at every step, and the executed action is the weighted mean of all
-# predictions for this step. (The weights are $e^{-m i}$, with $i = 0$ for the oldest chunk.) This smooths the motion,
-# but it averages, so it is safe only if the chunks agree on the mode. Under the strongest disturbances, a policy
-# trained on disturbed demonstrations does best. Without disturbances that policy is worse, though: about seven runs in
-# ten pass, where the others nearly all do.
+# Under disturbances of 50 mm, executing two steps is best by a small margin. With disturbances of 20 mm, executing
+# one, two or four steps makes no measurable difference in 1,000 runs.
+#
+# The second panel compares remedies. One is **temporal ensembling**, from ACT: the policy predicts a chunk at every
+# step, and the executed action is the weighted mean of all predictions for this step. (The weights are $e^{-m i}$,
+# with $i = 0$ for the oldest chunk.) This smooths the motion, but it averages, so it is safe only if the chunks agree
+# on the mode. Under the strongest disturbances, a policy trained on disturbed demonstrations does best. Without
+# disturbances that policy is worse, though: about seven runs in ten pass, where the others nearly all do.
 #
 # The lower panels show the two effects. A policy that observes often changes sides more often. A policy that observes
 # rarely drifts further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the
@@ -1195,10 +1196,11 @@ table(("method", "share of the optimum", "interval", "processor time [s]"),
 # %% [markdown]
 # With the same network, ours and the library end equally well after the same number of steps, within their intervals.
 # They differ in what a step costs. The search is the fastest by far but ends lower. That is no limit of its eight
-# numbers, which contain the PD law: other settings of the search could do better. *What to choose?* For a point: a PD
-# law, whose two gains the random search of section 2 (a folded claim) finds with fewer steps than any of these. Where
-# nobody knows the form, try both a search and PPO: on the point PPO ends higher; on the arm, at equal steps, the search
-# does (table below).
+# numbers, which contain the PD law: other settings of the search could do better.
+#
+# *What to choose?* For a point: a PD law, whose two gains the random search of section 2 (a folded claim) finds with
+# fewer steps than any of these. Where nobody knows the form, try both a search and PPO: on the point PPO ends higher;
+# on the arm, at equal steps, the search does (table below).
 #
 # Where does the time go, when networks are this small? A natural guess is the arithmetic of the gradient. Count the
 # multiplications: a forward pass through $d$ inputs, two hidden layers of $h$ units and $m$ outputs takes $dh + h^2 +
