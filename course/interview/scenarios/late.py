@@ -201,7 +201,7 @@ SCENARIO = Scenario(
     ),
     probes=(
         Probe("lag_ripple", "standard deviation of the lag, by its mean", "", 2, ripple, 0.03),
-        Probe("half_speed", "half the speed: lag, by that before", "", 2, half_speed, 0.03),
+        Probe("half_speed", "half the speed: ratio of the lags", "", 2, half_speed, 0.03),
         Probe(
             "image_age",
             "age of an image when it arrives at the queue",
@@ -252,7 +252,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "exact_target",
-            "the true position instead of camera, link and vision: lag, by that before",
+            "the true position instead of camera, link and vision: ratio of the lags",
             "",
             8,
             direct,
@@ -274,7 +274,7 @@ SCENARIO = Scenario(
     ),
     popular="slow_down",
     price=price,
-    price_words="time for a piece, by that before",
+    price_words="time for a piece, relative to before",
     affordable=1.5,
     path=9,
 )

@@ -302,7 +302,7 @@ SCENARIO = Scenario(
     ),
     popular="average",
     price=price,
-    price_words="time for a grasp, by that before",
+    price_words="time for a grasp, relative to before",
     affordable=1.5,
     path=5,
 )
