@@ -112,7 +112,7 @@ def _say_slot(session: Session, holder: Holder) -> None:
     mark = task_text.sign(SOLVED if yours else holder.state, terminal)
     who = terminal.paint("yours      ", "good") if yours else "the course's"[:12]
     if holder.missing:
-        note = "solved, but its file is gone"
+        note = f"solved; put your answer into {name}.py"
     elif holder.changed:
         note = "changed since it was graded"
     else:
@@ -612,3 +612,56 @@ def history(session: Session, number: int | None, output: str | None) -> int:
     session.say(f"A chart: {workspace.shown(path)}")
     payload = {"action": "history", "level": number, "versions": listed}
     return session.finish(RIGHT, {**payload, "picture": str(path.absolute())})
+
+
+@command.command("film")
+@click.option("--level", "number", type=click.IntRange(1, HIDDEN - 1), help="Else the next one.")
+@click.option("--tasks", type=click.IntRange(1, 200), default=20, show_default=True)
+@click.option("--part", "choices", multiple=True, metavar="SLOT=WHO", help="As for run.")
+@click.option("--own", multiple=True, metavar="FUNCTION=FILE", help="As for run.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@click.option("-o", "--output", metavar="HTML", help="Where to write the animation.")
+@options
+@body
+def film_(
+    session: Session,
+    number: int | None,
+    tasks: int,
+    choices: tuple[str, ...],
+    own: tuple[str, ...],
+    seed: int,
+    output: str | None,
+) -> int:
+    """Write an animation of a success and of the failure that teaches most."""
+    from drills.robot import film
+
+    session.command = "robot"
+    stored, held = _load(session)
+    number = number or min(_next_level(stored), HIDDEN - 1)
+    parts = chosen(session.work, held, choices, own)
+    every = frozenset(range(tasks))
+    progress_bar = _progress(session, "yours")
+    played = play(parts, level(number), tasks, seed=seed, keep=every, progress=progress_bar)
+    if played.failure is not None:
+        return _stopped(session, played, parts, {"action": "film", "level": number})
+    worst = film.lesson(played)
+    good = [int(n) for n in played.numbers[played.success] if n != worst and int(n) in played.logs]
+    numbers = [n for n in [*good[:1], worst] if n in played.logs]
+    if not numbers:
+        session.say("The arm did not move in any task, so there is nothing to show.")
+        return session.finish(WRONG, {"action": "film", "level": number, "file": None})
+    html = film.page(film.film(played, level(number), seed, numbers))
+    path = Path(output) if output else session.work / "robot_film.html"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        workspace.write_over(path, html)
+    except OSError as error:
+        raise Misuse(f"{workspace.shown(path)} can't be written: {error.strerror}.") from None
+    for n in numbers:
+        i = int(np.flatnonzero(played.numbers == n)[0])
+        session.say(f"  task {n}: {played.why[i] or 'a success'}")
+    session.wrap(f"Wrote {workspace.shown(path)}. Open it in a browser, or in a notebook:")
+    session.say("  from drills.robot import film")
+    session.say(f'  film.show("{workspace.shown(path)}")')
+    payload = {"action": "film", "level": number, "file": str(path.absolute()), "shown": numbers}
+    return session.finish(RIGHT, payload)

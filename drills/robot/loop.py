@@ -234,9 +234,9 @@ def run_task(
 
     Returns:
         Plain data: "success", "why" (empty for a success), "seconds" of the cycle, "error" of the
-        placed part [m], "budget" (rows of `STAGES`, columns x and y) [m], which adds up to the
-        error, "processor" of each stage [s], "closest" clearance [m], "signals" (rows of
-        `SIGNALS`) [m], "failure", "breaches", "log".
+        placed part [m], "moments" of grip and release [s], "budget" (rows of `STAGES`, columns x
+        and y) [m], which adds up to the error, "processor" of each stage [s], "closest" clearance
+        [m], "signals" (rows of `SIGNALS`) [m], "failure", "breaches", "log".
     """
     bench.begin(task.number)
     begun = time.perf_counter()
@@ -248,6 +248,7 @@ def run_task(
         "error": [math.nan, math.nan],
         "grasp": [math.nan, math.nan],
         "budget": [[math.nan, math.nan] for _ in STAGES],
+        "moments": [math.nan, math.nan],
         "signals": [[math.nan, math.nan] for _ in SIGNALS],
         "closest": math.inf,
         "failure": None,
@@ -312,6 +313,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     if math.hypot(*grasp) > cell.cup:
         raise Stopped("the gripper missed the part")
     carried = part - tip
+    outcome["moments"][0] = arm.now
     arm.hold(CLOSE)
     # 6. Plan and move to the slot.
     motion, goal = plan_to(arm, task.slot, shadow, 7)
@@ -325,7 +327,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     slide = np.array([0.0, -(rest[0] - start[0])])
     error = tip + carried + slide - task.slot
     outcome["error"] = error.tolist()
-    outcome["seconds"] = arm.now
+    outcome["seconds"] = outcome["moments"][1] = arm.now
     # The part is off by what the grasp was off, the other way round, and by what came after it.
     place = dict.fromkeys(STAGES, np.zeros(2))
     believed, aimed = tip_of(cell.lengths, arm.q), tip_of(cell.lengths, arm.reference)

@@ -40,6 +40,7 @@ class Played(NamedTuple):
         grasp: error of the grasp, shape (n, 2) [m].
         budget: the share of each stage in the error, shape (n, stages, 2) [m].
         processor: time of each stage, shape (n, stages) [s].
+        moments: of grip and release, NaN where they did not come, shape (n, 2) [s].
         signals: positions in the log of each task, shape (n, signals, 2) [m].
         breaches: promises that parts broke.
         failure: the part that stopped the run, or None.
@@ -54,6 +55,7 @@ class Played(NamedTuple):
     grasp: Array
     budget: Array
     processor: Array
+    moments: Array
     signals: Array
     breaches: tuple[Breach, ...]
     failure: Failure | None
@@ -198,6 +200,7 @@ def _stopped(failure: Failure) -> Outcome:
         "grasp": nothing,
         "budget": [nothing for _ in STAGES],
         "processor": [0.0 for _ in STAGES],
+        "moments": nothing,
         "signals": [nothing for _ in range(12)],
         "failure": list(failure),
         "breaches": [],
@@ -232,6 +235,7 @@ def gather(seen: list[Outcome]) -> Played:
         column("grasp", 2),
         column("budget", len(STAGES), 2),
         column("processor", len(STAGES)),
+        column("moments", 2),
         column("signals", 12, 2),
         tuple(breaches),
         failures[0] if failures else None,

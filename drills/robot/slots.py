@@ -29,12 +29,12 @@ class Slot(NamedTuple):
 
 # fmt: off
 SLOTS = (
-    Slot("back_project", "perception", "back_project", "depth image to points", ((3, None),), 4),
-    Slot("plane_ransac", "perception", "plane_ransac", "finds the table", ((4,), (None,), ()), 4),
-    Slot("dbscan", "perception", "dbscan", "separates the objects", ((None,),), 4),
-    Slot("rigid_fit", "perception", "rigid_fit", "first pose of the part", ((3, 3), (3,)), 4),
+    Slot("back_project", "perception", "back_project", "depth image to points", ((3, None),), 7),
+    Slot("plane_ransac", "perception", "plane_ransac", "finds the table", ((4,), (None,), ()), 7),
+    Slot("dbscan", "perception", "dbscan", "separates the objects", ((None,),), 7),
+    Slot("rigid_fit", "perception", "rigid_fit", "first pose of the part", ((3, 3), (3,)), 9),
     Slot("point_to_plane_step", "perception", "point_to_plane_step", "refines the pose",
-         ((3, 3), (3,)), 4),
+         ((3, 3), (3,)), 9),
     Slot("to_the_present", "estimation", "to_the_present", "brings an old message to now",
          ((4,), (4, 4))),
     Slot("visual_gain", "estimation", "visual_gain", "chooses the tracking gain", ((), ()), 4),

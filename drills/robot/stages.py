@@ -35,7 +35,9 @@ LEAST = 4  # neighbours of a core point
 POINTS = 130  # largest number of points above the table that are clustered
 CREASE = 0.005  # m, points nearer to an edge of the part are left out of the pose
 GAINS = tuple(np.round(np.linspace(0.05, 1.0, 20), 3).tolist())  # that the tracker may choose
-Q_WEIGHTS = (60_000.0, 60.0)  # of angle and rate in the cost of the joint loops
+# Cost of the joint loops: of angle and rate, and of the acceleration that corrects them.
+STATE_COST = ((90_000.0, 300.0), (300.0, 90.0))
+COMMAND_COST = 1.5
 
 
 def build(cell: Cell, bench: Bench) -> Stages:
@@ -188,21 +190,20 @@ def build(cell: Cell, bench: Bench) -> Stages:
 
     def gains(period: float) -> tuple[Array, Array]:
         A, B = np.array([[1.0, period], [0.0, 1.0]]), np.array([[0.5 * period**2], [period]])
-        K = bench.call("lqr", A, B, np.diag(Q_WEIGHTS), np.eye(1))
+        K = bench.call("lqr", A, B, np.array(STATE_COST), np.array([[COMMAND_COST]]))
         return np.full(2, K[0, 0]), np.full(2, K[0, 1])
 
-    lengths, masses, zero = np.array(cell.lengths), np.array(cell.masses), np.zeros(2)
+    lengths, masses = np.array(cell.lengths), np.array(cell.masses)
     gravity = cell.gravity
-    # The arm at rest with a bent elbow: what a joint's error weighs while the arm holds.
-    inertia = np.array([1.3, 0.15])
 
     def control(command: Command) -> Array:
         q, v, reference, kp, kd, hold = command
         if not hold:
             arguments = (lengths, masses, gravity, q, v, reference, kp, kd)
             return np.asarray(bench.call("computed_torque", *arguments))
-        weight = bench.call("rnea_planar", lengths, masses, q, zero, zero, gravity)
-        return np.asarray(weight + inertia * (kp * (reference[0] - q) - kd * v))
+        # Inverse dynamics of the acceleration that brings the arm back to rest where it was.
+        back = kp * (reference[0] - q) - kd * v
+        return np.asarray(bench.call("rnea_planar", lengths, masses, q, v, back, gravity))
 
     def move(tick: Tick) -> tuple[Array, Array]:
         q, v, acceleration, step = tick

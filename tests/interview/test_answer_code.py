@@ -150,14 +150,15 @@ def _pid(names: Names) -> None:
         assert loop.update(sign, 0.0) == sign * 2.0
     assert _released(names["PID"](4.0, 1.0, 1.0, 2.0, 1e-3)) < 0.4
 
-    controller: Any = names["PID"]
+    # Without the limit inside, the integral never stops; the command is limited afterwards.
+    class Limited:
+        def __init__(self) -> None:
+            self.inner = names["PID"](4.0, 1.0, 1.0, 1e9, 1e-3)
 
-    class WithoutLimit(controller):  # type: ignore[misc]  # integrates without the limit, and is limited afterwards
         def update(self, target: float, measured: float) -> float:
-            self.limit = 1e9
-            return min(max(super().update(target, measured), -2.0), 2.0)
+            return min(max(float(self.inner.update(target, measured)), -2.0), 2.0)
 
-    assert _released(WithoutLimit(4.0, 1.0, 1.0, 2.0, 1e-3)) > 0.5
+    assert _released(Limited()) > 0.5
 
 
 # --- RRT: dense samples of each edge, closed rooms, counted calls ---------------------------------
@@ -168,9 +169,9 @@ def _tree(names: Names) -> None:
     calls: list[int] = []
     exact = names["is_free"]
 
-    def counted(*args: Any) -> Any:
+    def counted(*args: Any) -> bool:
         calls.append(1)
-        return exact(*args)
+        return bool(exact(*args))
 
     names["is_free"] = counted
     fractions = np.linspace(0.0, 1.0, 3001)[:, None]
@@ -322,7 +323,8 @@ NEED_NAMES = {"middleware/write_the_loop"}
 @truth("middleware/write_the_loop")
 def _loop(_: Names) -> None:
     durations = [0.2, 0.3, 2.4, 0.1, 1.0, 0.2, 3.0, 0.1]
-    now, starts = [10.0], list[float]()
+    now = [10.0]
+    starts: list[float] = []
 
     class Running:
         def __bool__(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -250,7 +251,7 @@ def test_a_difference_that_is_detectable_is_detected_four_times_in_five() -> Non
 
 def test_misses_cost_cycles_and_come_in_rows() -> None:
     rng = np.random.default_rng(11)
-    given = {"legs_m": [0.6, 0.15], "top_m_per_s": 1.0, "rise_m_per_s2": 3.0}
+    given: dict[str, Any] = {"legs_m": [0.6, 0.15], "top_m_per_s": 1.0, "rise_m_per_s2": 3.0}
     given |= {"still_s": 0.6, "computing_s": 0.3}
     needed = e.success_needed(2.5, **given)
     tries = rng.geometric(needed, 200_000)

@@ -1,6 +1,7 @@
 """Intervals that cover, and summaries that survive being stored."""
 
 import json
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,13 @@ def test_a_summary_survives_being_stored() -> None:
 def test_a_damaged_file_is_refused() -> None:
     from course import json_store
 
-    for content in ({"runs": {}}, {"graded": []}, {"passed": {"1": 3}}, {"runs": [1]}):
+    contents: tuple[dict[str, Any], ...] = (
+        {"runs": {}},
+        {"graded": []},
+        {"passed": {"1": 3}},
+        {"runs": [1]},
+    )
+    for content in contents:
         try:
             store.FORM.parse(content)
         except json_store.Damaged:
