@@ -1,4 +1,8 @@
-"""Parts that call a library for the same job."""
+"""Parts that call a library for the same job.
+
+They are texts, as all parts are: they run in the child process, which can't read `course.oracles`.
+OMPL draws random numbers of its own, so that a run with it is not repeated to the last digit.
+"""
 
 from __future__ import annotations
 
@@ -31,15 +35,65 @@ def rigid_fit(source, target, weights):
     return R, b - R @ a
 """
     },
-    "dbscan": {
-        "open3d": """
+    "rrt_connect": {
+        "ompl": """
 import numpy as np
-import open3d as o3d
+from ompl import base, geometric, util
+
+util.setLogLevel(util.LogLevel.LOG_NONE)
+util.RNG.setSeed(1)
 
 
-def dbscan(points, eps, least):
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.T))
-    return np.asarray(cloud.cluster_dbscan(eps, int(least)))
+def rrt_connect(start, goal, discs, samples, step):
+    space = base.RealVectorStateSpace(2)
+    bounds = base.RealVectorBounds(2)
+    for axis, size in enumerate((3.2, 2.9)):
+        bounds.setLow(axis, -size)
+        bounds.setHigh(axis, size)
+    space.setBounds(bounds)
+    information = base.SpaceInformation(space)
+
+    class Motions(base.MotionValidator):
+        def checkMotion(self, one, other, last=None):
+            a = np.array([one[0], one[1]])
+            along = np.array([other[0], other[1]]) - a
+            off = discs[:, :2] - a
+            share = np.clip(off @ along / max(along @ along, 1e-300), 0.0, 1.0)
+            gap = off - share[:, None] * along
+            return bool(np.all(np.hypot(gap[:, 0], gap[:, 1]) > discs[:, 2]))
+
+    motions = Motions(information)
+    information.setMotionValidator(motions)
+    information.setStateValidityChecker(lambda state: True)
+    information.setup()
+    problem = base.ProblemDefinition(information)
+    first, last = space.allocState(), space.allocState()
+    for axis in range(2):
+        first[axis], last[axis] = float(start[axis]), float(goal[axis])
+    problem.addStartState(first)
+    region = base.GoalState(information)
+    region.setState(last)
+    problem.setGoal(region)
+    planner = geometric.RRTConnect(information)
+    planner.setRange(float(step))
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    polls = 0
+
+    def enough():
+        nonlocal polls
+        polls += 1
+        return polls > len(samples)
+
+    planner.solve(base.PlannerTerminationCondition(enough))
+    tree = base.PlannerData(information)
+    planner.getPlannerData(tree)
+    sizes = np.array([1, max(1, tree.numVertices() - 1)])
+    if not problem.hasExactSolution():
+        return np.zeros((0, 2)), sizes
+    path = problem.getSolutionPath()
+    states = [path.getState(i) for i in range(path.getStateCount())]
+    return np.array([[state[0], state[1]] for state in states]), sizes
 """
     },
 }

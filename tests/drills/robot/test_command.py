@@ -1,6 +1,7 @@
 """`drills robot` as a learner meets it: slots fill as exercises are solved, and runs are stored."""
 
 import csv
+import importlib.util
 import json
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drills import cards
 from drills.robot.command import fault_of
 from drills.robot.holders import course_part
 from drills.robot.inside import Robot
@@ -16,6 +18,7 @@ from drills.robot.loop import SIGNALS
 from drills.robot.play import gather
 from drills.robot.slots import NAMES, SLOTS, STAGES
 from tests.drills.place import Place, a_place
+from tests.optional import skip
 
 __all__ = ["a_place"]
 
@@ -25,8 +28,6 @@ MINIMAL = ("back_project", "to_the_present", "two_link_ik", "trapezoid", "lqr", 
 @pytest.fixture
 def own(place: Place) -> Place:
     """A work folder with one solved exercise per stage."""
-    from drills import cards
-
     for name in MINIMAL:
         place.run("start", name)
         (place.work / f"{name}.py").write_text(cards.card(name).solution_text(), encoding="utf-8")
@@ -83,6 +84,32 @@ def test_a_broken_part_is_named_with_its_call(own: Place) -> None:
     assert data["failure"]["part"] == "two_link_ik" and data["exit"] == 1
     assert data["failure"]["call"].startswith("two_link_ik(np.array([0.5, 0.4])")
     assert "stopped the robot" in own.run("robot", "run", "--level", "1", "--tasks", "3").out
+
+
+@pytest.mark.optional
+def test_ompl_can_hold_the_planner(place: Place) -> None:
+    if importlib.util.find_spec("ompl") is None:
+        skip("OMPL did not hold the planner: it is not installed.")
+    done = place.json("robot", "run", "--level", "1", "--tasks", "3", "--part", "rrt_connect=ompl")
+    assert done["success"] == 1.0 and done["named"] == []
+    assert done["parts"]["rrt_connect"] == "ompl"
+
+
+@pytest.mark.slow
+def test_a_right_answer_of_a_notebook_becomes_a_part(place: Place) -> None:
+    """As `drills.notebook.check` sends it; an answer that is in the folder stays as it is."""
+    sent = ["check", "verlet", "--file", "-", "--rendered", "--called", "your cell"]
+    wrong = "def verlet_step(q, v, a, acceleration, dt):\n    return q, v, a\n"
+    right = cards.card("verlet").solution_text()
+    place.json(*sent, text=wrong)
+    file = place.work / "verlet.py"
+    assert not file.exists()
+    assert "drills robot run" in place.json(*sent, text=right)["html"]
+    assert file.read_text(encoding="utf-8") == right
+    place.json(*sent, text=right + "# again\n")
+    assert file.read_text(encoding="utf-8") == right
+    slots = {slot["slot"]: slot for slot in place.json("robot", "status")["slots"]}
+    assert slots["verlet"]["holder"] == "yours"
 
 
 @pytest.mark.slow
