@@ -231,7 +231,8 @@ class Series:
         key: row of `KEYS`; empty for the next colour that nobody on the panel has.
         style: line as matplotlib's "-", "--", ":"; "" for markers alone, "steps", "bar".
         theory: x -> what y should be; drawn as a thin dark line, never used to measure.
-        low, high: bounds of y, a band; of x where `across` is set, drawn as bars.
+        low, high: bounds of y, a band; of x for bars and where `across` is set, drawn as error
+            bars.
         note: a line of the chart's text.
         marker: None for the key's own, "" for none.
         hollow: markers drawn empty and large, so that others show through.
@@ -701,7 +702,14 @@ def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:
     names = [str(name) for name in series.y]
     ax.barh(names, series.x, height=height, color=colour, label=series.label or "_")
     ax.set_axisbelow(True)
-    for word, name, length in zip(series.tags, names, series.x, strict=False):
+    ends = np.asarray(series.x, dtype=float)
+    if series.low is not None and series.high is not None:
+        low, high = np.asarray(series.low, dtype=float), np.asarray(series.high, dtype=float)
+        bars = np.maximum([ends - low, high - ends], 0.0)
+        ax.errorbar(ends, names, xerr=bars, fmt="none", ecolor="0.15", lw=1.0, capsize=2.0)
+        ends = np.maximum(ends, high)
+    # A word stands to the right of its bar and of its error bar.
+    for word, name, length in zip(series.tags, names, ends, strict=False):
         # On a log axis nothing has length 0: its word stands at the axis.
         where = ("data", "data") if length > 0.0 else ("axes fraction", "data")
         ax.annotate(

@@ -318,7 +318,7 @@ def test_the_square_law_and_the_straight_line_of_the_presets():
     run.set(steps=200)
     assert number(run, "expected at T") / first == pytest.approx(4.0, abs=0.2)
     run.choose("DAgger: labels off the path too")
-    assert number(run, "expected at T") == number(run, "ε T, DAgger") == 1.0
+    assert number(run, "expected at T") == number(run, "ε T, recovers") == 1.0
     run.choose("Errors are often corrected")
     assert number(run, "expected at T") == pytest.approx(5.0 * 1.0, rel=0.1)
 
