@@ -153,7 +153,7 @@ CHAPTERS = (
         "interview",
         "The interview",
         "What is asked, and what does a good answer contain?",
-        "Flashcards of the coding drills",
+        "Mock interview questions against a timer",
         ready=True,
     ),
 )

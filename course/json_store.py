@@ -150,6 +150,9 @@ def _read_or_put_aside(path: Path, form: Form[T]) -> tuple[T, tuple[str, ...]]:
 def _write(path: Path, form: Form[T], content: T) -> None:
     whole = {"schema": form.schema, **form.plain(content)}
     text = json.dumps(whole, indent=2, ensure_ascii=False) + "\n"
+    if len(text.encode("utf-8", "replace")) > _LARGEST:  # it could not be read again
+        limit = f"{_LARGEST // 1_000_000} MB"
+        raise Problem(f"Your {form.called} would be larger than {limit}: {path} stays as it was.")
     # A link is followed, so that the file it leads to is replaced and not the link.
     target = Path(os.path.realpath(path))
     part = target.with_name(f".{target.name}.part")

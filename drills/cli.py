@@ -21,7 +21,7 @@ from drills.cards import Card
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Reading, Record
 from drills.reasons import SENTENCES
 from drills.session import FAILED, RIGHT, WRONG, Commands, Later, Session, body, options
-from drills.terminal import bar
+from drills.terminal import bar, wrapped
 from drills.workspace import Misuse
 
 SEED = click.IntRange(0, 2**32 - 1)
@@ -127,22 +127,28 @@ def _list(session: Session, cards: list[Card], last: Sequence[str] = ()) -> int:
         if not card.drill:
             title = f"Exercises of chapter {card.chapter}: {task_text.chapter_title(card.chapter)}"
             groups.setdefault(title, []).append(card)
-    name_width = max((len(card.name) for card in cards), default=4)
     for title, members in groups.items():
         if not members:
             continue
+        name_width = max(len(card.name) for card in members)
         session.say(terminal.paint(title, "head"))
         for card in members:
             mark = task_text.sign(loaded.of(card.name).state, terminal)
             right = f"{card.difficulty}/5 {card.minutes:>3} min"
             right = f"ch {card.chapter:>2}  {right}" if card.drill else right
             left = terminal.width - len(right) - name_width - (8 if terminal.unicode else 10)
-            text = task_text.cut(card.title, left)
-            session.say(f"  {mark} {card.name:<{name_width}}  {text:<{left}}  {right}")
+            first, *more = wrapped(card.title, left)
+            session.say(f"  {mark} {card.name:<{name_width}}  {first:<{left}}  {right}")
+            indent = " " * (terminal.width - left - len(right) - 2)
+            for line in more:
+                session.say(f"{indent}{line}")
         session.say()
     states = (NOT_ATTEMPTED, ATTEMPTED, SOLVED)
     legend = "   ".join(f"{task_text.sign(s, terminal)} {task_text.STATE_WORDS[s]}" for s in states)
-    session.say(f"  {legend}   1/5 easy, 5/5 hard" if cards else "Nothing fits.")
+    if cards:
+        session.wrap(f"{legend}   1/5 easy, 5/5 hard", "  ", "  ")
+    else:
+        session.say("Nothing fits.")
     for line in ("", *last) if last else ():
         session.say(line)
     entries = [_card_data(card, loaded.of(card.name)) for card in cards]
@@ -392,21 +398,25 @@ def hint(session: Session, name: str) -> int:
     def one_more(record: Record) -> None:
         record.hints = min(record.hints + 1, count)
 
-    before = session.records().of(card.name).hints
+    known = session.records().of(card.name)
+    before, hints = known.hints, task_text.ladder(card.hints, known.found)
     record = session.record(card.name, one_more)
+    if known.found:
+        session.wrap(f"Your last check found: {known.found}")
+        session.say()
     if record is None or session.progress_file is None:  # it can't be counted: show the ladder
         numbers = range(1, count + 1)
     else:
         numbers = range(record.hints, record.hints + 1)
     for number in numbers:
-        task_text.say_hint(number, count, card.hints[number - 1], session.terminal)
+        task_text.say_hint(number, count, hints[number - 1], session.terminal)
     session.say()
     last = numbers[-1]
     if before >= count:
         session.wrap(f"That is the last hint. drills solution {name} --give-up shows the answer.")
     elif last < count:
         session.wrap(f"drills hint {name} gives the next one.")
-    shown = [{"number": n, "of": count, **asdict(card.hints[n - 1])} for n in numbers]
+    shown = [{"number": n, "of": count, **asdict(hints[n - 1])} for n in numbers]
     return session.finish(RIGHT, {"drill": card.name, "hints": shown, "left": count - last})
 
 
@@ -591,6 +601,7 @@ def verify(session: Session, names: tuple[str, ...], seeds: int) -> int:
     return session.finish(WRONG if failed else RIGHT, payload)
 
 
+cli.add_command(Later("robot", "drills.robot.command", "Build a robot from your answers."))
 cli.add_command(Later("debug", "drills.interview.debug", "Debug a program that misbehaves."))
 
 

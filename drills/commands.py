@@ -43,11 +43,16 @@ def check(
         session.say(report.case.rstrip("\n"))
         return session.finish(WRONG, {**_data(session, card, report, path), "picture": None})
     code, payload = report_result(session, card, report, path)
+    if called and report.passed:
+        put_into_robot(session, card, report.source)
     if rendered:
         from drills import feedback
 
         plain = feedback.text(report, card, colour=False, unicode=True, width=80)
-        payload |= {"text": plain, "html": feedback.html(report, card, _drawn(payload))}
+        html = feedback.html(report, card, _drawn(payload))
+        if report.passed and fits_robot(card):
+            html += f"<p>Put it into your robot: <code>{fits_robot(card)}</code></p>"
+        payload |= {"text": plain, "html": html}
     return session.finish(code, payload)
 
 
@@ -223,7 +228,8 @@ def graded(
         costs = {cost.what: (cost.yours, cost.unit) for cost in report.costs}
 
         def enter(record: Record) -> None:
-            progress.note_attempt(record, report.passed, costs)
+            found = report.diagnosis or report.sentence
+            progress.note_attempt(record, report.passed, costs, found=found)
 
         session.record(card.name, enter)
     return report
@@ -251,12 +257,34 @@ def report_result(
             session.say(f"A hint: drills hint {card.name}")
         elif report.passed:
             session.say(f"The worked answer: drills solution {card.name}")
+            if fits_robot(card):
+                session.say(f"Put it into your robot: {fits_robot(card)}")
     drawn = _pictured(session, card, report)
     if drawn is not None:
         session.say(f"A picture of it: {workspace.shown(drawn)}")
     data = _data(session, card, report, path)
     data["picture"] = None if drawn is None else str(drawn.absolute())
     return (RIGHT if report.passed else WRONG), data
+
+
+def fits_robot(card: Card) -> str:
+    """Return the command that tries an answer in the robot, or "" where no slot takes it."""
+    from drills.robot.slots import NAMED
+
+    return "drills robot run" if card.name in NAMED else ""
+
+
+def put_into_robot(session: Session, card: Card, source: str) -> None:
+    """Save an answer from a notebook as the file of its slot, unless there is an answer already."""
+    path = workspace.answer(session.work, card.name)
+    free = not os.path.lexists(path) or workspace.is_untouched(path, card)
+    if not fits_robot(card) or session.progress_file is None or not free:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        workspace.write_over(path, source)
+    except OSError as error:
+        session.notices.append(f"{workspace.shown(path)} can't be written: {error.strerror}.")
 
 
 def _pictured(session: Session, card: Card, report: Report) -> Path | None:

@@ -206,11 +206,11 @@ _OWN = re.compile(
 
 def _own_module(stop: Raised) -> str:
     """Return the sentence for an answer that imports a module of the course, or ""."""
-    found = _OWN.search(stop.message)
-    if found is None or not {stop.type, *stop.kinds} & {"ImportError", "OSError"}:
+    match = _OWN.search(stop.message)
+    if match is None or not {stop.type, *stop.kinds} & {"ImportError", "OSError"}:
         return ""
     return (
-        f"An answer can't use the course's own modules, such as {found[1] or found[2]}: the worked "
+        f"An answer can't use the course's own modules, such as {match[1] or match[2]}: the worked "
         "answers are in them. Write what you need yourself, with NumPy and the standard library."
     )
 

@@ -33,6 +33,7 @@ from drills.cell_source import Assembled, Borrowed, Unusable, assemble, defined_
 from drills.chapters import Section
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.reasons import Reason
+from drills.robot.slots import NAMES as SLOT_NAMES
 from drills.terminal import listed
 
 if TYPE_CHECKING:
@@ -309,6 +310,11 @@ def home() -> Shown:
         )
     if not lines:
         lines.append("**All is read and solved.**")
+    slots = [name for name in SLOT_NAMES if loaded.of(name).state == SOLVED]
+    lines.append(
+        f"**Your robot:** {len(slots)} of {len(SLOT_NAMES)} parts are yours. `drills robot` in a "
+        "terminal shows it, and lets it work."
+    )
     table = [
         "| | chapter | read | solved | left to read | left to solve | checkpoint |",
         "|---:|---|---|---|---:|---:|---|",

@@ -30,6 +30,7 @@ class Record:
         hints: how many steps of the hint ladder were requested.
         gave_up: whether the solution was shown before the first pass.
         best: for each cost that a right answer had, the lowest value, and its unit.
+        found: what the last check said is wrong, "" after a pass.
     """
 
     state: str = NOT_ATTEMPTED
@@ -40,6 +41,7 @@ class Record:
     hints: int = 0
     gave_up: bool = False
     best: dict[str, dict[str, Any]] = field(default_factory=dict)
+    found: str = ""
 
 
 @dataclass
@@ -130,7 +132,11 @@ def forget(path: Path | None, name: str) -> None:
 
 
 def note_attempt(
-    record: Record, passed: bool, costs: dict[str, tuple[float, str]], now: str | None = None
+    record: Record,
+    passed: bool,
+    costs: dict[str, tuple[float, str]],
+    now: str | None = None,
+    found: str = "",
 ) -> None:
     """Enter one grading into a record.
 
@@ -139,7 +145,9 @@ def note_attempt(
         passed: the verdict.
         costs: of this attempt: value and unit by name; they count only for a right answer.
         now: the time, ISO 8601; the clock's if None.
+        found: what is wrong, for the next hint.
     """
+    record.found = "" if passed else "".join(c if c.isprintable() else " " for c in found)[:500]
     now = now or timestamp()
     record.attempts += 1
     record.first = record.first or now
@@ -215,7 +223,7 @@ def _record(entry: Any) -> Record:
     if not isinstance(entry, dict):
         raise Damaged
     record = Record(**{f.name: entry[f.name] for f in fields(Record) if f.name in entry})
-    texts = (record.first, record.last, record.solved)
+    texts = (record.first, record.last, record.solved, record.found)
     sane = (
         record.state in STATES
         and all(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 from drills.cards import Card, Hint
@@ -96,6 +98,29 @@ def say_examples(card: Card, terminal: Terminal) -> None:
         lines += textwrap.wrap(result, wide, initial_indent="  ", subsequent_indent="  ")
         for line in lines:
             terminal.say(line)
+
+
+def ladder(hints: Sequence[Hint], found: str) -> list[Hint]:
+    """Return hints in the order in which they are given.
+
+    The one that is about what the last check found comes first; else they are in their own order,
+    each more telling than the one before.
+
+    Args:
+        hints: of an exercise.
+        found: what the last check said is wrong, or "".
+    """
+
+    def words(text: str) -> set[str]:
+        return set(re.findall(r"[a-z]{5,}|\beps\b", text.lower()))
+
+    scores = [len(words(found) & words(f"{hint.symptom} {hint.text}")) for hint in hints]
+    best = max(scores, default=0)
+    # One word in common, or as many with two hints, says nothing.
+    if best < 2 or scores.count(best) > 1:
+        return list(hints)
+    first = hints[scores.index(best)]
+    return [first, *(hint for hint in hints if hint is not first)]
 
 
 def say_hint(number: int, of: int, hint: Hint, terminal: Terminal) -> None:

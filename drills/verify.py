@@ -213,11 +213,17 @@ def _units(card: Card, one: Attempt) -> Finding:
 
 
 def _shapes(card: Card, one: Attempt) -> Finding:
-    """Prove that every argument that the checks sent has the shape stated in the prompt."""
+    """Prove that the arguments sent to the worked answer have the shapes stated in the prompt.
+
+    Args:
+        card: of the exercise.
+        one: the grading of the worked answer with the last seed.
+    """
     signatures = {signature.name: signature for signature in card.signatures}
     wrong: list[str] = []
     unknown: set[str] = set()
     for step in one.learner.steps:
+        # Calls of the exercise's own `given.py`, which the prompt need not state.
         if step.kind.startswith("given"):
             continue
         signature = signatures.get(step.target)
@@ -226,13 +232,14 @@ def _shapes(card: Card, one: Attempt) -> Finding:
             continue
         # Symbols in the shapes (n, m) must mean the same number in all arguments of a call.
         sizes: dict[str, int] = {}
+        # Arguments with defaults may be left out.
         for quantity, argument in zip(signature.arguments, step.args, strict=False):
             if not shape_matches(quantity, argument, sizes):
                 shape = getattr(argument, "shape", type(argument).__name__)
                 wrong.append(f"{step.target}: {quantity.name} has {shape}, not {quantity.shape}")
     wrong += [f"{name} is called but not in the prompt" for name in sorted(unknown)]
     detail = "; ".join(sorted(set(wrong))[:3])
-    return Finding(card.name, "the prompt states every shape", not wrong, detail)
+    return Finding(card.name, "the arguments have the stated shapes", not wrong, detail)
 
 
 def shape_matches(quantity: Quantity, argument: Any, sizes: dict[str, int]) -> bool:

@@ -148,7 +148,7 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> np.ndarray:
 def blind_directions(
     points: ArrayLike, normals: ArrayLike, lever: float, least: float
 ) -> tuple[int, np.ndarray]:
-    """Return the motions of a part that its measured points do not tell.
+    """Return the motions of a part that its measured points do not determine.
 
     Args:
         points: seen on the part, in its frame, shape (3, n) [m].

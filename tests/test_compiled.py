@@ -69,6 +69,7 @@ def test_cache_is_used_by_the_next_process_and_dropped_when_a_callee_changes(tmp
     assert len(list((cache / "compiled").iterdir())) == 2
 
 
+@pytest.mark.prove
 def test_old_caches_are_removed(tmp_path) -> None:
     package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
     assert run(package, cache) == [8.0, 0, 1]
@@ -124,6 +125,7 @@ def test_a_compilation_announces_itself_unless_told_not_to(tmp_path) -> None:
     assert quiet.stderr == ""
 
 
+@pytest.mark.prove
 def test_who_comes_second_waits_for_who_compiles(tmp_path) -> None:
     package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
     assert run(package, cache) == [8.0, 0, 1]
@@ -147,6 +149,7 @@ def test_who_comes_second_waits_for_who_compiles(tmp_path) -> None:
     assert second.communicate()[0].split() == ["8.0", "1", "0"]
 
 
+@pytest.mark.prove
 def test_a_process_that_was_killed_while_it_wrote_leaves_no_broken_cache(tmp_path) -> None:
     package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
     run(package, cache)

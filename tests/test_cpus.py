@@ -69,6 +69,7 @@ def test_a_nehalem_is_in_force_in_every_library() -> None:
     assert result["registers"] == []
 
 
+@pytest.mark.prove
 def test_a_haswell_is_in_force_in_every_library_even_within_a_nehalem() -> None:
     if "AVX2" not in cpus.features()[0]:
         pytest.skip("this CPU has no AVX2")
@@ -80,6 +81,7 @@ def test_a_haswell_is_in_force_in_every_library_even_within_a_nehalem() -> None:
     assert "zmm" not in result["registers"]
 
 
+@pytest.mark.prove
 def test_the_sines_of_the_c_library_differ_between_the_two() -> None:
     """Its own choice needs a variable too: with fused multiply-adds the last bit differs."""
     if "FMA3" not in cpus.features()[0]:

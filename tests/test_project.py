@@ -1,6 +1,7 @@
 """The project as a whole: imports, who may import whom, the set-up, the README."""
 
 import ast
+import functools
 import os
 import pty
 import re
@@ -130,6 +131,7 @@ AHEAD = {("platforms", "kinematics")}
 COLLECTED = {"measure", "charts", "derivations"}
 
 
+@functools.cache
 def modules() -> dict[str, Path]:
     """Every module under course/, by its import path."""
     result = {}
@@ -736,7 +738,7 @@ def test_the_gallery_shows_every_chart_as_it_was_built() -> None:
     assert sorted(shown) == sorted(path.stem for path in charts.PICTURES.glob("*.png"))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_film_of_the_readme_is_up_to_date() -> None:
     from tests.simulations.films import is_out_of_date
 

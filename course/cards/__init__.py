@@ -22,18 +22,17 @@ Fields are filled from the figures on record of `course.derivations`; a typed nu
 """
 
 import functools
-import tomllib
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 from course import CHAPTERS
+from course.cards.files import FOLDER, gate, read
 from course.cards.formula import tex
 from course.cards.markup import Answer, Shown, card, figures, folded
 from course.check import invalid
 from course.interview import LEVELS, filled, questions, typed_numbers
 
 __all__ = [
+    "FOLDER",
     "Answer",
     "Option",
     "Prediction",
@@ -49,8 +48,6 @@ __all__ = [
     "tex",
     "vocabulary",
 ]
-
-FOLDER = Path(__file__).parent
 
 
 class Gate(Shown):
@@ -104,21 +101,13 @@ class Prediction:
                 raise invalid(f"{self.name}: why", typed, "a field such as {claim.figure:.3g}")
 
 
-def _file(topic: str) -> dict[str, Any]:
-    path = FOLDER / f"{topic}.toml"
-    if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in FOLDER.glob("*.toml")))
-        raise invalid("topic", topic, known)
-    return tomllib.loads(path.read_text(encoding="utf-8"))
-
-
 def vocabulary(topic: str) -> list[str]:
     """Return the words of a chapter that an interviewer uses.
 
     Raises:
         ValueError: for a topic that has no file.
     """
-    return list(_file(topic)["vocabulary"])
+    return list(read(topic)["vocabulary"])
 
 
 @functools.cache
@@ -130,7 +119,7 @@ def predictions(topic: str) -> dict[str, Prediction]:
     """
     return {
         name: Prediction(name, entry["ask"], tuple(Option(*option) for option in entry["options"]))
-        for name, entry in _file(topic).items()
+        for name, entry in read(topic).items()
         if isinstance(entry, dict)
     }
 
@@ -224,12 +213,3 @@ def checkpoint(topic: str, **answers: str) -> Gate:
     verdict = f"{right} of {len(desired)} right: gate {'cleared' if is_open else 'closed'}"
     text = "\n".join([*plain, verdict])
     return Gate(text, "\n".join([*lines, "", f"**{verdict}**"]), is_open)
-
-
-def gate(topic: str) -> list[str]:
-    """Return the claims that the checkpoint of a chapter asks for.
-
-    Raises:
-        ValueError: for a topic that has no file.
-    """
-    return list(_file(topic)["checkpoint"])

@@ -625,7 +625,7 @@ def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:
     Raises:
         ValueError: for a topic without claims, or where there are no sources.
     """
-    from course.cards import gate
+    from course.cards.files import gate
 
     everything = claims()
     known = list(dict.fromkeys(item.file.partition(".")[0] for item in everything))

@@ -31,11 +31,11 @@ def load(file: str) -> dict[str, dict[str, Any]]:
 
 
 def figure(id: str, name: str) -> float | str:
-    """Return a figure of a claim as it is on record, without running its check.
+    """Return a figure or an input of a claim as it is on record, without running its check.
 
     Args:
         id: id of a claim.
-        name: name of the figure.
+        name: name of the figure, or of an input of the check.
 
     Raises:
         ValueError: for an unknown id or name.
@@ -43,10 +43,12 @@ def figure(id: str, name: str) -> float | str:
     entries = {key: entry for file in files() for key, entry in load(file).items()}
     if id not in entries:
         raise invalid("id", id, "the id of a claim on record")
-    known = entries[id]["figures"]
+    known = {key: entry[0] for key, entry in entries[id]["figures"].items()}
+    # An answer states the settings of a measurement, too; they are the inputs of the check.
+    known = entries[id].get("inputs", {}) | known
     if name not in known:
         raise invalid("name", name, f"one of {', '.join(known)}")
-    value: float | str = known[name][0]
+    value: float | str = known[name]
     return value
 
 

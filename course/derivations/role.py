@@ -277,10 +277,10 @@ def round_trip_sets_a_clock(result):
     result.formula = sympy.factor(sympy.simplify(estimate - offset))
     n, tries = int(result.input("n", 20_000)), int(result.input("tries", 8))
     # Delays of a local network with other traffic: a least time, and a queue that is rarely long.
-    there, back = 1e-4 + result.rng.exponential(3e-4, (2, n, tries))
+    forth, back = 1e-4 + result.rng.exponential(3e-4, (2, n, tries))
     ahead = result.rng.uniform(-1.0, 1.0, (n, 1))
     sent = result.rng.uniform(0.0, 100.0, (n, tries))
-    arrived = sent + there + ahead
+    arrived = sent + forth + ahead
     answered = arrived + result.rng.uniform(0.0, 1e-3, (n, tries))
     received = answered - ahead + back
     error = 0.5 * ((arrived - sent) + (answered - received)) - ahead
@@ -292,7 +292,7 @@ def round_trip_sets_a_clock(result):
     result.statement = "Four time stamps of each of many exchanges, with delays drawn for each way."
     rounding = 1e-12  # of stamps of about a hundred seconds
     result.statement_holds(np.all(np.abs(error) <= 0.5 * trip + rounding))
-    law = sympy.lambdify((d1, d2), result.formula)(there, back)
+    law = sympy.lambdify((d1, d2), result.formula)(forth, back)
     result.correction_holds(
         np.max(np.abs(error - law)) < rounding,
         np.median(best) < 0.5 * np.median(np.abs(error)),

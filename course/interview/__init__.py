@@ -21,13 +21,15 @@ from course.interview.fields import FIELD, Figure
 from course.interview.fields import filled as filled
 
 FOLDER = Path(__file__).parent / "questions"
-KINDS = ("concept", "debugging", "design", "estimate", "coding")
+KINDS = ("concept", "debugging", "design", "estimate", "coding", "behavioural")
 LEVELS = {1: "screen", 2: "senior", 3: "staff"}
 PARTS = ("In a minute", "In full")
 
 _CODE = re.compile(r"```.*?```|`[^`]*`", re.S)
 _QUIET = re.compile(r"```.*?```|`[^`]*`|\{[^{}]*\}", re.S)
 _MATH = re.compile(r"\$[^$]*\$", re.S)
+# The number and edition of a standard are its name, such as ISO 10218-2:2025.
+_STANDARD = re.compile(r"\b(?:ISO|IEC)(?:/T[SR])? \d+(?:-\d+)?:\d{4}\b")
 
 
 @dataclass(frozen=True)
@@ -117,10 +119,10 @@ def _listed(entries: tuple[str, ...]) -> str:
 def typed_numbers(text: str) -> list[str]:
     """Return the numbers that a text types where it should quote a figure.
 
-    A digit that belongs to a name (RK4, SO(3)), to code or to a formula is no number; a decimal
-    point in a formula is.
+    A digit that belongs to a name (RK4, SO(3), ISO 13855:2024), to code or to a formula is no
+    number; a decimal point in a formula is.
     """
-    plain = _QUIET.sub(" ", text)
+    plain = _STANDARD.sub(" ", _QUIET.sub(" ", text))
     decimals = [d for math in _MATH.findall(plain) for d in re.findall(r"\d+\.\d+", math)]
     words = re.sub(r"[A-Za-z]+\(?\d+\)?", " ", _MATH.sub(" ", plain))
     return decimals + re.findall(r"\d[\d.,]*", words)

@@ -126,6 +126,16 @@ def cycle_s(
     return motion_s(legs_m, top_m_per_s, rise_m_per_s2) + waits
 
 
+def leg_s(distance_m: float, top_m_per_s: float, rise_m_per_s2: float) -> float:
+    """Return the time of one straight leg from rest to rest."""
+    return motion_s([distance_m], top_m_per_s, rise_m_per_s2)
+
+
+def part_s(success: float, **cycle: Any) -> float:
+    """Return the mean time for one placed part if a miss costs a cycle, that of `cycle_s`."""
+    return cycle_s(**cycle) / positive("success", success)
+
+
 def computing_share(computing_s: float, **others: Any) -> float:
     """Return the share of `cycle_s`, with the same arguments, saved if computing takes no time."""
     return computing_s / positive("cycle_s", cycle_s(computing_s=computing_s, **others))
@@ -241,14 +251,188 @@ def contact_force_n(
     return finite("speed_m_per_s", speed_m_per_s, 0.0) * math.sqrt(stiffness * reduced)
 
 
+def wilson_low(solved: int, trials: int) -> float:
+    """Return the lower end of Wilson's two-sided 95 % interval after so many successes."""
+    from course.measure.success import wilson
+
+    return float(wilson(count("solved", solved, 0), count("trials", trials, 1))[0])
+
+
+def wilson_high(solved: int, trials: int) -> float:
+    """Return the upper end of Wilson's two-sided 95 % interval after so many successes."""
+    from course.measure.success import wilson
+
+    return float(wilson(count("solved", solved, 0), count("trials", trials, 1))[1])
+
+
+def chance_at_gate(gate_share: float, solved: int, trials: int) -> float:
+    """Return the exact probability of at least `solved` successes for a policy at the gate."""
+    from scipy.stats import binom
+
+    gate = finite("gate_share", gate_share, 0.0, 1.0)
+    return float(binom.sf(count("solved", solved, 0) - 1, count("trials", trials, 1), gate))
+
+
+def bar_for_gate(gate_share: float, trials: int) -> int:
+    """Return the least successes that a policy at the gate reaches in at most 5 % of tests."""
+    from scipy.stats import binom
+
+    gate = finite("gate_share", gate_share, 0.0, 1.0)
+    return int(binom.isf(0.05, count("trials", trials, 1), gate)) + 1
+
+
+def gate_power(gate_share: float, true_share: float, trials: int) -> float:
+    """Return the exact probability that a policy passes the one-sided 5 % test of a gate."""
+    return chance_at_gate(true_share, bar_for_gate(gate_share, trials), trials)
+
+
+def objects_for_gate(
+    gate_share: float, true_share: float, trials_each: int, likeness: float
+) -> int:
+    """Return objects to test, with several trials each, that show a policy to be above a gate.
+
+    Trials of one object resemble each other, so they count less than trials of new objects
+    (design effect of a cluster sample: L. Kish, Survey Sampling, 1965).
+
+    Args:
+        gate_share: success rate to exceed, one-sided at 5 %.
+        true_share: assumed success rate, shown with a power of 80 %.
+        trials_each: trials of each object.
+        likeness: correlation of two trials of the same object, 0 to 1.
+    """
+    each = count("trials_each", trials_each, 1)
+    counted = 1.0 + (each - 1) * finite("likeness", likeness, 0.0, 1.0)
+    return math.ceil(trials_for_gate(gate_share, true_share) * counted / each - 1e-9)
+
+
+def most_unseen(trials: int) -> float:
+    """Return the largest share that may still fail after no failure, one-sided at 5 %."""
+    return 1.0 - 0.05 ** (1.0 / count("trials", trials, 1))
+
+
+def faultless_h(desired_h: float) -> float:
+    """Return hours without an event that show a mean time between events, one-sided at 5 %.
+
+    Events come at a constant rate and independently, so none in T has the chance exp(-T / mean).
+    """
+    return -math.log(0.05) * positive("desired_h", desired_h)
+
+
+def mean_time_h(run_h: float, chance: float) -> float:
+    """Return the mean time between events with which a run has none with this chance."""
+    return positive("run_h", run_h) / -math.log(finite("chance", chance, 1e-9, 1.0 - 1e-9))
+
+
+def detectable(share: float, trials: int, power: float = 0.8) -> float:
+    """Return by how much a share must differ from a known one to be noticed, two-sided at 5 %."""
+    from statistics import NormalDist
+
+    p = finite("share", share, 0.0, 1.0)
+    quantiles = sum(NormalDist().inv_cdf(q) for q in (0.975, finite("power", power, 0.5, 0.999)))
+    return quantiles * math.sqrt(p * (1.0 - p) / count("trials", trials, 1))
+
+
+def success_needed(allowed_s: float, **cycle: Any) -> float:
+    """Return the share of picks that must succeed for one part in `allowed_s`.
+
+    A miss costs a whole cycle; the other arguments are those of `cycle_s`.
+    """
+    return cycle_s(**cycle) / positive("allowed_s", allowed_s)
+
+
+def picks_to_call(success: float, in_row: int) -> float:
+    """Return the mean number of independent picks until so many misses come in a row."""
+    miss = 1.0 - finite("success", success, 1e-9, 1.0 - 1e-9)
+    runs = miss ** count("in_row", in_row, 1)
+    return (1.0 - runs) / ((1.0 - miss) * runs)
+
+
+def machines(
+    samples: float,
+    samples_per_s: float,
+    slower_powers: float,
+    scene_times: float,
+    runs: int,
+    hours: float,
+) -> int:
+    """Return machines for so many trainings within `hours`.
+
+    Args:
+        samples: of one training.
+        samples_per_s: measured rate of one machine, without contacts.
+        slower_powers: powers of ten that contacts cost.
+        scene_times: further factor by which the scene is slower.
+        runs: trainings in all.
+        hours: hours that each machine computes.
+    """
+    slower = 10.0**slower_powers * positive("scene_times", scene_times)
+    each = samples_h(samples, positive("samples_per_s", samples_per_s) / slower)
+    return math.ceil(count("runs", runs, 1) * each / positive("hours", hours))
+
+
+def cores(robots: int, cores_each: float, times_real_time: float, workers: int = 1) -> float:
+    """Return the processor cores that the robots' own software takes at this speed."""
+    each = positive("cores_each", cores_each) * positive("times_real_time", times_real_time)
+    return count("robots", robots, 1) * each * count("workers", workers, 1)
+
+
+def budget_if_open(samples: float, failing: float, doubt: float) -> float:
+    """Return the samples after which a planner that found nothing would be so unlucky.
+
+    Args:
+        samples: measured with a gap of the same width.
+        failing: share of the runs that had found no path by then.
+        doubt: chance that is small enough to call the gap closed.
+    """
+    share, small = finite("failing", failing, 1e-9, 1 - 1e-9), finite("doubt", doubt, 1e-12, 0.5)
+    return positive("samples", samples) * math.log(small) / math.log(share)
+
+
+def reaction_s(
+    scans: int, scanner_hz: float, output_ms: float, controller_ms: float, drive_ms: float
+) -> float:
+    """Return the worst time from entering a scanner's field until the brake acts."""
+    seeing = count("scans", scans, 1) / positive("scanner_hz", scanner_hz)
+    return seeing + 1e-3 * sum(
+        finite(name, value, 0.0)
+        for name, value in (
+            ("output_ms", output_ms),
+            ("controller_ms", controller_ms),
+            ("drive_ms", drive_ms),
+        )
+    )
+
+
+def walked_m(
+    person_m_per_s: float, robot_m_per_s: float, reaction_s: float, braking_m_per_s2: float
+) -> float:
+    """Return how far a person walks until the robot stands."""
+    stop_s = reaction_s + robot_m_per_s / positive("braking_m_per_s2", braking_m_per_s2)
+    return finite("person_m_per_s", person_m_per_s, 0.0) * stop_s
+
+
+def tipping_m_per_s2(half_base_m: float, height_m: float) -> float:
+    """Return the braking at which a rigid robot begins to tip about its front edge."""
+    return GRAVITY_M_PER_S2 * positive("half_base_m", half_base_m) / positive("height_m", height_m)
+
+
 Input = float | str | list[float]
+
+
+def _measured(place: str) -> float | str:
+    """Return what was measured, from a chart's data or the record of a claim."""
+    from course.derivations.records import figure
+    from course.interview.chart_data import chart
+
+    source, _, name = place.partition(".")
+    return chart(name) if source == "chart" else figure(source, name)
 
 
 @dataclass(frozen=True)
 class Estimate:
     """One case: what it says, the unit of the result ("" for a count or share), and the inputs.
 
-    An input that is a text is what was measured, `chart.NAME/STEPS`.
+    An input that is a text is what was measured: `chart.NAME/STEPS`, or `CLAIM.FIGURE`.
     """
 
     statement: str
@@ -258,12 +442,10 @@ class Estimate:
 
     def given(self, **changes: Input) -> dict[str, Any]:
         """Return the inputs, with others where they are given."""
-        from course.interview.chart_data import chart
-
         for name in changes:
             one_of("input", name, self.inputs)
         every = {**self.inputs, **changes}
-        return {k: chart(v[6:]) if isinstance(v, str) else v for k, v in every.items()}
+        return {k: _measured(v) if isinstance(v, str) else v for k, v in every.items()}
 
     def value(self, **changes: Input) -> float:
         """Return the result, with other inputs where they are given."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import random
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +17,16 @@ from course.interview.designs import LEVELS as MARKS
 
 PARTS = ("concept", "debugging", "coding", "design")
 WEIGHT = 4  # how many times as likely as another one that is weak or due is drawn
+MOST = 2  # items of one chapter in an interview, as long as there are others
+FULL = 90  # minutes from which a system design is asked in full
+SHORT = 15  # minutes of its short form
 WEAK = 2 / 3  # an answer below this share, all lines "quantified", is weak
+# What a follow-up asks about a line, by its mark.
+PUSH = {
+    "missing": "You have not said this. Say it now.",
+    "named": "You have named it. Put a number and a unit to it.",
+    "quantified": "You have a number for it. What would change your mind?",
+}
 _STEM = 4  # letters by which two words are taken for one: "halves", "halving"
 
 
@@ -33,6 +43,8 @@ class Item:
         rubric: what is listened for.
         follow_ups: possible next questions.
         answer: Markdown of the model answer.
+        clarify: what a candidate may ask first, each with the interviewer's reply.
+        paired: whether each line of the rubric has the follow-up at its own place.
         fill: (text, figure) -> the text with its fields filled.
         aid: an answer -> the marks that its words suggest, none where nothing can tell.
     """
@@ -45,6 +57,8 @@ class Item:
     rubric: tuple[str, ...]
     follow_ups: tuple[str, ...]
     answer: str
+    clarify: tuple[str, ...] = ()
+    paired: bool = False
     fill: Callable[[str, Figure], str] = filled
     aid: Callable[[str], Sequence[str]] = lambda answer: ()
 
@@ -57,8 +71,10 @@ class Entry:
         key, part, chapter, minutes, title: of the item.
         seconds: spent on it.
         answer, answered: the answer so far, and whether it is complete.
-        marks: of `MARKS`, one for each line of the rubric.
+        clarified: what the candidate asked first, each with the reply.
+        rubric, marks: the lines of the rubric, and of `MARKS` one for each.
         weakest, asked, reply: the line marked lowest, the follow-up on it, and the reply.
+        model: the model answer, once it was shown.
         attempts: verdict and sentence of each grading of a drill.
         score: the share of all marks.
         read: what to read.
@@ -73,10 +89,13 @@ class Entry:
     seconds: float = 0.0
     answer: str = ""
     answered: bool = False
+    clarified: str = ""
+    rubric: list[str] = field(default_factory=list)
     marks: list[str] = field(default_factory=list)
     weakest: str = ""
     asked: str = ""
     reply: str = ""
+    model: str = ""
     attempts: list[dict[str, str]] = field(default_factory=list)
     score: float = 0.0
     read: str = ""
@@ -111,18 +130,19 @@ class Interview:
 def spoken(topics: Sequence[str]) -> list[Item]:
     """Return the questions of chapters; with those of the last one the scenarios and the designs.
 
-    A concept part may also be an estimate or something for the whiteboard.
+    A concept part may also be an estimate; what is written on a whiteboard belongs to coding.
     """
     result = []
     for topic in topics:
         for q in questions(topic) if (FOLDER / topic).is_dir() else ():
-            part = q.kind if q.kind in ("debugging", "design") else "concept"
+            part = q.kind if q.kind in PARTS else "concept"
             key, answer = f"question/{topic}/{q.name}", f"{q.minute}\n\n{q.full}"
             rest = (q.minutes, q.title, q.rubric, q.follow_ups, answer)
             result.append(Item(key, part, q.chapter, *rest))
     if "interview" in topics:
         result += [_scenario(scenarios.scenario(name)) for name in scenarios.scenario_names()]
-        result += [_design(designs.read(name)) for name in designs.NAMES]
+        for name in designs.NAMES:
+            result += [_design(designs.read(name)), _design(designs.read(name), SHORT)]
     return result
 
 
@@ -133,21 +153,60 @@ def _scenario(one: scenarios.Scenario) -> Item:
     answer = f"What can be tried:\n\n{probes}\n\n`drills debug {one.name}` runs it."
     report = tuple(f"What would you try to tell this from the others? {words}" for words in causes)
     title = f"{one.title}.\n{one.prompt}"
-    return Item(f"scenario/{one.name}", "debugging", 12, 10, title, causes, report, answer)
+    key = f"scenario/{one.name}"
+    return Item(key, "debugging", 12, 10, title, causes, report, answer, paired=True)
 
 
-def _design(one: designs.Design) -> Item:
+def _design(one: designs.Design, minutes: int = 0) -> Item:
+    """Return a design in full, or its form of so many minutes, which has every second line."""
+    chosen = slice(None, None, 2 if minutes else 1)
+
     def aid(answer: str) -> list[str]:
-        return list(designs.levels(one, answer).values())
+        return list(designs.levels(one, answer).values())[chosen]
 
-    requested, flags = (
-        "\n".join(f"* {line}" for line in lines) for lines in (one.clarify, one.red_flags)
+    flags = "\n".join(f"* {line}" for line in one.red_flags)
+    answer = f"```text\n{designs.plain(one)}\n```\n\n{one.answer}\n\nRed flags:\n\n{flags}"
+    title = one.title
+    if minutes:
+        title += (
+            f"\nYou have {minutes} minutes: three for your questions, the rest for the answer. Say "
+            "what decides, with numbers, and leave the details out."
+        )
+    return Item(
+        key=f"design/{one.name}" + "/short" * bool(minutes),
+        part="design",
+        chapter=12,
+        minutes=minutes or one.minutes,
+        title=title,
+        rubric=tuple(item.asks for item in one.rubric)[chosen],
+        follow_ups=tuple(one.follow_ups),
+        answer=answer,
+        clarify=tuple(one.clarify),
+        fill=one.filled,
+        aid=aid,
     )
-    answer = f"Ask first:\n\n{requested}\n\n```text\n{designs.plain(one)}\n```\n\n{one.answer}"
-    rest = (tuple(item.asks for item in one.rubric), tuple(one.follow_ups))
-    answer += f"\n\nRed flags:\n\n{flags}"
-    key = f"design/{one.name}"
-    return Item(key, "design", 12, one.minutes, one.title, *rest, answer, one.filled, aid)
+
+
+def usual(pool: Sequence[Item], minutes: int) -> list[Item]:
+    """Return what an interview of all parts is drawn from.
+
+    The bug is a scenario that runs, and the design a system design: in full from `FULL` minutes on,
+    else in its short form. Where the chosen chapters have none, it is any question of that part.
+    """
+    ends = "/short" if minutes < FULL else ""
+
+    def fits(item: Item) -> bool:
+        kind, _, name = item.key.partition("/")
+        if item.part == "debugging":
+            return kind == "scenario"
+        return kind == "design" and name.endswith(ends) and name.count("/") == bool(ends)
+
+    result = []
+    for part in PARTS:
+        items = [item for item in pool if item.part == part]
+        chosen = [i for i in items if fits(i)] if part in ("debugging", "design") else items
+        result += chosen or items
+    return result
 
 
 def draw(
@@ -162,7 +221,8 @@ def draw(
 
     Of those that fit, one that is weak or due is `WEIGHT` times as likely as another one: with m
     of them among n, one of them comes with probability m WEIGHT / (m WEIGHT + n - m). While not
-    even the shortest of each part fit together, the part whose shortest is longest is left out.
+    even the shortest of each part fit together, the part whose shortest is longest is left out. No
+    chapter has more than `MOST` items, as long as there are others.
 
     Args:
         pool: what there is.
@@ -182,14 +242,17 @@ def draw(
         del least[max(least, key=lambda part: least[part])]
     if not least:
         raise invalid("parts", list(parts), "some for which there is more than what was just asked")
-    chosen: list[Item] = []
-    for part in least:
-        others = [least[p] for p in list(least)[len(chosen) + 1 :]]
-        room = minutes - sum(others) - sum(item.minutes for item in chosen)
+    chosen: dict[str, Item] = {}
+    # The part with the fewest chapters first: the others make room for it.
+    for part in sorted(least, key=lambda part: len({i.chapter for i in other[part]})):
+        others = [least[p] for p in least if p != part and p not in chosen]
+        room = minutes - sum(others) - sum(item.minutes for item in chosen.values())
         fit = [item for item in other[part] if item.minutes <= max(room, least[part])]
+        count = Counter(item.chapter for item in chosen.values())
+        fit = [item for item in fit if count[item.chapter] < MOST] or fit
         weights = [WEIGHT if item.key in weak else 1 for item in fit]
-        chosen += rng.choices(fit, weights)
-    return chosen
+        (chosen[part],) = rng.choices(fit, weights)
+    return [chosen[part] for part in least]
 
 
 def nearest(text: str, others: Sequence[str]) -> int | None:
@@ -212,22 +275,33 @@ def share(marks: Sequence[str]) -> float:
     return sum(map(MARKS.index, marks)) / ((len(MARKS) - 1) * len(marks))
 
 
-def follow_up(item: Item, marks: Sequence[str]) -> tuple[str, str]:
-    """Return the line of the rubric that was marked lowest, and the follow-up that it triggers.
+def follow_up(item: Item, marks: Sequence[str], seed: int = 0) -> tuple[str, str]:
+    """Return the line of the rubric that was marked lowest, and the follow-up on it.
 
-    It is the one nearest to that line in its words; where none is, the one at its place.
+    The follow-up names the line. Of several that were marked as low, one is drawn; where all were
+    defended there is no weak line, "", and one of the follow-ups of the question is drawn.
     """
     if len(marks) != len(item.rubric) or not set(marks) <= set(MARKS):
         raise invalid("marks", list(marks), f"{len(item.rubric)} of {', '.join(MARKS)}")
+    rng = random.Random(f"{seed}/{item.key}")
     levels = [MARKS.index(mark) for mark in marks]
-    weakest = levels.index(min(levels))
-    result = nearest(item.rubric[weakest], item.follow_ups)
-    place = weakest * len(item.follow_ups) // len(item.rubric)
-    return item.rubric[weakest], item.follow_ups[place if result is None else result]
+    if min(levels) == len(MARKS) - 1:
+        return "", rng.choice(item.follow_ups)
+    weakest = rng.choice([at for at, level in enumerate(levels) if level == min(levels)])
+    line = item.rubric[weakest]
+    if item.paired:
+        return line, item.follow_ups[weakest]
+    return line, f"{line} {PUSH[marks[weakest]]}"
+
+
+def reply(item: Item, question: str) -> str:
+    """Return what the interviewer replies to a clarifying question; "" if nothing fits it."""
+    result = nearest(question, item.clarify)
+    return "" if result is None else item.clarify[result].partition("? ")[2]
 
 
 def markdown(interview: Interview) -> str:
-    """Return the report as a page."""
+    """Return the report as a page: marks, answers, model answers, and what to review."""
     lines = [f"# Interview of {interview.started[:16].replace('T', ', ')}\n"]
     lines.append(f"{interview.seconds / 60:.0f} of {interview.minutes} minutes.\n")
     if interview.over:
@@ -239,10 +313,25 @@ def markdown(interview: Interview) -> str:
         spent = f"{one.seconds / 60:.0f} | {one.minutes} | {one.score:.0%}"
         lines.append(f"| {one.part} | {one.chapter} | {spent} | {one.title} |")
     for one in interview.items:
-        lines.append(f"\n## {one.title}\n\n{one.answer}")
-        if one.asked:
-            lines.append(f"Weakest: {one.weakest}\n\n**{one.asked}**\n\n{one.reply}")
+        lines.append(f"\n## {one.title}\n")
+        if one.clarified:
+            lines.append(f"### You asked first\n\n{one.clarified}")
+        if one.answer:
+            lines.append(f"### Your answer\n\n{one.answer}")
+        if one.marks:
+            lines.append("### Your marks\n\n| mark | line |\n|---|---|")
+            rows = zip(one.marks, one.rubric, strict=False)
+            lines += [f"| {mark} | {line.replace('|', '/')} |" for mark, line in rows]
+            lines.append("")
         lines += [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
-        lines += [f"\nRead {one.read}."] * bool(one.read)
+        if one.asked:
+            lines.append(f"### The follow-up\n\n**{one.asked}**\n\n{one.reply}")
+        if one.model:
+            lines.append(f"### The model answer\n\n{one.model}\n")
+    lines.append("\n## What to review\n")
+    weak = [one for one in interview.items if one.score < WEAK]
+    lines += [f"* Read {one.read}." for one in weak if one.read]
+    if chapters := sorted({one.chapter for one in weak}):
+        lines.append(f"* `drills review --chapters {','.join(map(str, chapters))}`")
     due = [f"* {key}" for key in interview.cards_due] or ["None."]
     return "\n".join([*lines, "\n## Cards now due\n", *due, ""])

@@ -128,7 +128,8 @@ def cheat_sheet(plain: bool = False) -> Table:
     rows = []
     for row in data("cheat_sheet")["row"]:
         message = _filled_in(f"{row['says']} {row['measured']}")
-        equation = row["plain"] if plain else f"${row['equation']}$"
+        # On paper there is room for one page only; a page names the symbols as well.
+        equation = row["plain"] if plain else f"${row['equation']}$<br>{row['symbols']}"
         papers = (short(row["classic"]), short(row["modern"]))
         rows.append((row["concept"], message, equation, row["tool"], *papers))
     head = ("Concept", "Thirty seconds", "Equation", "Tool", "Classic paper", "Modern paper")

@@ -171,7 +171,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "centroid": (GREY, "*"),
     "box along the table": (AMBER, "P"),
     "principal axes": (PINK, "v"),
-    "box along them": (VERMILION, "s"),
+    "box along principal axes": (VERMILION, "s"),
     "ICP, points": (GREEN, "D"),
     "ICP, shape": (BLUE, "o"),
     "locate": (PURPLE, "X"),
@@ -225,12 +225,14 @@ class Series:
 
     Attributes:
         label: its name, at its end; empty for none.
-        x, y: the points, shapes (n,); an infinite y is a triangle at the upper edge, a NaN is not
-            drawn. For bars x holds the lengths and y their names.
+        x, y: the points, shapes (n,); an infinite y is a triangle at the upper edge, a zero on a
+            logarithmic axis one at the lower edge, a NaN is not drawn. For bars x holds the lengths
+            and y their names.
         key: row of `KEYS`; empty for the next colour that nobody on the panel has.
         style: line as matplotlib's "-", "--", ":"; "" for markers alone, "steps", "bar".
         theory: x -> what y should be; drawn as a thin dark line, never used to measure.
-        low, high: bounds of y, a band; of x where `across` is set, drawn as bars.
+        low, high: bounds of y, a band; of x for bars and where `across` is set, drawn as error
+            bars.
         note: a line of the chart's text.
         marker: None for the key's own, "" for none.
         hollow: markers drawn empty and large, so that others show through.
@@ -290,6 +292,7 @@ class Panel:
         spans: grey regions, ("x" or "y", low, high, words).
         grid: a quantity over x and y, drawn as a map with its measured boundary.
         ticks: the labelled values of x; for bars () leaves the names out.
+        tick_names: what stands at the ticks instead of their values: the names of cases.
         xlim, ylim: limits of the axes, either end None for matplotlib's.
         legend: whether curves and lines have names; those of maps and bars stand above the axes.
         theory: name of theory's lines.
@@ -308,6 +311,7 @@ class Panel:
     spans: Sequence[tuple[str, float, float, str]] = ()
     grid: Map | None = None
     ticks: Sequence[float] | None = None
+    tick_names: Sequence[str] = ()
     xlim: tuple[float | None, float | None] = (None, None)
     ylim: tuple[float | None, float | None] = (None, None)
     legend: bool = True
@@ -466,6 +470,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     # Looks belong to all series, shown or not: switching one on does not recolour the others.
     looks, shown = _looks(panel), panel.shown(also)
     crosses: list[str] = []
+    zeros = 0  # curves that reach zero on a logarithmic axis
     names: set[str] = set()
     for series in shown:
         colour, marker = looks[id(series)]
@@ -474,7 +479,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
             _draw_bars(ax, series, colour, 0.4 if names & {*series.y} else 0.75)
             names |= {*series.y}
         else:
-            _draw_series(ax, series, colour, marker, log_x)
+            zeros += _draw_series(ax, series, colour, marker, log_x, zeros)
             _add_notes(words, series)
     if names:
         # Bars are read from the top down.
@@ -493,7 +498,10 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
             clip_on=False,
         )
     if panel.ticks and not names:
-        ax.set_xticks(panel.ticks, [f"{value:g}" for value in panel.ticks])
+        names_at = list(panel.tick_names) or [f"{value:g}" for value in panel.ticks]
+        # Many names don't fit side by side.
+        slanted: dict[str, Any] = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"}
+        ax.set_xticks(panel.ticks, names_at, **(slanted if len(panel.tick_names) > 3 else {}))
         ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     if panel.xlim != (None, None):
         ax.set_xlim(*panel.xlim)
@@ -611,12 +619,20 @@ def _add_notes(words: Words, series: Series) -> None:
             words.note(word, x, y)
 
 
-def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool) -> None:
+def _draw_series(
+    ax: Axes, series: Series, colour: str, marker: str, log_x: bool, rank: int = 0
+) -> int:
+    """Draw a curve, and return whether it has zeros that a logarithmic axis cannot show.
+
+    They become triangles at the lower edge, for each such curve a little higher than for the `rank`
+    curves before.
+    """
     from matplotlib.colors import to_rgb
 
     x, y = np.asarray(series.x, dtype=float), np.asarray(series.y, dtype=float)
     # Infinite values would break the line: they become triangles at the upper edge.
-    shown = np.isfinite(x) & np.isfinite(y)
+    vanished = (y == 0.0) & np.isfinite(x) & (ax.get_yscale() == "log")
+    shown = np.isfinite(x) & np.isfinite(y) & ~vanished
     lines = series.style not in ("", "steps")
     size = series.size or (9.0 if series.hollow else 5.0 if lines else 6.0)
     ax.plot(
@@ -645,6 +661,17 @@ def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool
             markersize=7,
             transform=ax.get_xaxis_transform(),
         )
+    if vanished.any():
+        ax.plot(
+            x[vanished],
+            np.full(np.sum(vanished), 0.025 + 0.05 * rank),
+            linestyle="none",
+            marker="v",
+            color=colour,
+            label="_" if shown.any() else series.label,
+            markersize=7,
+            transform=ax.get_xaxis_transform(),
+        )
     if series.key == "yours":
         # A ring on top: a right answer often lies exactly under the worked one.
         ax.plot(
@@ -668,13 +695,21 @@ def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool
         # Over many points only black is seen.
         dark = tuple((0.6 if x.size <= 40 else 0.0) * part for part in to_rgb(colour))
         ax.plot(*theory_line(series, 300, log_x), color=dark, linewidth=1.0, zorder=4)
+    return int(vanished.any())
 
 
 def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:
     names = [str(name) for name in series.y]
     ax.barh(names, series.x, height=height, color=colour, label=series.label or "_")
     ax.set_axisbelow(True)
-    for word, name, length in zip(series.tags, names, series.x, strict=False):
+    ends = np.asarray(series.x, dtype=float)
+    if series.low is not None and series.high is not None:
+        low, high = np.asarray(series.low, dtype=float), np.asarray(series.high, dtype=float)
+        bars = np.maximum([ends - low, high - ends], 0.0)
+        ax.errorbar(ends, names, xerr=bars, fmt="none", ecolor="0.15", lw=1.0, capsize=2.0)
+        ends = np.maximum(ends, high)
+    # A word stands to the right of its bar and of its error bar.
+    for word, name, length in zip(series.tags, names, ends, strict=False):
         # On a log axis nothing has length 0: its word stands at the axis.
         where = ("data", "data") if length > 0.0 else ("axes fraction", "data")
         ax.annotate(

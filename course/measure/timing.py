@@ -90,6 +90,7 @@ def interleaved(
     at_most: int = 10**9,
     patience: float = 1.0,
     warm: bool = False,
+    warm_up: float = 0.0,
 ) -> list[Timing]:
     """Time all of them in turn, round after round.
 
@@ -102,6 +103,9 @@ def interleaved(
             is used up, the least disturbed rounds count.
         warm: whether each has been called before. Otherwise a first call, which may compile and
             fills caches, is made and not counted.
+        warm_up: samplers whose call takes less than this [s] are called once, uncounted, right
+            before each sample. What ran in between has emptied the caches, and a short call would
+            pay for that.
 
     Returns:
         A `Timing` for each, in order.
@@ -113,17 +117,24 @@ def interleaved(
     count("at_most", at_most, 1)
     finite("sample", sample, 0.0, unit="s")
     finite("patience", patience, 0.0)
+    finite("warm_up", warm_up, 0.0, unit="s")
     if not warm:
         for sampler in samplers:
             sampler(1)
     counts = [_calls_in(sampler, sample, at_most) for sampler in samplers]
+    # Whether a call is short is measured on a call that follows another one of the same sampler.
+    again = [warm_up > 0.0 and min(sampler(1), sampler(1)) < warm_up for sampler in samplers]
     rounds: list[tuple[float, list[float]]] = []  # (share of a core, seconds of a call each)
     # Probe how much of a core this process gets, between rounds: disturbed rounds are repeated.
     before = core_share()
     # The budget of rounds includes those that may be repeated.
     allowed = repeats + math.floor(patience * repeats)
     while len(rounds) < allowed and sum(s >= _UNDISTURBED for s, _ in rounds) < repeats:
-        seconds = [sampler(n) / n for sampler, n in zip(samplers, counts, strict=True)]
+        seconds = []
+        for sampler, n, cold in zip(samplers, counts, again, strict=True):
+            if cold:
+                sampler(1)
+            seconds.append(sampler(n) / n)
         after = core_share()
         # A round counts as undisturbed only if the probes before and after it both got their core.
         rounds.append((min(before, after), seconds))

@@ -459,6 +459,7 @@ def measure(
     repeats: int = 5,
     sample_time: float = 1e-3,
     best: bool = False,
+    warm_up: float = 0.0,
     question: str = "",
     error_unit: str = "-",
     duration: float | None = None,
@@ -477,6 +478,9 @@ def measure(
         sample_time: least time of one sample [s]; faster runs are repeated inside the sample.
         best: draw the least time of a run, not the median: few rounds on a machine that does other
             work would else make a zigzag of a curve.
+        warm_up: runs shorter than this [s] are made once more, uncounted, right before each sample:
+            where methods of milliseconds and of microseconds take turns, the short ones would else
+            pay for caches that the long ones have emptied.
         question: the chart's title.
         error_unit: unit of the error.
         duration: simulated time of a run [s], where a setting is a step [s]: costs are then said
@@ -512,6 +516,7 @@ def measure(
         "repeats": repeats,
         "sample_time": sample_time,
         "best": best,
+        "warm_up": warm_up,
     }
 
     def check(errors: Sequence[float]) -> None:
@@ -550,6 +555,7 @@ def _measure_curves(
     repeats: int,
     sample_time: float,
     best: bool,
+    warm_up: float,
     check: Callable[[Sequence[float]], None] | None = None,
 ) -> tuple[tuple[Curve, ...], float]:
     """Return the curves, and the share of the timed rounds in which the machine was busy."""
@@ -564,7 +570,11 @@ def _measure_curves(
         # Failed runs are not timed: they would only lengthen each round.
         samplers = [calls(method.run, parameter) for method, parameter in runs]
         times = interleaved(
-            [samplers[i] for i in alive], repeats=repeats, sample=sample_time, warm=True
+            [samplers[i] for i in alive],
+            repeats=repeats,
+            sample=sample_time,
+            warm=True,
+            warm_up=warm_up,
         )
     for i, result in zip(alive, times, strict=True):
         # An error of exactly zero has no place on a log axis; a rounding is what it means.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any
 
-from course.check import finite, positive
+from course.check import POSITIVE, finite
 from course.middleware.loop import become, compute
 from course.middleware.transport import UNGUARDED, elsewhere, no_answer
 
@@ -47,7 +47,7 @@ def measure(
 
     Args:
         inherit: whether the holder of the lock runs at the priority of who waits for it.
-        holds: processor time for which the low one holds the lock [s].
+        holds: processor time for which the low one holds the lock [s], at most a second.
         middle: processor time of the middle one [s], at most a second: nobody ordinary runs on that
             core meanwhile.
         core: that all three share; by default the last that this process may use.
@@ -55,7 +55,8 @@ def measure(
     Returns:
         The wait; where SCHED_FIFO is not permitted, the reason.
     """
-    positive("holds", holds, unit="s")
+    # Longer ones would reach the time limit of the lock, and the limit would be the measured wait.
+    finite("holds", holds, POSITIVE, 1.0, unit="s")
     finite("middle", middle, 0.0, 1.0, unit="s")
     # Without inheritance the high process waits for the middle one too, which never touches the
     # lock: unbounded priority inversion.
@@ -70,21 +71,21 @@ def measure(
     gates = {name: processes.Semaphore(0) for name in PRIORITIES}
     children = [
         processes.Process(
-            target=_part, args=(name, shared.name, gates, report, core, work, inherit), daemon=True
+            target=_run_process, args=(role, shared.name, gates, report, core, seconds), daemon=True
         )
-        for name, work in (("low", holds), ("middle", middle), ("high", 0.0))
+        for role, seconds in (("low", holds), ("middle", middle), ("high", 0.0))
     ]
     try:
         _make_lock(shared, inherit)
         for child in children:
             child.start()
-        ready = [_received(report, children) for _ in children]  # each says what it was refused
+        ready = [_next_report(report, children) for _ in children]  # each says what it was refused
         rejected = next((text for text in ready if text), "")
         if rejected:
             return Inversion(float("nan"), theory, (), rejected)
         # The low process starts first, takes the lock, and releases the two others itself.
         gates["low"].release()
-        done = sorted(_received(report, children) for _ in children)
+        done = sorted(_next_report(report, children) for _ in children)
         (wait,) = (waited for _, name, waited in done if name == "high")
         return Inversion(wait, theory, tuple(name for _, name, _ in done))
     finally:
@@ -96,19 +97,19 @@ def measure(
         shared.unlink()
 
 
-def _received(report: Any, children: list[Any]) -> Any:
-    """Return the next report of a child.
+def _next_report(report: Any, children: list[Any]) -> Any:
+    """Return the next report of a child: what `_run_process` puts.
 
     Raises:
         RuntimeError: a child died before it reported.
         TimeoutError: there is none in time.
     """
-    end = time.monotonic() + 2.0 * _PATIENCE
-    # Polling with a deadline: a child that died would never report.
+    deadline = time.monotonic() + 2.0 * _PATIENCE
+    # Polling with a deadline: `get` would wait for ever on a child that died.
     while report.empty():
         if any(child.exitcode not in (None, 0) for child in children):
             raise RuntimeError(UNGUARDED)
-        if time.monotonic() > end:
+        if time.monotonic() > deadline:
             raise no_answer("the three processes", 2.0 * _PATIENCE)
         time.sleep(0.005)
     return report.get()
@@ -125,44 +126,47 @@ def _make_lock(shared: SharedMemory, inherit: bool) -> None:
     libc.pthread_mutex_init(ctypes.byref(lock), attributes)
 
 
-def _part(
-    name: str,
-    memory: str,
+def _run_process(
+    role: str,
+    memory_name: str,
     gates: dict[str, Any],
     report: Any,
     core: int,
-    work: float,
-    inherit: bool,
+    seconds: float,
 ) -> None:
-    """Run one of the three processes; the gates open in the order low, high, middle."""
+    """Run one of the three processes; the gates open in the order low, high, middle.
+
+    It reports twice: "" or why SCHED_FIFO was refused, then when it was done [s], its role, and its
+    wait for the lock [s].
+    """
     libc = ctypes.CDLL(None)
-    shared = SharedMemory(memory)
+    shared = SharedMemory(memory_name)
     lock = ctypes.c_char.from_buffer(shared.buf)  # type: ignore[arg-type]
     # An absolute time limit on the lock, so that a failed experiment ends.
     limit = (ctypes.c_long * 2)(int(time.time() + _PATIENCE), 0)
     try:
         os.sched_setaffinity(0, {core})
-        become(PRIORITIES[name])
+        become(PRIORITIES[role])
     except OSError as error:
         report.put(f"SCHED_FIFO was refused: {error}")
         del lock  # it points into the memory, which Python closes when the process ends
         shared.close()
         return
     report.put("")
-    if not gates[name].acquire(timeout=_PATIENCE):
+    if not gates[role].acquire(timeout=_PATIENCE):
         return
     start = time.monotonic()
-    if name == "middle":
-        compute(work)
+    if role == "middle":
+        compute(seconds)
     else:
         libc.pthread_mutex_timedlock(ctypes.byref(lock), limit)
         waited = time.monotonic() - start
-        if name == "low":
+        if role == "low":
             # The holder computes with the lock; the middle process preempts it unless it has
             # inherited the high priority.
             gates["high"].release()  # which runs at once, until it waits for the lock
             gates["middle"].release()
-            compute(work)
+            compute(seconds)
         libc.pthread_mutex_unlock(ctypes.byref(lock))
-    report.put((time.monotonic(), name, waited if name == "high" else 0.0))
+    report.put((time.monotonic(), role, waited if role == "high" else 0.0))
     time.sleep(_PATIENCE)  # until it is ended: leaving takes time on the core, too

@@ -75,7 +75,7 @@ def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_])
         sensor: noise of its depths.
         cluster: pixels of the part, shape (H, W).
     """
-    found = []
+    contours = []
     for along in (0, 1):
         depth, mine = (z, cluster) if along == 0 else (z.T, cluster.T)
         for step in (1, 0):  # the neighbour after, and the one before
@@ -93,8 +93,8 @@ def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_])
                 )
             )
             at = np.stack((v, u + step) if along == 0 else (u + step, v))
-            found.append((rays, np.full(u.size, along), near[v, u], far[v, u], at))
-    return Border(*(np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True)))
+            contours.append((rays, np.full(u.size, along), near[v, u], far[v, u], at))
+    return Border(*(np.concatenate(parts, axis=-1) for parts in zip(*contours, strict=True)))
 
 
 # --- The contour of the model ---------------------------------------------------------------------
@@ -149,23 +149,23 @@ def _of_shape(shapes: Shapes, i: int, rays: Array) -> tuple[Array, Array, Array]
     p, R, size = shapes.poses[:3, i], to_matrix(shapes.poses[3:, i]), shapes.sizes[:, i]
     # The camera's centre in the frame of the shape.
     eye = -R.T @ p
-    none = np.zeros_like(rays), np.zeros_like(rays), np.full(rays.shape[1], np.inf)
+    no_hit = np.zeros_like(rays), np.zeros_like(rays), np.full(rays.shape[1], np.inf)
     kind = shapes.kinds[i]
     if kind == "sphere":
-        return _of_sphere(p, size[0], rays) if np.linalg.norm(p) > size[0] else none
+        return _of_sphere(p, size[0], rays) if np.linalg.norm(p) > size[0] else no_hit
     if kind == "cylinder":
         ends, angles = _cylinder_lines(eye, size[0], size[1])
     else:  # a box: between a face that is seen and one that isn't
         # A face is seen if the camera is beyond its plane. An edge between a seen and a hidden face
         # is outline.
-        seen = np.einsum("kie,i->ke", _FACES, eye) > np.abs(np.einsum("kie,i->ke", _FACES, size))
-        ends, angles = _ENDS[..., seen[0] != seen[1]] * size[:, None], np.zeros((2, 0))
+        visible = np.einsum("kie,i->ke", _FACES, eye) > np.abs(np.einsum("kie,i->ke", _FACES, size))
+        ends, angles = _ENDS[..., visible[0] != visible[1]] * size[:, None], np.zeros((2, 0))
     if not ends.size:
-        return none
+        return no_hit
     a, b = (R @ end + p[:, None] for end in ends)
     # Behind the camera there is no image: give the shape up.
     if min(a[2].min(), b[2].min()) <= 0.0:
-        return none
+        return no_hit
     c, along, distance, which, share = _of_segments(a, b, rays)
     if kind == "cylinder":  # from the chord of a rim to the rim, where the surface bends
         first, last = angles[:, which]
@@ -223,12 +223,12 @@ def _of_sphere(p: Array, radius: float, rays: Array) -> tuple[Array, Array, Arra
     unit = rays / np.linalg.norm(rays, axis=0)
     # In the plane of the ray and the middle the touching line has its foot at c.
     axis = p / np.linalg.norm(p)
-    off = unit - axis[:, None] * (axis @ unit)
-    off /= np.maximum(np.linalg.norm(off, axis=0), 1e-300)
+    across = unit - axis[:, None] * (axis @ unit)
+    across /= np.maximum(np.linalg.norm(across, axis=0), 1e-300)
     # Half the opening of the cone of lines of sight that touch the sphere.
     sine = radius / np.linalg.norm(p)
     cosine = math.sqrt(1.0 - sine * sine)
-    normal = cosine * off - sine * axis[:, None]
+    normal = cosine * across - sine * axis[:, None]
     c = p[:, None] + radius * normal
     distance = np.linalg.norm(rays - c / c[2], axis=0)
     return c, normal, distance
@@ -416,5 +416,5 @@ def refine(
     own = exact[at.outside[0], at.outside[1]]
     going_on = (own > 0.0) & (np.abs(at.far - own) < _SIGMAS * sensor.sigma(own, camera) + 1e-3)
     distance = np.minimum(camera.fx * distance[~going_on], _OFF)
-    off = float(np.sqrt(np.mean(distance**2))) if distance.size else 0.0
-    return replace(fit, R=to_matrix(pose[3:]), p=pose[:3]), of_outline, off
+    rms = float(np.sqrt(np.mean(distance**2))) if distance.size else 0.0
+    return replace(fit, R=to_matrix(pose[3:]), p=pose[:3]), of_outline, rms

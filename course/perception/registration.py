@@ -362,9 +362,10 @@ def _build(points, order, axes, cuts):
 def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
     """Return the row of the nearest point within sqrt(best) of q, and the squared distance.
 
-    If there is none the row is `index`.
-
-    A branch is left aside when its cuts alone are farther off than the best (Arya and Mount, 1993).
+    `best` is the squared distance to beat and `index` the row that it belongs to, or -1 for a mere
+    bound; both come back unchanged if no point is nearer. The points are in the order of `_build`;
+    nodes and offsets are work space. A branch is skipped when its cuts alone are farther away than
+    the best (Arya and Mount, 1993).
     """
     inner, top = len(axes), 1
     # Stack: a node and its range of rows; the squared offsets of its cell from q along each axis,

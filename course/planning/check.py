@@ -216,16 +216,17 @@ def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike)
 
 
 def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
-    """Return the distance of two sets of segments in the plane, 0 where they cross.
+    """Return the distance of segments from p to q and from u to v in the plane, 0 where they cross.
 
-    The arrays broadcast.
+    Complex arrays that broadcast, as in `_to_segments`.
     """
     apart = np.minimum(
         np.minimum(_to_segments(p, u, v), _to_segments(q, u, v)),
         np.minimum(_to_segments(u, p, q), _to_segments(v, p, q)),
     )
     # Parameters of the lines' intersection, by Cramer's rule. Parallel lines give an infinity or
-    # NaN and do not count as crossing.
+    # NaN and do not count as crossing; where they overlap, an end is on the other segment and
+    # `apart` is 0.
     along, side = q - p, v - u
     with np.errstate(all="ignore"):
         area = (along * np.conj(side)).imag

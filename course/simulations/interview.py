@@ -1,8 +1,10 @@
-"""Flashcards of the coding drills, and how fast one forgets them: work, turn, rate, wait.
+"""Mock interview questions against a timer, and how fast the answers are forgotten.
 
-A second is a day. Beside the card is the chance to recall it, by the model of memory behind
+A question is answered aloud while a timer runs, then revealed, then rated. The rating sets the next
+review at once: beside the card is the chance to recall it, by the model of memory behind
 `drills review` (FSRS 6, as in the library fsrs with its default weights; Ye, Su and Cao, KDD 2022),
-here without its steps within a day. A card is rated only after it was turned: first one works.
+here without its steps within a day. A card is rated only after it was revealed. Days pass at the
+speed that is set, and none of them while the timer runs.
 """
 
 import math
@@ -13,6 +15,9 @@ from pathlib import Path
 import numpy as np
 from numba.extending import register_jitable
 
+from course.interview import FOLDER as QUESTIONS
+from course.interview import read
+from course.interview.fields import estimate
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider, switch
@@ -103,31 +108,46 @@ def after(stability, difficulty, days, rating):
 
 # --- What there is to set and to see --------------------------------------------------------------
 
-DRILLS = ("fk3", "rrt", "pid", "randomize")
+ALLOWED = 60.0  # seconds to answer
+DRILLS = ("fk3", "rrt", "pid")
 _CATALOGUE = Path(__file__).parents[2] / "drills" / "catalogue"
-_CARDS = [tomllib.loads((_CATALOGUE / n / "card.toml").read_text("utf-8")) for n in DRILLS]
-_ROWS, _WIDE = 9, 48  # lines and letters on a card
+_NAMED = ("gate", *DRILLS)
+_ASKED = ("trials_for_a_gate", "three_link_chain", "tree_in_the_plane", "pid_that_lets_go")
+_FRONT = [read(QUESTIONS / "interview" / f"{name}.md").title for name in _ASKED]
+_BACK_OF_GATE = (
+    f"One-sided at five per cent: it passes, just. A policy exactly at the gate reaches "
+    f"{estimate('gate_bar'):.0f} or more with probability {estimate('gate_chance'):.1%}. "
+    f"Two-sided, the rate is {estimate('gate_low'):.0%} to {estimate('gate_high'):.0%}. Say which "
+    f"test you mean before the number. Better: {estimate('gate_trials'):.0f} trials, of which "
+    f"{estimate('gate_trials_bar'):.0f} must succeed."
+)
+_INSIGHTS = [
+    tomllib.loads((_CATALOGUE / name / "card.toml").read_text("utf-8"))["insight"]
+    for name in DRILLS
+]
+_ROWS, _WIDE = 8, 48  # lines and letters on a card
 NOBODY, WHEN_DUE, DAILY = range(3)
 # With which rating the four cards were rated first where you review them, and how many days ago.
 _FIRST = np.array([GOOD, EASY, HARD, GOOD])
 _AGO = np.array([0.5, 6.0, 1.8, 2.2])
 
 CONTROLS = Record(
-    card=menu("Drill", DRILLS, live=True),
-    turned=switch("turned", False, live=True),
+    card=menu("Question", _NAMED, live=True),
+    turned=switch("Revealed", False, live=True),
     reviewer=menu("Reviews by themselves", ("none", "when due", "every day")),
     rating=menu("Rated then", ("again", "hard", "good", "easy"), 2),
-    speed=slider("Speed", 1.0, 0.0, 10.0, 0.5, "days/s", live=True),
+    speed=slider("Speed", 0.0, 0.0, 10.0, 0.5, "days/s", live=True),
 )
 STATE = Record(
     time=Field(0.0, unit="days"),
+    answering=Field(0.0, unit="s"),
     since=Field(0.0, shape=(4,)),
     stability=Field(1.0, shape=(4,)),
     difficulty=Field(5.0, shape=(4,)),
     reviews=Field(0, shape=(4,)),
 )
 
-TITLE = "Flashcards of the coding drills"
+TITLE = "Mock interview questions against a timer"
 word, colour = draw.words_table(), draw.colours_table()
 
 
@@ -137,23 +157,37 @@ def _face(text: str) -> int:
     return word(*(lines + [" "] * (_ROWS - len(lines))))[0]
 
 
-_NAMES = word(*(card["title"] for card in _CARDS))[0]
-_FRONTS = np.array(
-    [
-        _face(
-            f"{card['teaches'].capitalize()}. {card['minutes']} minutes. Write it first: drills "
-            f"start {name}. Then turn the card: click on it."
-        )
-        for name, card in zip(DRILLS, _CARDS, strict=True)
-    ]
-)
-_BACKS = np.array([_face(card["insight"]) for card in _CARDS])
+_NAMES = word(
+    "Mock question: a gate",
+    "Mock question: forward kinematics",
+    "Mock question: RRT",
+    "Mock question: PID",
+)[0]
+_FRONTS = np.array([_face(f"{front} Answer aloud.") for front in _FRONT])
+_BACKS = np.array([_face(text) for text in (_BACK_OF_GATE, *_INSIGHTS)])
 _RATINGS = word("again", "hard", "good", "easy")[0]
-_SHORT = word(*DRILLS)[0]
-_DAYS, _CHANCE, _HEAD, _NOW, _STABLE, _HARD, _NEXT, _COUNT, _UNIT, _NEVER, _OF = word(
+_SHORT = word(*_NAMED)[0]
+(
+    _DAYS,
+    _CHANCE,
+    _HEAD,
+    _NOW,
+    _STABLE,
+    _HARD,
+    _NEXT,
+    _COUNT,
+    _UNIT,
+    _NEVER,
+    _OF,
+    _LEFT,
+    _SECONDS,
+    _REVEAL,
+    _STOPPED,
+    _RATE,
+) = word(
     "days since the last review",
     "chance to recall",
-    "How it is forgotten",
+    "How the answer is forgotten",
     "chance now",
     "stability",
     "difficulty",
@@ -162,16 +196,22 @@ _DAYS, _CHANCE, _HEAD, _NOW, _STABLE, _HARD, _NEXT, _COUNT, _UNIT, _NEVER, _OF =
     " days",
     "never rated",
     "all four, now",
+    "time left to answer",
+    " s",
+    "Reveal",
+    "revealed",
+    "How well did you know it?",
 )
 _PAPER, _BACK = colour("#eef3f7", "#fbe3c8")
 _CARD = (0.2, 4.4, 1.5, 4.6)
+_TIMER = (1.36, 1.44)  # bottom and top of the timer's bar, below the card
 _PLOT = (5.3, 8.8, 2.3, 4.4)
 _AT = (0.2, 1.0)  # of the buttons
 
 
 def initial(controls, state):
     """Set up the cards: rated some days ago where you review them, else never rated."""
-    state["time"] = 0.0
+    state["time"] = state["answering"] = 0.0
     if controls["reviewer"] == NOBODY:
         for k in range(4):
             rate(state, k, _FIRST[k])
@@ -193,7 +233,9 @@ def rate(state, k, rating):
 
 
 def advance(state, controls, seconds):
-    """Advance the simulation: days pass; whoever reviews by himself does it at the end of a day."""
+    """Advance the timer and the days; automatic reviews happen at the end of a day."""
+    if controls["reviewer"] == NOBODY and not controls["turned"]:
+        state["answering"] = min(state["answering"] + seconds, ALLOWED)
     remaining = seconds * controls["speed"]
     # Advance from one end of a day to the next: reviews happen there only.
     while remaining > 0.0:
@@ -217,7 +259,7 @@ def drag(controls, state, x, y):
 
 
 def grab(controls, state, x, y):
-    """Handle a press of the pointer: a click on the card turns it.
+    """Handle a press of the pointer: a click on the card, or on its Reveal, turns it.
 
     On a button it rates the card, once that is turned.
     """
@@ -234,20 +276,26 @@ def _rated(controls, state, rating):
     # A rating counts only after the answer was visible.
     if controls["turned"]:
         rate(state, controls["card"], rating)
-        controls["card"] = (controls["card"] + 1) % 4
-        controls["turned"] = 0
+        _deal(controls, state)
+
+
+@register_jitable
+def _deal(controls, state):
+    # The next question, with the whole time to answer it.
+    controls["card"] = (controls["card"] + 1) % 4
+    controls["turned"] = 0
+    state["answering"] = 0.0
 
 
 def press(controls, state, key):
-    """Handle a key: left turns the card, right takes the next.
+    """Handle a key: left reveals the answer, right takes the next question.
 
     The four keys -, down, up and + grade the answer again, hard, good and easy.
     """
     if key == 0:
         controls["turned"] = 1 - controls["turned"]
     elif key == 1:
-        controls["card"] = (controls["card"] + 1) % 4
-        controls["turned"] = 0
+        _deal(controls, state)
     else:
         _rated(controls, state, (GOOD, HARD, EASY, AGAIN)[key - 2])
 
@@ -276,6 +324,13 @@ def frame(pen, state, controls):
         draw.text(pen, left + 0.15, top - 0.6 - 0.27 * row, face + row, draw.INK, 12.0)
     if turned:
         draw.buttons(pen, _AT[0], _AT[1], _RATINGS, 4)
+        draw.text(pen, left + 0.15, 0.78, _RATE, draw.INK, 12.0)
+    else:
+        draw.buttons(pen, right - draw.BUTTON, bottom + 0.1, _REVEAL, 1)
+        # The bar shrinks with the time that is left, and turns orange near its end.
+        share = 1.0 - state["answering"] / ALLOWED
+        ink = draw.BLUE if share > 0.2 else draw.ORANGE
+        draw.box(pen, left, left + (right - left) * share, _TIMER[0], _TIMER[1], ink)
     known, since = state["stability"][k], state["since"][k]
     observed = state["reviews"][k] > 0
     # The chart shows two intervals at least, and the time since the last review.
@@ -297,6 +352,8 @@ def frame(pen, state, controls):
         ink = draw.BLUE if now >= WANTED else draw.ORANGE
         draw.box(pen, x, x + 0.7, 0.45, 0.45 + 0.7 * now, ink)
         draw.text(pen, x + 0.35, 0.25, _SHORT + one, draw.INK, 11.0, draw.CENTRE)
+    shown = _STOPPED if turned else 0
+    draw.reading(pen, _LEFT, ALLOWED - state["answering"], 0, _SECONDS, shown)
     never = 0 if observed else _NEVER
     draw.reading(pen, _NOW, recall(since, known), 2, 0, never)
     draw.reading(pen, _STABLE, known, 1, _UNIT, never)
@@ -306,10 +363,14 @@ def frame(pen, state, controls):
 
 
 PRESETS = {
-    "Work, turn, rate": Preset(
-        {}, "Four cards that were rated some days ago: the orange spot slides down, and below the "
-        "dashed line a card is asked again. Write the drill, then turn the card and rate how well "
-        "you knew it: the curve starts again, and falls more slowly."),
+    "Mock question": Preset(
+        {}, "Answer aloud while the blue bar runs out: a minute. Then click Reveal, compare, and "
+        "rate how well you knew it. The curve jumps at once to its new course, the number below it "
+        "says when you are asked again, and the next question starts its own minute."),
+    "Days pass": Preset(
+        {"speed": 1.0}, "A second is a day. Four answers that were rated some days ago: the orange "
+        "spot slides down, and below the dashed line the question is asked again. Reveal and rate "
+        "it: the curve starts again, and falls more slowly."),
     "Asked when due": Preset(
         {"reviewer": "when due", "speed": 5.0}, "Each review comes when nine in ten would still "
         "know it. The waits grow. How many reviews are there after sixty days?"),
@@ -325,6 +386,7 @@ PAPER = draw.Paper(TITLE, word, colour)
 
 # What each number below the picture means.
 READOUTS = {
+    "time left to answer": "Seconds of the minute in which you answer aloud.",
     "chance now": "Predicted probability that you recall this card now.",
     "stability": "Days until the chance of recall falls to 90 %.",
     "difficulty": "Difficulty of the card on the scheduler's scale from 1 to 10.",

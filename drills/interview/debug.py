@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import secrets
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from typing import Any
 
@@ -52,7 +52,7 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     except ValueError as error:
         raise click.BadParameter(f"{error}.") from None
     rejected: list[str] = []
-    verdict = _talk(session, case, rejected)
+    verdict = talk(session, case, rejected, _lines(session.terminal))
     payload: dict[str, Any] = {
         "scenario": name,
         "seed": case.case.seed,
@@ -67,17 +67,25 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     return session.finish(RIGHT if done else WRONG, payload)
 
 
-def _talk(
-    session: Session, case: scenarios.Diagnosis, rejected: list[str]
+def talk(
+    session: Session, case: scenarios.Diagnosis, rejected: list[str], lines: Iterable[str]
 ) -> scenarios.Verdict | None:
-    """Do what the lines say, until one of them concludes."""
+    """Do what the lines say, until one of them concludes; return the verdict, None if none does.
+
+    Args:
+        session: where it writes.
+        case: what is debugged.
+        rejected: gets what is said of lines that mean nothing.
+        lines: what is typed.
+    """
     one = scenarios.scenario(case.case.name)
     head = session.terminal.paint(one.title, "head")
     session.say(f"{head} (seed {case.case.seed})")
     session.wrap(one.prompt)
     session.say()
     probes = [(f"{probe.name} ({probe.minutes} min)", probe.what) for probe in one.probes]
-    named = [(cause.name, cause.words) for cause in one.causes]
+    named = [(cause.name, cause.words) for cause in scenarios.offered(case.case)]
+    named += [(scenarios.NONE, scenarios.NONE_WORDS)]
     named += [(repair.name, repair.words) for repair in one.repairs]
     shown: dict[str, Callable[[], None]] = {
         "probes": lambda: _rows(session, probes),
@@ -87,7 +95,7 @@ def _talk(
     shown["probes"]()
     session.say()
     _rows(session, list(WORDS.items()))
-    for line in _lines(session.terminal):
+    for line in lines:
         try:
             match line.split():
                 case ["quit"]:
@@ -133,15 +141,21 @@ def _print_verdict(session: Session, verdict: scenarios.Verdict) -> None:
     ):
         session.say()
         session.say(session.terminal.paint(title, "head"))
-        report = [
-            (
-                f"{row.probe} {row.figure:.3g} {row.unit}".rstrip(),
-                f"rules out {', '.join(row.ruled_out) or 'none'}; left: "
-                f"{', '.join(row.remaining) or 'none'}",
-            )
-            for row in rows
-        ]
-        _rows(session, report or [("no probe", "rules out none")])
+        if not rows:
+            session.say("  no probe: nothing is ruled out")
+        for row in rows:
+            _print_evidence(session, row)
+
+
+def _print_evidence(session: Session, row: scenarios.Row) -> None:
+    """Print what a probe showed, and what it would have shown under each cause."""
+    figure = f"{row.figure if abs(row.figure) > 1e-12 else 0.0:.3g} {row.unit}".rstrip()
+    session.say(f"  {session.terminal.paint(row.probe, 'head')} {figure}")
+    width = max((len(one.cause) for one in row.ranges), default=0)
+    for one in row.ranges:
+        fits = "fits" if one.explains(row.figure) else "ruled out"
+        session.say(f"    {one.cause:<{width}}  {scenarios.span(one):<20}  {fits}")
+    session.wrap(f"left: {', '.join(row.remaining) or scenarios.NONE}", "    ", "    ")
 
 
 def _data(verdict: scenarios.Verdict) -> dict[str, Any]:

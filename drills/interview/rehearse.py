@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import secrets
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import click
 
 from course import CHAPTERS, json_store
 from course.derivations.records import figure
-from course.interview import rehearsal
+from course.interview import rehearsal, scenarios
 from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
 from drills import cards as catalogue
 from drills import commands, task_text, workspace
 from drills.chapters import notebook_of
+from drills.feedback import clean
+from drills.interview import debug as debugging
 from drills.interview import deck, listen, read_line, store
+from drills.plain_math import plain
 from drills.progress import SOLVED
 from drills.session import RIGHT, Session, body, options
 from drills.terminal import OutputLost
 from drills.workspace import Misuse
 
+_TYPED = ("answer", "clarified", "reply")  # texts of an entry that come line by line
 EVERY = frozenset(chapter.number for chapter in CHAPTERS)
 
 
@@ -68,6 +74,19 @@ def pool(chosen: frozenset[int] = EVERY) -> dict[str, Item]:
     return {item.key: item for item in items}
 
 
+LONGEST = 50_000  # characters of an answer; an hour of speech has about as many
+OPEN = 5  # interviews that are not over and can still be resumed
+
+
+def waiting_input() -> bool:
+    """Return whether a terminal has more input already, as behind a text that was pasted."""
+    import select
+
+    if not sys.stdin.isatty():
+        return False
+    return bool(select.select([sys.stdin], [], [], 0.1)[0])
+
+
 @dataclass
 class Talk:
     """One interview in a terminal or a pipe.
@@ -77,12 +96,14 @@ class Talk:
         read_line: returns the next line that is typed; EOFError at the end.
         clock: the time, aware.
         editor: whether an editor can be opened.
+        waiting: whether there is input that was typed or pasted before it was asked for.
     """
 
     session: Session
     read_line: Callable[[], str] = read_line
     clock: Callable[[], datetime] = lambda: datetime.now(UTC)
     editor: bool = False
+    waiting: Callable[[], bool] = waiting_input
 
     def __post_init__(self) -> None:
         self.last_look = self.clock()
@@ -100,6 +121,8 @@ class Talk:
         weak |= {f"drill/{n}" for n, r in records if r.attempts and r.state != SOLVED}
         seed = secrets.randbits(32) if seed is None else seed
         items, last = list(pool(chosen).values()), set(past.last)
+        if parts == PARTS:
+            items = rehearsal.usual(items, minutes)
         if past.open:
             last |= {entry.key for entry in past.open[max(past.open)].items}
             self.session.notices.append("One is not over: drills interview --resume goes on.")
@@ -130,22 +153,54 @@ class Talk:
         return store.due(deck.deck(), reviews, self.last_look)
 
     def resume(self) -> None:
-        """Go on with the last interview that is not over."""
+        """Go on with the last interview that is not over, with the lines that came after it."""
         past = self.past()
         if not past.open:
             raise Misuse("No interview is waiting to go on. drills interview begins one.")
         self.interview = past.open[max(past.open)]
+        entries = {entry.key: entry for entry in self.interview.items}
+        with contextlib.suppress(OSError):
+            for row in self.journal.read_text("utf-8").splitlines() if self.journal else ():
+                with contextlib.suppress(ValueError, KeyError, TypeError):
+                    line = json.loads(row)  # the last one is cut if the machine has stopped
+                    entry, name = entries[line["key"]], str(line["name"])
+                    before = getattr(entry, name)
+                    if name in _TYPED and line["at"] == len(before):
+                        setattr(entry, name, f"{before}{line['line']}\n")
+                        entry.seconds = float(line["seconds"])
+
+    @property
+    def digits(self) -> str:
+        """The name of this interview in the names of its files."""
+        return re.sub("[^0-9]", "", self.interview.started)
+
+    @property
+    def journal(self) -> Path | None:
+        """The file to which each line is appended until the interview is written as a whole."""
+        return self.file and self.file.with_name(f"interviews-{self.digits}.lines")
 
     def store(self, edit: Callable[[Past], object]) -> None:
         """Change the file of the interviews; where that is not possible, it is said once."""
         try:
             _, notices = json_store.change(self.file, FORM, edit)
-        except json_store.Problem as problem:
+            if self.journal:
+                self.journal.unlink(missing_ok=True)  # its lines are in the file now
+        except (json_store.Problem, OSError) as problem:
             notices = (str(problem),)
         self.session.notices += [one for one in notices if one not in self.session.notices]
 
-    def book_time(self, entry: Entry) -> None:
-        """Book the time since the last look on an entry, and write all that was said."""
+    def begin(self) -> None:
+        """Write the draw, so that it is there whatever happens before the first line."""
+
+        def edit(past: Past) -> None:
+            past.open[self.interview.started] = self.interview
+            for name in sorted(past.open)[:-OPEN]:
+                del past.open[name]
+
+        self.store(edit)
+
+    def look(self, entry: Entry) -> None:
+        """Book the time since the last look on an entry."""
         now = self.clock()
         entry.seconds += max((now - self.last_look).total_seconds(), 0.0)  # clocks are set back
         self.last_look = now
@@ -153,13 +208,37 @@ class Talk:
         if interview.seconds > 60 * interview.minutes and not interview.over:
             interview.over = entry.title
             self.session.wrap("The time is over. This is noted, and nothing is cut off: go on.")
-        self.store(lambda past: past.open.update({interview.started: interview}))
+
+    def book_time(self, entry: Entry) -> None:
+        """Book the time since the last look on an entry, and write all that was said."""
+        self.look(entry)
+        self.store(lambda past: past.open.update({self.interview.started: self.interview}))
+
+    def add(self, entry: Entry, name: str, line: str) -> None:
+        """Add a line to a text and to the journal; one that is too long is refused."""
+        line = clean(line[: LONGEST + 1].rstrip())
+        text = getattr(entry, name)
+        if len(text) + len(line) >= LONGEST:
+            self.session.wrap(_too_long(len(text)))
+            return
+        setattr(entry, name, f"{text}{line}\n")
+        self.look(entry)
+        if self.journal is None:
+            return
+        row = {"key": entry.key, "name": name, "at": len(text), "line": line}
+        try:
+            self.journal.parent.mkdir(parents=True, exist_ok=True)
+            with self.journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({**row, "seconds": entry.seconds}) + "\n")
+        except OSError as error:
+            problem = f"{workspace.shown(self.journal)} can't be written: {error.strerror}."
+            self.session.notices += [problem] * (problem not in self.session.notices)
 
     def ask(self, text: str) -> None:
         """Put a question, with the time that is left."""
         remaining = self.interview.minutes - self.interview.seconds / 60
         self.session.say(f"\n{remaining:.0f} min left" if remaining > 0 else "")
-        self.session.wrap(self.session.terminal.paint(text, "head"))
+        self.session.wrap(self.session.terminal.paint(plain(text), "head"))
 
     def show(self, markdown: str) -> None:
         """Write Markdown."""
@@ -168,45 +247,119 @@ class Talk:
                 self.session.say(line)
 
     def take(self, entry: Entry, name: str) -> None:
-        """Take an answer: lines up to a dot or a blank one, or what an editor leaves."""
-        draft = self.folder / f"{re.sub('[^0-9]', '', self.interview.started)}.md"
-        text = getattr(entry, name)
-        self.show(text)  # before the terminal was killed
-        paths = " A blank line at once opens your editor." * self.editor
-        self.session.say(f"A blank line or a dot ends your answer.{paths}")
-        while (line := self.read_line().rstrip()) not in ("", "."):
-            text += f"{line}\n"
-            setattr(entry, name, text)
-            self.book_time(entry)
-        if self.editor and not text and not line:
-            draft.touch()  # what an editor that was killed has saved is there
-            click.edit(filename=str(draft))
-            setattr(entry, name, draft.read_text(encoding="utf-8", errors="replace"))
-            draft.unlink()
+        """Take an answer: lines up to a dot, or what an editor leaves; blank lines belong to it.
+
+        What was pasted behind the dot belongs to it too, and is taken for nothing else.
+        """
+        self.show(getattr(entry, name))  # before the terminal was killed
+        opens = " A first line of e opens your editor." * self.editor
+        how = f"A line with nothing but a dot ends your answer; blank lines belong to it.{opens}"
+        self.session.wrap(how)
+        blank = 0
+        while (line := self.read_line()).strip() != ".":
+            blank = 0 if line.strip() else blank + 1
+            if blank % 100 == 0 < blank:
+                self.session.wrap(how)  # also notices that nobody reads this any more
+            if blank > 2:
+                continue
+            if self.editor and line.strip() == "e" and not getattr(entry, name).strip():
+                self.edit(entry, name)
+                self.book_time(entry)
+                return
+            self.add(entry, name, line)
+        while self.waiting():
+            self.add(entry, name, self.read_line())
+        setattr(entry, name, getattr(entry, name).lstrip("\n"))
+        self.book_time(entry)
+
+    def edit(self, entry: Entry, name: str) -> None:
+        """Take an answer from an editor; one that is too long stays in its file."""
+        draft = self.folder / f"{self.digits}.md"
+        draft.touch()  # what an editor that was killed has saved is there
+        click.edit(filename=str(draft))
+        text = draft.read_text(encoding="utf-8", errors="replace")
+        if len(text) >= LONGEST:
+            self.session.wrap(f"{_too_long(0)} Your text is in {workspace.shown(draft)}.")
+            return
+        setattr(entry, name, clean(text))
+        draft.unlink()
+
+    def clarify(self, item: Item, entry: Entry) -> None:
+        """Have a candidate ask first, and reply; what has no reply is the candidate's to assume."""
+        self.show(entry.clarified)
+        self.session.wrap(
+            "First ask what you need to know, a question a line. A line with nothing but a dot "
+            "ends your questions."
+        )
+        while (line := self.read_line().strip()) != ".":
+            if not line:
+                continue
+            text = rehearsal.reply(item, clean(line[:LONGEST]))
+            text = item.fill(text, figure) or "That is yours to assume. Say what you assume."
+            self.session.wrap(plain(text), "  ", "  ")
+            self.add(entry, "clarified", f"* {line} *{text}*")
+        self.book_time(entry)
 
     def speak(self, item: Item, entry: Entry) -> None:
         """Ask one question: the answer, its marks, the follow-up, and then the model answer."""
         if not entry.answered:
             self.ask(item.title)
+            if item.clarify and not entry.answer:
+                self.clarify(item, entry)
             self.take(entry, "answer")
             entry.answered = True
+            entry.rubric = [item.fill(line, figure) for line in item.rubric]
             self.book_time(entry)
         levels = ", ".join(f"{i} {mark}" for i, mark in enumerate(MARKS))
         self.session.say(f"\nHow good was that? {levels}")
         hints = [f" [by its words {mark}]" for mark in item.aid(entry.answer)]
         for at in range(len(entry.marks), len(item.rubric)):
             line = item.fill(item.rubric[at], figure) + (hints[at] if hints else "")
-            self.session.wrap(line, "      ", f"  {at + 1:>2}. ")
+            self.session.wrap(plain(line), "      ", f"  {at + 1:>2}. ")
             while (mark := self.read_line().strip()) not in tuple("0123"):
                 self.session.say(f"      0 to {len(MARKS) - 1}")
             entry.marks.append(MARKS[int(mark)])
             self.book_time(entry)
         entry.score = rehearsal.share(entry.marks)
-        requested = rehearsal.follow_up(item, entry.marks)
+        requested = rehearsal.follow_up(item, entry.marks, self.interview.seed)
         entry.weakest, entry.asked = (item.fill(text, figure) for text in requested)
         self.ask(entry.asked)
         self.take(entry, "reply")
-        self.show(f"---\n\n{item.fill(item.answer, figure)}")
+        entry.model = self.model(item)
+        self.show(f"---\n\n{entry.model}")
+
+    def model(self, item: Item) -> str:
+        """Return the model answer, with what a candidate could have asked and what comes next."""
+        first = "\n".join(f"* {line}" for line in item.clarify)
+        after = "\n".join(f"* {line}" for line in item.follow_ups)
+        text = f"Ask first:\n\n{first}\n\n" * bool(first) + item.answer
+        text += f"\n\nWhat comes next:\n\n{after}" * (not item.paired)
+        return item.fill(text, figure)
+
+    def debug(self, item: Item, entry: Entry) -> None:
+        """Run a scenario, as `drills debug` does; what was typed before is done again."""
+        name, seed = item.key.removeprefix("scenario/"), self.interview.seed % 1000
+        self.ask(entry.title)
+        case = scenarios.diagnose(name, seed)
+
+        def lines() -> Iterator[str]:
+            yield from entry.answer.splitlines()
+            while True:
+                line = clean(self.read_line()[:LONGEST])
+                self.add(entry, "answer", line)
+                yield line
+
+        verdict = debugging.talk(self.session, case, [], lines())
+        entry.answered = True
+        self.session.say(f"drills debug {name} --seed {seed} runs it again.")
+        if verdict is None:
+            entry.model = f"Left open: `drills debug {name} --seed {seed}` runs it again."
+            return
+        sentences = verdict.sentences()
+        done = "pass" if verdict.points == 3 else "fail"
+        entry.attempts.append({"verdict": done, "sentence": sentences[-1]})
+        entry.score, entry.weakest = verdict.points / 3, sentences[0]
+        entry.model = verdict._repr_markdown_()
 
     def code(self, item: Item, entry: Entry) -> None:
         """Set a drill, graded as often as one likes, in a file of the interviews."""
@@ -236,23 +389,32 @@ class Talk:
             self.book_time(entry)
         entry.score = 1 / len(verdicts) if "pass" in verdicts else 0.0
         entry.weakest = item.rubric[0]
+        if "pass" in verdicts:
+            entry.model = f"```python\n{card.solution_text()}```"
+        else:
+            give_up = f"`drills solution {card.name} --give-up`"
+            entry.model = f"`drills hint {card.name}` helps; {give_up} shows the answer."
 
     def run(self) -> int:
         """Ask what is not over yet, and report."""
         items, session = pool(), self.session
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
+            entry = next(iter(self.interview.items), Entry("", "", 0, 0, ""))
+            self.begin()
             for entry in self.interview.items:
                 item = items.get(entry.key)
                 if item and not entry.done:
-                    (self.code if item.part == "coding" else self.speak)(item, entry)
+                    kind = item.key.partition("/")[0]
+                    ways = {"drill": self.code, "scenario": self.debug}
+                    ways.get(kind, self.speak)(item, entry)
                 elif item is None:
                     session.notices.append(f"The course no longer asks: {entry.title}")
                 entry.read = to_read(entry)
                 entry.done = True
                 self.book_time(entry)
             self.interview.cards_due = [card.key for card in self.due()]
-            path = self.folder / f"report-{re.sub('[^0-9]', '', self.interview.started)[:17]}.json"
+            path = self.folder / f"report-{self.digits[:17]}.json"
             result = {**asdict(self.interview), "seconds": self.interview.seconds}
             workspace.write_over(path, json.dumps(result, indent=2, ensure_ascii=False) + "\n")
             workspace.write_over(path.with_suffix(".md"), rehearsal.markdown(self.interview))
@@ -281,6 +443,12 @@ class Talk:
             session.say(f"{len(due)} cards are due: drills review")
         session.wrap(f"The report: {workspace.shown(path.with_suffix('.md'))}, also as .json")
         return session.finish(RIGHT, {"report": str(path.absolute()), **result})
+
+
+def _too_long(length: int) -> str:
+    """Return the sentence for a text that is refused behind so many characters."""
+    kept = f"The first {length:,} characters are kept, and this line is not."
+    return f"An answer has at most {LONGEST:,} characters. {kept if length else 'It is not kept.'}"
 
 
 def to_read(entry: Entry) -> str:

@@ -72,7 +72,7 @@ def table(*rows):
 # ## 1 · Concept: six boxes and a robot
 #
 # Every chapter of this course is about one part of a robot's software. This chapter is about what connects the parts.
-# The simulation above draws it as a graph of six boxes. Click them, and read what goes in and what comes out:
+# The simulation above draws it as a graph of six boxes and the robot. Click them to read what goes in and out:
 #
 # * The **simulation engine** takes torques and returns pictures and joint states. It stands for the robot (chapters 1
 #   to 4).
@@ -94,8 +94,9 @@ def table(*rows):
 predict("never_late")
 
 # %% [markdown]
-# The table lists the arrows with the largest bandwidth. `check_stack` tests the graph. It refuses a loop that does not
-# pass through the robot or its simulation, because such a loop would feed on its own output.
+# The table lists the arrows with the largest bandwidth. A function of this chapter, `check_stack`, tests the graph:
+# every loop has to pass through the robot or its simulation. The programs of any other loop would react only to each
+# other, and to nothing that happened in the world.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -108,9 +109,10 @@ table(
 )
 
 # %% [markdown]
-# Nearly all bytes belong to pictures, most messages to joint states, and only the loop between control and motors has
-# hard deadlines. These three facts decide where the programs run and how they talk to each other. The loop gets a
-# process of its own. The pictures stay on one computer. Everything else can be ordinary messages.
+# Nearly all bytes belong to pictures, nearly all messages to joint states and torques, and only the loop between
+# control and motors has hard deadlines. These three facts decide where the programs run and how they talk to each
+# other. The loop gets a process of its own. The pictures stay on one computer. Everything else can be ordinary
+# messages.
 #
 # ### How old is a command?
 #
@@ -120,8 +122,11 @@ table(
 #
 # Each program in this chain is a *stage*. A stage has an **execution time** $C$, from its start to its result. Most
 # stages also have a clock with a **period** $T$, and start whenever the clock ticks. When a stage starts, it takes the
-# newest result of the stage before it. The camera of this chapter takes 30 pictures per second, perception needs 45 ms
-# for each, the planner starts 10 times per second and needs 60 ms, and the joint loop runs at 1,000 Hz.
+# newest result of the stage before it.
+#
+# The chain of this chapter has three stages. *Perception* starts with each picture of a camera at 30 Hz and needs 45
+# ms. That is longer than the 33.3 ms between two pictures, so two workers take turns. The *planner* starts 10 times per
+# second and needs 60 ms. The *joint loop* runs at 1,000 Hz and needs 0.2 ms.
 
 # %%
 show("chain_age")
@@ -163,9 +168,9 @@ table(
 # %% [markdown]
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. A part on a belt at 0.3 m/s moves by $0.3 \cdot
-# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it. The formula assumes clocks that
-# run independently of each other. Clocks that are locked to each other, as after some of the changes in section 2, have
-# other means; section 6 shows them.
+# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it. This is the mean over all
+# phases that the clocks can have to each other. Clocks of their own run through all these phases while the robot works.
+# Clocks that are locked to each other keep one phase, and that run then has a mean of its own (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
@@ -193,8 +198,8 @@ show("polling_makes_fresh")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Information ages while it is worked on *and while it waits*. At each arrow it waits for half of the
-# interval at which it is produced, on average. The last command stays in force for half of the interval at which it is
-# renewed.
+# interval at which it is produced, on average. The last command, too, waits for the next one: at a random moment it has
+# been in force for half of the interval at which it is renewed.
 #
 # </div>
 #
@@ -211,9 +216,9 @@ show("polling_makes_fresh")
 show("reaction_is_age")
 
 # %% [markdown]
-# For the largest values this was shown by Günzel and others (ECRTS 2023), for nearly any scheduling. In practice: log
-# the age, because a time stamp that travels with the data is enough for it. State the requirement as a reaction time,
-# because that is what people mean.
+# Günzel and others (ECRTS 2023) proved that the largest data age equals the largest reaction time, for nearly any way
+# of sharing processors. In practice: log the age, because a time stamp that travels with the data is enough for it.
+# State the requirement as a reaction time, because that is what people mean.
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
@@ -226,8 +231,9 @@ predict("where_to_spend")
 # %% [markdown]
 # What can be changed? Besides a faster clock or a shorter execution there are two other ways to run a stage:
 #
-# * A stage that starts **on arrival** of its input has no clock, so its input never waits. In a chain of such stages
-#   only the wait for the camera's clock remains.
+# * A stage that starts **on arrival** of its input has no clock. If it is faster than its input comes, the input never
+#   waits. If it is slower, it starts whenever it is free, with the newest input. If all stages are fast enough, the
+#   only period left in the chain is the camera's: a command is in force until the next picture has passed through.
 # * **Pipelined** workers begin with a new sample before the last one is finished, as two cooks do with two orders.
 #   Results come more often; a single sample takes as long as before.
 #
@@ -242,7 +248,7 @@ predict("where_to_spend")
 options = spend(CHAIN)
 table(
     ("stage", "change", "saves [ms]", "additional cores"),
-    *((o.stage, o.change, f"{1000 * o.gain:.2f}", f"{o.load:+.2f}") for o in options),
+    *((o.stage, o.change, f"{1000 * o.gain:.1f}", f"{o.load:+.2f}") for o in options),
 )
 
 # %% [markdown]
@@ -254,8 +260,11 @@ table(
 # With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
 # **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
 # $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only use the
-# mean age, and the scatter of the age adds an error of its own. A control loop through the chain pays in another
-# currency: at the frequency $f$ it loses $2\pi f A$ of phase, and with the phase its stability (chapter 6).
+# mean age, and the scatter of the age adds an error of its own to either of the two.
+#
+# If a control loop runs through the chain, age costs it stability: its answer to a swing of $f$ cycles per second comes
+# too late by the share $f A$ of a cycle, which is the angle $2\pi f A$, called **phase**. An answer that comes half a
+# cycle too late drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -263,7 +272,7 @@ figure_, axes = plt.subplots(figsize=(8, 3.0), layout="constrained")
 for name, row, style in (
     ("used as it came", 0, "-"),
     ("predicted, a = 1 m/s²", 1, "--"),
-    ("additional error without stamps, rms", 2, ":"),
+    ("without stamps: added to either, rms", 2, ":"),
 ):
     _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
 _ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="a mean age of 172 ms")
@@ -275,13 +284,13 @@ paid = cost(report, 0.3, 1.0, bandwidth=1.0)
 table(
     ("at 0.3 m/s", "error"),
     ("used as it came", f"{1000 * paid.held:.0f} mm"),
-    ("predicted with the age of each sample", f"{1000 * paid.predicted:.0f} mm"),
+    ("predicted with each sample's age, a = 1 m/s²", f"{1000 * paid.predicted:.0f} mm"),
     ("additional, without stamps", f"{1000 * paid.unstamped:.0f} mm rms"),
     ("phase that a loop of 1 Hz loses", f"{np.degrees(paid.phase):.0f} degrees"),
 )
 
 # %% [markdown]
-# ### What one builds with
+# ### What the boxes are built with
 #
 # The boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
 # What to do next, and after a failure, is often written as a **behaviour tree**, a tree whose nodes succeed, fail or
@@ -312,8 +321,8 @@ table(
 source(role.read, role.Trace.age, role.Trace.reaction)
 
 # %% [markdown]
-# A chain is data, so you can change it and compare the closed form with 300 simulated starts. Here the planner starts
-# when it is free and a pose is there:
+# A chain is a list of stages. Change one of them, and compare the formula of section 1, the **closed form**, with 300
+# simulated runs, each with random phases. Here the planner starts when it is free and a pose is there:
 
 # %% tags=["show-code"]
 chain = [
@@ -324,22 +333,23 @@ chain = [
 chain[1] = replace(chain[1], overload="queue")
 rng = np.random.default_rng(1)
 ages = [
-    simulate(chain, rng.random(3), seconds=2.0).age(rng.uniform(1.0, 2.0, 20)) for _ in range(300)
+    simulate(chain, rng.random(3), seconds=2.0).age(rng.uniform(0.8, 2.0, 20)) for _ in range(300)
 ]
 print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(ages):.1f} ms")
 
 # %% [markdown]
-# The two differ by about 4 ms, and this is not chance. The planner now needs 60 ms for a plan, and pictures come every
-# 33.3 ms. These times are to each other as 9 to 5, and the first plan starts with a pose. So planner and camera are
-# locked to each other, and only five different waits occur. The closed form averages over all waits. Section 6 comes
-# back to this.
+# The two differ by about 3 ms, and this is not chance. The planner now starts every 60 ms, and pictures come every 33.3
+# ms: five plans take as long as nine pictures. The first plan starts with a pose, and after 300 ms everything repeats.
+# So a pose waits for 0, 6.7, 13.3, 20 or 26.7 ms, which is 13.3 ms on average. The closed form takes half a period of
+# the camera instead, 16.7 ms, because it averages over all waits. Section 6 comes back to this.
 #
 # ## 4 · The simulation in full
 #
 # Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
 # a box it is worked on; on an arrow it waits. The bars are the distribution of all ages in forty seconds, and the
-# dashed lines are the closed form: least, mean and bound. Take the presets one after another. Before each of them, say
-# what the bars will do. The third one, for example:
+# dashed lines are the closed form: least, mean and bound. Its clocks differ a little from their nominal rates, as real
+# ones do, so that all phases occur; the switch *all clocks from one* locks them. Take the presets one after another,
+# and say what the bars will do before you look. The preset *Deep queue*, for example:
 
 # %%
 predict("queue_of_ten")
@@ -349,7 +359,7 @@ predict("queue_of_ten")
 #
 # There are two ways to compute a mean age: the closed form, and an event simulation that is started with many random
 # phases. How many starts does the simulation need? The chart compares them on this chapter's chain. The reference is
-# an average over a regular grid of phases.
+# an average over a regular grid of phases. Its own error is what the point of the closed form shows.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -391,8 +401,9 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 # ### Clocks on two computers: what an offset does
 #
 # Time stamps help only if the computers agree on the time. If the camera's computer is 5 ms ahead of the controller,
-# every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. No
-# statistic of the log shows it, because all stamps are shifted by the same amount.
+# every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All stamps
+# are shifted by the same amount, so the scatter of the ages looks as usual. The log shows an offset only when it is so
+# large that ages become impossible: less than the execution times, or negative.
 #
 # Computers set their clocks over the network. One asks the other for the time, and notes when the question left and
 # when the answer came. It doesn't know how much of the delay belongs to the way there and how much to the way back,
@@ -410,29 +421,34 @@ figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
 events = [(0.0, 0), (0.9, 1), (1.2, 1), (1.5, 0)]  # time, computer
 for (a, i), (b, j) in ((events[0], events[1]), (events[2], events[3])):
     _ = axis.annotate("", (b, j), (a, i), arrowprops={"arrowstyle": "->", "color": BLUE})
-for k, (t, who) in enumerate(events):
-    _ = axis.plot(t, who, "o", color=ORANGE)
-    _ = axis.text(t + 0.02, who + (0.1 if who else -0.1), f"$t_{k}$", va="bottom" if who else "top")
+for k, (t, speaker) in enumerate(events):
+    _ = axis.plot(t, speaker, "o", color=ORANGE)
+    _ = axis.text(
+        t + 0.02,
+        speaker + (0.1 if speaker else -0.1),
+        f"$t_{k}$",
+        va="bottom" if speaker else "top",
+    )
 _ = axis.text(0.33, 0.5, "slow way there, $d_1$", ha="right")
 _ = axis.text(1.42, 0.5, "fast way back, $d_2$")
-for who, name in ((0, "asks"), (1, "answers")):
-    _ = axis.hlines(who, -0.05, 2.05, color=GREY, lw=0.8, zorder=0)
-    _ = axis.text(-0.1, who, name, ha="right", va="center")
+for speaker, name in ((0, "asks"), (1, "answers")):
+    _ = axis.hlines(speaker, -0.05, 2.05, color=GREY, lw=0.8, zorder=0)
+    _ = axis.text(-0.1, speaker, name, ha="right", va="center")
 _ = axis.set(xlim=(-0.4, 2.1), ylim=(-0.45, 1.45), xlabel="true time", yticks=(), xticks=())
 plt.show()
 
 # %% [markdown]
 # **NTP** (Network Time Protocol, RFC 5905) works like this. It takes its stamps in software, so every wait in the
 # operating system looks like network delay. **PTP** (Precision Time Protocol, IEEE 1588) takes them in the network
-# card, and the switches on the way report their own delays. That removes most of the unequal part, but every device on
-# the way has to take part. For a camera there is a third way: a **trigger line**, a wire that tells the camera when to
+# card, and the switches on the way report their own delays. That removes most of the unequal part, if every device on
+# the way takes part. For a camera there is a third way: a **trigger line**, a wire that tells the camera when to
 # expose. The computer that drives the wire knows the time of capture without any network.
 #
 # Ask two questions about each sensor. Which clock made its stamp? And at what moment: at the middle of the exposure, at
 # the end of the readout, or when the driver received the picture? A stamp from the driver makes every picture look
-# younger than it is, by exposure and transfer. Also note the rule for averages: clocks of independent computers drift
-# through all phases, so section 1's mean holds. Clocks that are synchronised by PTP or by a trigger are locked, and
-# then the phase decides.
+# younger than it is, by readout and transfer and a part of the exposure. And which mean applies? Independent clocks run
+# through all phases, so over many minutes the mean of section 1 holds. Clocks that are synchronised by PTP or by a
+# trigger keep one phase, and it decides.
 #
 # ### Queues
 #
@@ -444,12 +460,13 @@ show("deep_queue")
 
 # %% [markdown]
 # In overload every choice loses something. You can skip samples, use several workers, or let a queue drop samples. A
-# queue without a limit is no choice, because the age then grows as long as the robot runs. The table shows a stage that
-# needs 60 ms for each picture of a 30 Hz camera:
+# queue without a limit is no choice, because the age then grows as long as the robot runs. In the table a camera stage
+# of 5 ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each. The rule *skip* drops what
+# comes while the stage is busy. The rule *queue* starts again with the oldest sample in the queue:
 
 # %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)
-rows = [("rule", "depth", "mean age [ms]", "cores")]
+rows = [("rule", "queue depth", "mean age of both [ms]", "cores")]
 for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
     busy = [camera, Stage("slow", 0.060, None, depth, rule)]
     rows.append((rule, depth, f"{1000 * age(busy).mean:.0f}", f"{load(busy):.2f}"))
@@ -603,8 +620,8 @@ answer("deep_queue", "d*T")
 predict("gold_plated_table")
 
 # %% [markdown]
-# Tables like this one appear in many courses. No source is known for it, so read it as an illustration of what people
-# hope for, and don't repeat its numbers:
+# This table stands in the lesson that this course began with. It names no source, so read it as an illustration of what
+# people hope for, and don't repeat its numbers:
 #
 # | | without simulation | with simulation |
 # |---|---|---|
@@ -635,14 +652,24 @@ simulation("development")
 #
 # </details>
 #
-# How certain is a success rate? It depends on the number of tries. The interval in the table is Wilson's, at 95 %:
+# How certain is a success rate? It depends on the number of tries. The table gives Wilson's interval, which holds the
+# true rate in about 95 of 100 such experiments:
 
 # %% tags=["hide-code"]
-rows = [("observed", "tries", "95 % interval of the rate")]
-for tried in (15, 100, 10_000):
-    low, high = wilson(0.87 * tried, tried)
-    rows.append(("87 %", f"{tried:,}", f"{100 * low:.1f} to {100 * high:.1f} %"))
+rows = [("successes", "rate", "95 % interval of the rate")]
+for good, tried in ((13, 15), (87, 100), (8700, 10_000)):
+    low, high = wilson(good, tried)
+    rows.append(
+        (
+            f"{good:,} of {tried:,}",
+            f"{100 * good / tried:.1f} %",
+            f"{100 * low:.1f} to {100 * high:.1f} %",
+        )
+    )
 table(*rows)
+
+# %% [markdown]
+# And what do 20 ms of delay cost a control loop? Phase, in proportion to the frequency that the loop has to follow:
 
 # %% tags=["hide-code"]
 table(
@@ -672,17 +699,18 @@ table(*rows)
 
 # %% [markdown]
 # The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends,
-# and the age between them is that of a single stage. Chunks of actions (Zhao and others, RSS 2023) make the interval of
-# this stage the time between two observations. A **digital twin**, a simulation that runs beside the robot and follows
-# its joint states, is one more reader of an arrow, with a data age of its own.
+# and the age between them is that of a single stage. A policy that returns a chunk of actions (Zhao and others, RSS
+# 2023) executes it until the next observation, so the interval of this stage is the time between two observations. A
+# **digital twin**, a simulation that runs beside the robot and follows its joint states, is one more reader of an
+# arrow, with a data age of its own.
 #
 # ## 10 · Interview
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *"I built X, which made Y possible. I tested it by simulation Z and ran it on W."* This is a good
-# frame if each letter stands for a number that you can defend: what was measured, against what, and how often. Say what
-# it did *not* do before you are asked.
+# frame if you put a number behind Y, Z and W and can defend it: what was measured, against what, and how often. Say
+# what it did *not* do before you are asked.
 #
 # </div>
 #
@@ -714,7 +742,8 @@ interview("role")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page; you can derive them from what is. The gate opens when all three are right.
+# Three formulas that are not on this page; you can derive them from what is. The third needs one more fact: the
+# integral of a swing lags behind it by a quarter of a cycle. The gate opens when all three are right.
 
 # %%
 checkpoint(

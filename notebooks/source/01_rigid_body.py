@@ -691,8 +691,8 @@ for axes_ in panels[1]:
 for axes_ in panels[:, 0]:
     axes_.set(ylabel="position")
 plt.show()
-for name, off in missed.items():
-    print(f"{name:<20} end of the step off by {off:+.3f}")
+for name, error in missed.items():
+    print(f"{name:<20} end of the step off by {error:+.3f}")
 # %% [markdown]
 # The column *area* is explained in the next section.
 #
@@ -1063,7 +1063,7 @@ tasks = {
     "MuJoCo": ("collisions", "sensors", "controller", "forces", "integrate"),
 }
 figure_, axes_ = plt.subplots(figsize=(10, 2.2), layout="constrained")
-for row, (who, names) in enumerate(reversed(tasks.items())):
+for row, (component, names) in enumerate(reversed(tasks.items())):
     for column, name in enumerate(names):
         colour = {"collisions": "tab:red", "integrate": "tab:blue"}.get(name, "0.6")
         axes_.add_patch(plt.Rectangle((2 * column, row), 1.6, 0.6, color=colour, alpha=0.35))
@@ -1074,7 +1074,7 @@ for row, (who, names) in enumerate(reversed(tasks.items())):
             (2 * column + 1.6, row + 0.3),
             arrowprops={"arrowstyle": "->"},
         )
-    axes_.text(-0.2, row + 0.3, who, ha="right", va="center")
+    axes_.text(-0.2, row + 0.3, component, ha="right", va="center")
 axes_.text(10.1, 0.8, "next\nstep", va="center")
 axes_.set(
     xlim=(-1.8, 10.9),

@@ -21,21 +21,21 @@ predict("gentle_pull")
 simulation("touch")
 # %% [markdown]
 # The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
-# perpendicular to the floor (*normal*) against its part along the floor (*tangential*). Each point is the contact force
-# on one box. The two slanted lines are the largest friction. Between them friction can hold the box. Section 2 explains
-# *ω h*.
+# perpendicular to the floor (*normal*) against its part along the floor (*tangential*, positive to the right). The two
+# slanted lines mark the largest friction that each normal part allows. A box whose point lies on a line slides; between
+# the lines it sticks or creeps. Section 2 explains *ω h*.
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
-# approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces to ten digits. You need chapter 1,
-# matrices, and Python with NumPy.
+# approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces to ten digits, given its own estimate of
+# the masses. You need chapter 1, matrices, and Python with NumPy.
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation or a chart.
-# Some cards show a statement, which you judge: true, false, or true only under a condition. **MuJoCo**, in many of
-# them, is a widely used free simulator. Derivations are folded away. You can rerun all checks of this page with `python
-# -m course.derivations 2`. The code is the package `course.contact`. Five exercises wait in section 8:
+# Each section explains an idea, asks you a question about it, and then shows the answer. Some cards show a statement,
+# which you judge: true, false, or true only under a condition. **MuJoCo**, in many of them, is a widely used free
+# simulator. `python -m course.derivations 2` reruns all checks of this page. The code is the package `course.contact`.
+# Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -90,8 +90,8 @@ show("aabb_all_axes")
 # Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes by
 # their lower end along one axis and walks through the sorted list. For each box, it tests the boxes that follow in the
 # list, and stops at the first one that begins after this box ends. A **uniform grid** divides space into cells and
-# tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D and in the
-# collision library Coal, nests boxes in larger boxes and skips whole groups.
+# tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D, nests boxes in
+# larger boxes and skips whole groups.
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
@@ -113,9 +113,9 @@ for kind, name in names.items():
 # %% [markdown]
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
 # Reusing the sorted order of the last step saves only the sorting. (An *incremental* sweep also keeps the list of
-# overlapping pairs, so it saves tests too.) The left chart counts tests. For its dashed line all boxes moved by 1 % of
-# their size: it counts the swaps of neighbours that sort the old list again. The right chart shows measured times, also
-# MuJoCo's. The powers of $N$ are fitted slopes:
+# overlapping pairs, so it saves tests too.) The solid lines in the left chart count tests. For the dashed line, all
+# boxes move by 1 % of their size. To restore the sorted order you swap neighbours; the line counts the swaps. The right
+# chart shows measured times, also MuJoCo's. The powers of $N$ are fitted (in the cards, to another range of $N$):
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 # %%
@@ -163,9 +163,10 @@ show("gjk_minkowski")
 # For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found, which it
 # first completes to a triangle or tetrahedron around the origin. It takes the face nearest to the origin (in the plane,
 # the edge) and computes the support point in the direction of its outward normal. It removes the faces that this point
-# can see, and joins the point to the rim of the hole. When the support point already lies on the nearest face, EPA
-# stops: the distance of that face from the origin is the depth, and its normal is the contact normal. Step through
-# both:
+# can see, those that have the point on their outer side, and joins the point to the rim of the hole.
+#
+# When the support point already lies on the nearest face, EPA stops: the distance of that face from the origin is the
+# depth, and its normal is the contact normal. Step through both:
 # %%
 simulation("simplex")
 # %% [markdown]
@@ -186,7 +187,7 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
     result = contact.distance(triangle, [0.0, 0.0, 0.0], brick, pose)
     print(
         f"signed distance {float(result.distance):7.4f} m, normal {result.normal.round(3)}, "
-        f"{result.iterations} iterations"
+        f"iterations: {result.iterations}"
     )
 # %% [markdown]
 # <details><summary>An independent check: separating axes</summary>
@@ -204,8 +205,9 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 # The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
 # other. Each corner of the polygon that remains becomes a contact point.
 #
-# GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid.
-# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts.
+# GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid. A
+# **convex decomposition** cuts such a shape into convex pieces before the simulation starts. How many pieces is a
+# compromise between speed and accuracy that somebody has to choose.
 # %%
 show("concave_mesh_is_its_hull")
 # %%
@@ -231,14 +233,15 @@ simulation("touch", "Tunnelling")
 # bound on their approach speed. So advance time by that much, measure the distance again, and repeat until the distance
 # is within a tolerance. No impact is skipped, however long the step.
 #
-# The second kind hardly depends on the step, as long as the step is short compared with the contact's time constant.
-# You need a stiffer contact or a thicker wall.
+# The second kind hardly depends on the step, as long as the step is short compared with the contact's **time
+# constant**, roughly the time in which a soft contact pushes bodies apart (section 2 defines it). You need a stiffer
+# contact or a thicker wall.
 #
-# In the chart, a ball that is *checked once a step* follows the sloping geometric limit $(2r+w)/h$. The level line is
-# the predicted speed at which the ball gets past the middle of the wall. *MuJoCo, default* stays near it at every step.
-# *MuJoCo, speculative* creates the contact one step before the shapes touch. At long steps the ball never passed
-# (triangles at the top right); at short steps the look-ahead is too short to help. A ball that is *advanced to the
-# impact* never passed at any step (triangles at the top):
+# The chart shows the lowest speed at which the ball passes. If overlap is *checked once a step*, that speed lies at the
+# geometric limit $(2r+w)/h$, the sloping line. The dotted line is the predicted speed at which the ball gets past the
+# middle of the wall. With *MuJoCo, default*, the first or second tested speed above this line passes, at every step.
+# *MuJoCo, speculative* creates the contact one step before touch, which helps only at long steps. A ball that is
+# *advanced to the impact* never passed. (A triangle at the top says that no tested speed passed.)
 #
 # ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %%
@@ -247,8 +250,8 @@ more_claims("circles_once_a_step", "soft_wall")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and only at one moment: what happens
-# between two steps it does not see. In place of a shape that is not convex it sees the **convex hull**, the smallest
-# convex shape around it, and returns the normals of the hull.
+# between two steps it does not see. GJK, and MuJoCo with its meshes, see the **convex hull** of a shape, the smallest
+# convex shape around it, and return the normals of the hull. (Other engines test meshes triangle by triangle.)
 #
 # </div>
 # %% [markdown]
@@ -262,9 +265,8 @@ more_claims("circles_once_a_step", "soft_wall")
 #
 # $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \;}$$
 #
-# Nothing has to be solved: you evaluate the formula and integrate. (Hunt and Crossley let the damping grow with the
-# depth: they replace $b$ by $b\,\delta$, so the force starts from zero at touch.) But a body at rest always overlaps.
-# Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
+# Nothing has to be solved: you evaluate the formula and integrate. (Hunt and Crossley replace $b$ by $b\,\delta$.) But
+# a body at rest always overlaps. Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
 # Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
 # damper both push; on the way out, the damper works against the spring. The area of the loop is the energy that the
@@ -274,6 +276,11 @@ simulation("penalty_spring")
 # %% [markdown]
 # Look at the $\max$. While the bodies separate, $u_n$ is positive, and the damper's part pulls them *together*. As long
 # as the sum of both is a push, nothing is wrong. If the sum is a pull, the $\max$ sets it to zero.
+#
+# How strong is a damper? A spring $k$ with a mass $m$ oscillates at the angular frequency $\omega = \sqrt{k/m}$, and
+# the **damping ratio** is $\zeta = b/(2m\omega)$. Below 1, the mass swings past the position where the spring is
+# relaxed, for a contact where the bodies just touch. At 1, **critical damping**, or above, a mass released at rest only
+# approaches it.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
@@ -290,14 +297,13 @@ show("damping_makes_things_stick")
 # $$f_t = -\mu f_n\,\min\!\Big(1, \frac{\lvert u_t\rvert}{v_s}\Big)\,\frac{u_t}{\lvert u_t\rvert}.$$
 #
 # This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why the
-# blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for ever. (A
-# spring along the surface, anchored where the contact began, holds a load without sliding; Cundall and Strack 1979.)
+# blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for as long
+# as the pull lasts. (A spring along the surface holds a load without sliding; Cundall and Strack 1979.)
 #
 # ### How large a step a stiff spring allows
 #
-# Things sink too deep, so you increase the stiffness. Then the simulation explodes. A spring $k$ with a mass $m$
-# oscillates at the angular frequency $\omega = \sqrt{k/m}$. A numerical integrator follows an oscillation only while
-# its steps are short compared with the period.
+# Things sink too deep, so you increase the stiffness. Then the simulation explodes. A numerical integrator follows an
+# oscillation only while its steps are short compared with the period, $2\pi/\omega$.
 # %%
 predict("hundred_times_stiffer")
 # %% [markdown]
@@ -305,16 +311,21 @@ predict("hundred_times_stiffer")
 # %%
 simulation("touch", "Explosion")
 # %% [markdown]
-# The largest stable step, with the **damping ratio** $\zeta = b/(2m\omega)$:
+# The largest stable step. The damper acts on the velocity from *before* the step, as in the formula for $f_n$ above:
 #
-# | scheme | without damping | with damping |
+# | scheme | without damping | with this damper |
 # |---|---|---|
 # | explicit Euler | none is stable | $h\omega < 2\zeta$ for $\zeta\le1$ |
 # | semi-implicit Euler | $h\omega < 2$ | $h\omega < 2(\sqrt{1+\zeta^2}-\zeta)$ |
 #
-# **Worked example.** A gripper pad of 100 kN/m holds a part of 1 kg. $\omega = \sqrt{100\,000/1} = 316$ rad/s, so
-# semi-implicit Euler is stable below $2/316 = 6.3$ ms. With critical damping, $\zeta = 1$, the limit is $0.83/316 =
-# 2.6$ ms. In practice, use a tenth of that. The limit holds while the bodies stay in touch. A body that bounces can
+# <details><summary>A worked example: a gripper pad</summary>
+#
+# A gripper pad of 100 kN/m holds a part of 1 kg. $\omega = \sqrt{100\,000/1} = 316$ rad/s, so semi-implicit Euler is
+# stable below $2/316 = 6.3$ ms. With critical damping, $\zeta = 1$, the limit is $0.83/316 = 2.6$ ms.
+#
+# </details>
+#
+# In practice, use a tenth of the limit. It holds while the bodies stay in touch. A body that bounces can
 # gain energy even at a step below the limit.
 #
 # <details><summary>Derive it: three tasks with hints and solution</summary>
@@ -350,14 +361,17 @@ simulation("touch", "Explosion")
 # Then $1 + \text{trace} + \det = 4 - 4\zeta\omega h - (\omega h)^2$, which is zero at $\omega h =
 # 2(\sqrt{1+\zeta^2} - \zeta)$; without a damper at 2.
 #
+# A damper that acts on the velocity *after* the step has the opposite effect: the limit of semi-implicit Euler rises to
+# $h\omega < 2(\sqrt{1+\zeta^2}+\zeta)$. MuJoCo treats the damping of joints like this.
+#
 # **Key insight.** Damping from the old velocity helps explicit Euler up to $\zeta = 1$, and it always hurts
 # semi-implicit Euler.
 #
 # </details>
 # </details>
 #
-# Three formulas to practise:
-# <span class="kernel-only">Replace the text in quotes until the check accepts it.</span>
+# Three formulas to practise: <span class="kernel-only">Replace the formula in quotation marks until the check accepts
+# it.</span>
 # %%
 answer("semi_implicit_limit", "sqrt(m/k)")
 # %%
@@ -365,8 +379,9 @@ answer("contact_limit_explicit", "1000*sqrt(1/100000)")
 # %%
 answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
-# (The simulation of the falling mass shows this limit as a dashed curve.) In the upper panels the measured limits
-# coincide with the formulas. The lower panel is MuJoCo's soft contact, explained later.
+# In the next chart a small deviation grows per step (orange) or shrinks (purple). The measured limit between both lies
+# on the dashed formula. With explicit Euler, damping raises the limit up to $\zeta = 1$ and lowers it beyond. The lower
+# panel is MuJoCo's soft contact; a fold-out below returns to it.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -467,7 +482,9 @@ answer("potential_of_contact", "k*c")
 # The last condition is Signorini's for one step: the gap after the step, $\phi + h\,u_n$, must not be negative. (If
 # bodies overlap already, this would remove the whole overlap in one step. What engines do instead comes below.)
 # %% [markdown]
-# **Worked example: one block.** A block of 1 kg lies on the floor. It can move along $x$ and $z$, so $v = (v_x, v_z)$
+# <details><summary>A first worked example: one block</summary>
+#
+# A block of 1 kg lies on the floor. It can move along $x$ and $z$, so $v = (v_x, v_z)$
 # and $M$ is the identity (in kg). The step is 10 ms. The contact has a normal row (velocity along $z$) and a
 # tangential row (along $x$):
 #
@@ -477,6 +494,8 @@ answer("potential_of_contact", "k*c")
 #
 # Without contact the block would fall at 9.81 m/s² · 10 ms = 0.0981 m/s. The gap is 0, so the normal condition is
 # $0 \le p_n \perp p_n - 0.0981 \ge 0$, and $p_n = 0.0981$ N s. Divided by the step that is 9.81 N: the weight.
+#
+# </details>
 #
 # %% [markdown]
 # **Worked example: a stack of two.** A block of 2 kg lies on top of the block of 1 kg. We look at vertical motion
@@ -602,9 +621,10 @@ simulation("touch", "Slip", still=0.15)
 # of radius $\mu f_n$ has become a square that stands on its corner.
 #
 # Two things follow. Between two of its corners the square lies inside the circle, so friction is weaker there: at 45
-# degrees by the factor $1/\sqrt 2$. And Coulomb's friction takes as much energy as the allowed forces permit; the
-# pyramid keeps this rule. Inside the circle, the strongest braking force is the one straight against the motion. Inside
-# the square, it is one of the four corners: of full size, but along $x$ or $y$ instead of against the motion.
+# degrees by the factor $1/\sqrt 2$. The direction changes too. Coulomb's law picks, of all allowed forces, the one that
+# brakes most, and a solver with a pyramid picks by the same rule, but from other forces. Inside the circle, the force
+# that brakes most is the one straight against the motion. Inside the square, it is one of the four corners: of full
+# size, but along $x$ or $y$ instead of against the motion.
 # %%
 predict("braking_between_edges")
 # %% [markdown]
@@ -625,13 +645,17 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # ### Solving it: projected Gauss-Seidel
 #
 # An engine has a millisecond to find the impulses of a hundred contacts. Projected **Gauss-Seidel** (PGS) does it one
-# contact at a time, always with the latest impulses of all the others. At each contact it treats the normal row first,
-# then the two tangential rows. For row $i$:
+# contact at a time, always with the latest impulses of all the others. The velocity of row $i$ is $u_i = (J v_f)_i +
+# \sum_j A_{ij}\,p_j$; in a normal row with an open gap, add $\phi/h$. At each contact:
 #
-# 1. Compute its velocity: $u_i = (J v_f)_i + \sum_j A_{ij}\,p_j$. In a normal row with an open gap, add $\phi/h$.
-# 2. Change its impulse so that this velocity would vanish: $p_i \leftarrow p_i - u_i/A_{ii}$.
-# 3. Project. For the normal row: $p_n \leftarrow \max(0, p_n)$. After both tangents: if the vector $p_t$ is longer
-#    than $\mu p_n$, shorten it to that length.
+# 1. Normal: change the impulse so that $u_n$ would vanish, and project it: $p_n \leftarrow \max(0,\; p_n -
+#    u_n/A_{nn})$.
+# 2. Tangents: compute both velocities again, and change both impulses against them, $p_t \leftarrow p_t - u_t/a$. The
+#    number $a$ is the same for both rows, at least the larger eigenvalue of their $2\times2$ block of $A$.
+# 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
+#
+# With one number $a$, the shortened $p_t$ ends up parallel to $u_t$: friction points straight against the sliding.
+# Divided by two different $A_{ii}$, it would not.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -643,7 +667,7 @@ for sweep in range(1, 9):
         velocity = A[i] @ p + b[i]
         p[i] = max(0.0, p[i] - velocity / A[i, i])
     if sweep in (1, 2, 4, 8):
-        print(f"after {sweep} sweeps: p = {p.round(4)} N s  (solution 0.2943, 0.1962)")
+        print(f"after sweep {sweep}: p = {p.round(4)} N s  (solution 0.2943, 0.1962)")
 # %% [markdown]
 # Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now the lower
 # block stands still and the upper one still falls, so contact 2 gets $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower
@@ -667,11 +691,13 @@ predict("heavy_on_light")
 # open, and changes the guess for one contact at a time (a *pivot*) until all conditions hold.
 #
 # For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of the
-# contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$, with any
-# mass $\rho$, and go to the nearest point of the cone. If this gives $p$ again, $p$ satisfies Coulomb's law: $p =
-# \operatorname{proj}(p - \rho\,\tilde u)$. The left side minus the right side is the **natural map**, and Newton's
-# method searches for its zero. Each iteration solves a linear system. On this chapter's stacks it takes a few
-# iterations at any mass ratio. Elsewhere it may need more, or fail.
+# contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$ and go to
+# the nearest point of the cone; $\rho$ is any positive number, in kg, so that $\rho\,\tilde u$ is an impulse. If this
+# gives $p$ again, $p$ satisfies Coulomb's law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left
+# side minus the right side is the **natural map**, and Newton's method searches for its zero.
+#
+# Each iteration solves a linear system. On this chapter's stacks a few are enough at any mass ratio.
+# Elsewhere it may need more, or fail.
 #
 # A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest violation
 # of the contact law, as a velocity. (The iterations of different methods do not cost the same.)
@@ -686,7 +712,7 @@ for name, options in (
 ):
     line = solve(name, pile, **options)
     state = "solved" if line.residual < 1e-9 else f"residual {line.residual:.0e} m/s"
-    print(f"100 kg on 1 kg, {labels[name]:<18} {line.iterations:4d} iterations: {state}")
+    print(f"100 kg on 1 kg, {labels[name]:<18} iterations {line.iterations:4d}: {state}")
 # %%
 more_claims("iterations_50_to_100")
 # %% [markdown]
@@ -697,10 +723,10 @@ more_claims("iterations_50_to_100")
 #
 # **Baumgarte stabilisation** asks for a separating velocity that removes a share $\beta$ of the depth $\delta$ in one
 # step: $u_n \ge \beta\,\delta/h$. In this course $\beta$ is called `recovery` and is 0.2. Look at the $h$ in the
-# denominator. A block that starts 1 cm deep must leave at $0.2 \cdot 0.01 / h$. What does a shorter step do to that
+# denominator. A ball that starts 1 cm deep must leave at $0.2 \cdot 0.01 / h$. What does a shorter step do to that
 # speed?
 # %% tags=["hide-code"]
-print("a block that starts 10 mm deep, at rest: its speed after one step [m/s]")
+print("a ball that starts 10 mm deep, at rest: its speed after one step [m/s]")
 print(f"{'step':>8} {'Baumgarte':>11} {'bounded':>9} {'split impulse':>15}")
 deep = scenes.ball_drop(-0.01)
 for dt in (1e-2, 1e-3, 1e-4):
@@ -710,7 +736,7 @@ for dt in (1e-2, 1e-3, 1e-4):
     ((_, v),) = split_impulse_steps(deep, dt, 1, model="lcp")
     print(f"{1e3 * dt:5.1f} ms {free:11.2f} {bounded:9.2f} {v[0]:15.2f}")
 # %% [markdown]
-# Ten times shorter steps eject the block ten times as fast. This is why the advice "just reduce the step" can make
+# Ten times shorter steps eject the ball ten times as fast. This is why the advice "just reduce the step" can make
 # things worse, and why engines bound (cap) this speed. Here the bound, `max_recovery_speed`, is 1 m/s. MuJoCo's soft
 # contact, in purple, pushes the ball out at a low speed that depends little on the step:
 #
@@ -722,8 +748,8 @@ for dt in (1e-2, 1e-3, 1e-4):
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force $f$, the condition may be
-# violated by the speed CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$) $p$, so CFM$/h$ is added to
+# the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force $f$, the bodies may go on
+# approaching at the speed CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$) $p$, so CFM$/h$ is added to
 # the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore
 # stable at every step:
 #
@@ -739,18 +765,20 @@ for dt in (1e-2, 1e-3):
     )
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
-# steps. Macklin and colleagues (2019) found that this usually works better: a sub-step of half the length makes a
-# quarter of the error, and there are twice as many, so half the error remains. PhysX's **TGS** (temporal Gauss-Seidel)
-# works like this. So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the
-# positions, moves them out of the overlaps contact by contact, and takes the velocity from the change of position. The
-# table is about 100 kg on 1 kg. Each row solves the same number of contacts:
+# steps. Macklin and colleagues (2019) found that this usually works better. The position error that one sub-step makes
+# is proportional to the square of its length. Half the length makes a quarter of the error, twice as often, so half of
+# it remains. The **TGS** (temporal Gauss-Seidel) of the engine PhysX works like this.
+#
+# So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them
+# out of the overlaps contact by contact, and takes the velocity from the change of position. Here 100 kg lie on 1 kg.
+# Each line visits every contact equally often per step:
 # %% tags=["hide-code"]
 heavy = scenes.tower([1.0, 100.0])
 print("100 kg on 1 kg for 0.5 s, XPBD: deepest penetration")
 for substeps, iterations in ((1, 20), (4, 5), (20, 1)):
     run = xpbd_steps(heavy, 1e-2, 50, substeps=substeps, iterations=iterations)
     depth = max(-(heavy.jacobian[:, 0] @ q).min() for q, _ in run)
-    print(f"{substeps:4d} sub-steps with {iterations:2d} iterations each: {1e3 * depth:6.2f} mm")
+    print(f"sub-steps {substeps:2d}, sweeps in each {iterations:2d}: {1e3 * depth:6.2f} mm")
 # %% [markdown]
 # Four of these corrections on one scene. A ball of 1 kg starts at rest, 1 cm deep in the ground; the step is 1 ms:
 # %% tags=["hide-code"]
@@ -792,7 +820,7 @@ for name, height in heights.items():
 # |---|---|---|---|
 # | Bullet 3 | PGS on impulses, 10 sweeps, warm start | Baumgarte with a share of 0.2; split impulse beyond 4 cm | `btContactSolverInfo.h` |
 # | ODE | LCP by pivots (`dWorldStep`) or sweeps (`dWorldQuickStep`) | ERP 0.2, CFM 1e-10 (double precision); speed bound optional | ODE manual, World |
-# | PhysX 5 | PGS, or TGS, whose iterations are sub-steps; Isaac Lab chooses TGS | speed bound per body (`setMaxDepenetrationVelocity`) | `PxSceneDesc.h`, `PxImmediateMode.h`; Isaac Lab, PhysX configuration |
+# | PhysX 5 | PGS, or TGS, whose iterations are sub-steps; Isaac Lab, a framework for robot learning, chooses TGS | speed bound per body (`setMaxDepenetrationVelocity`) | `PxSceneDesc.h`, `PxImmediateMode.h`; Isaac Lab, PhysX configuration |
 # | Box2D 3 | sweeps in sub-steps, usually 4 | contact spring of 30 Hz and damping ratio 10; at most 3 m/s | `types.c`; Catto, *Solver2D*, 2024 |
 # | MuJoCo 4 | convex, on accelerations: Newton, CG (conjugate gradients) or PGS | a spring and damper per contact, explained below | MuJoCo documentation, Computation |
 # | Drake | convex, on velocities, with its solver SAP (section 9) | compliant point contact, or hydroelastic contact (section 9) | `multibody_plant_config.h`; Castro et al. 2022 |
@@ -807,13 +835,14 @@ for name, height in heights.items():
 # reliable methods to find it.
 #
 # The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must also
-# separate at $u_n = \mu\,u_t$. Then the step is a minimisation. For closed contacts, those with gap zero:
+# separate, at $u_n = \mu\,u_t$ or faster. Then the step is a minimisation. For closed contacts, those with gap zero:
 #
 # $$\text{minimise}\quad \tfrac12\,(v - v_f)^{\mathsf T} M\,(v - v_f) \qquad\text{so that}\qquad
 # u_n \ge \mu\,\lVert u_t\rVert \text{ at every contact.}$$
 #
-# So the new velocity is the allowed one nearest to $v_f$, if distance is weighted with the masses. The problem is
-# strictly convex, so $v$ is unique. The impulses need not be: the four legs of a table can share the load in many ways.
+# So the new velocity is the allowed one nearest to $v_f$, if distance is weighted with the masses. At the minimum, a
+# contact that carries a force and slides has exactly $u_n = \mu\,u_t$. The problem is strictly convex, so $v$ is
+# unique. The impulses need not be: the four legs of a table can share the load in many ways.
 # %%
 predict("block_that_hops")
 # %% [markdown]
@@ -824,11 +853,12 @@ show("mujoco_is_convex_and_unique")
 # %% [markdown]
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
-# In MuJoCo, each contact has several **rows**. With elliptic cones there is a normal row and one per direction of
-# friction. With pyramids there is no separate normal row, but two rows for each direction of friction. A rigid row
-# would have exactly the acceleration $a_{\text{ref}}$ that a spring and a damper would cause. A soft row gives way in
-# proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact. With the row's
-# velocity $u$ and its position error $r$ (the gap for a normal row, always 0 for friction):
+# In MuJoCo, a contact has one or several **rows**. With elliptic cones there is a normal row and one per direction of
+# friction. With pyramids there is no separate normal row, but two rows for each direction of friction. Each row asks
+# for a reference acceleration $a_{\text{ref}}$, that of a spring and a damper. It gets less than that in proportion to
+# its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact; with $R = 0$ the row would get
+# exactly what it asks for. With the row's velocity $u$ and its position error $r$ (the gap for a normal row, always 0
+# for friction):
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R} \ \text{ within the cone}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
@@ -840,13 +870,12 @@ show("mujoco_is_convex_and_unique")
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k$ and $b$. The default (0.02 s, 1) gives a
 #   critically damped spring that settles in about a tenth of a second.
-# * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. By default it rises
-#   from 0.9 to 0.95 over the first millimetre.
+# * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. The width is the depth
+#   from which $d$ no longer rises. By default $d$ rises from 0.9 to 0.95 over the first millimetre.
 # * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction yields less than the normal
 #   direction. (With pyramids there are no separate friction rows, and the manual advises against large values.)
 # * **condim** is the number of directions in which the contact has a force: 1 is the normal alone, 3 adds sliding
-#   friction, 4 adds friction against spinning, 6 adds rolling friction. With elliptic cones that is the number of
-#   rows. With pyramids there are two rows for each direction of friction.
+#   friction, 4 adds friction against spinning, 6 adds rolling friction.
 #
 # Drag the impedance curve or change solref, and watch how a body of 1 kg lands and how deep it rests:
 # %%
@@ -877,11 +906,18 @@ for condim in (1, 3, 4, 6):
 # %%
 show("condim_4_is_the_full_cone")
 # %% [markdown]
+# <details><summary>How large a step MuJoCo's contact allows: refsafe</summary>
+#
 # MuJoCo's spring, like any spring whose force is evaluated before the step, has a largest stable step. With solref,
 # $\omega = 1/(\zeta T)$, so the limit of the step for one contact is $2\zeta T(\sqrt{1+\zeta^2}-\zeta)$. The flag
-# *refsafe*, on by default, raises $T$ to at least two steps. This makes stiff settings softer than you asked for. With
-# $T = 2h$ a single contact is stable if $\zeta > 1/\sqrt 8 \approx 0.35$: insert it into the limit. Bodies that touch
-# at several points need more. At the default, $\zeta = 1$, all scenes of this chapter are stable.
+# *refsafe*, on by default, raises $T$ to at least two steps. This makes stiff settings softer than you asked for.
+#
+# Is $T = 2h$ enough? Set it in the limit above and solve for $\zeta$: a single contact is stable if $\zeta > 1/\sqrt 8
+# \approx 0.35$. The lower panel of the chart of step limits shows it: left of the dotted ratio, the same steps
+# fail with refsafe and without; right of it, refsafe keeps every step stable. Bodies that touch at several points need
+# more damping. At the default, $\zeta = 1$, all scenes of this chapter are stable.
+#
+# </details>
 #
 # ### Creep and sinking: the price of softness
 #
@@ -943,12 +979,15 @@ predict("push_that_starts_too_slow")
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
 # Two remedies give a derivative before touch. **Randomised smoothing** averages over runs with noise on the parameter
-# and needs only function values. An **interior-point** relaxation lets force times gap be a small number instead of
-# zero, so that a little force acts at a distance. (In the chart the relaxation is so small that the extra force is
-# invisible.) Both derivatives are slightly biased.
+# and needs only function values. Its points scatter, since each is an estimate. An
+# **interior-point** relaxation lets force times gap be a small number instead of zero, so that a little force acts at a
+# distance. Both pay with a bias: they spread the jump at touch over a range of
+# speeds, and the interior point, strong in this chart, overshoots at high speeds. (Where the penalty's line leaves the
+# frame, its final position jumps.)
 #
-# The right panel shows something worse than zero. If a simulator applies a bounce at the end of its step, here the
-# derivative has the wrong sign. Compare a gradient with finite differences, with several sizes of the change.
+# The right panel shows something worse than zero: a simulator that applies a bounce at the end of its step. The true
+# position rises with the initial distance, but the stepped curve falls between its jumps: its derivative has the wrong
+# sign. Compare a gradient with finite differences, with several sizes of the change.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -974,7 +1013,7 @@ plt.show()
 # | stage | input | output | cost |
 # |---|---|---|---|
 # | broad phase | bounding boxes, the sorted order of the last step | pairs whose boxes overlap | grows faster than $N$; use a grid for many equal bodies |
-# | filters | pairs | pairs that may collide (no parent and child, no sleeping bodies) | almost none |
+# | filters | pairs | pairs that may collide (no parent and child; no *sleeping* bodies, which rest and are skipped) | almost none |
 # | narrow phase | shapes and poses | points, normals, depths | little for spheres, far more for polytopes and meshes |
 # | constraints | contacts, $M$, $v$, $h$ | $J$, $A$, target velocities | grows with the contacts; each **island**, a group of bodies in contact, is solved on its own |
 # | solver | $A$, $J v_f$, cones, impulses of the last step | impulses and a residual | sweeps, or Newton iterations that factor a matrix |
@@ -1007,7 +1046,7 @@ for model in ("lcp", "pgs", "coulomb", "convex"):
     print(f"{model:<9} {r.signorini:10.3f} m/s {r.cone:10.3f} N s {1e3 * r.dissipation:13.1f} mJ")
 # %% [markdown]
 # The pyramid dissipates too little. The convex model violates Signorini, because the block hops. The true cone does
-# neither.
+# neither, by sweeps or with Newton's method.
 # %%
 more_claims("mujoco_is_velocity_level")
 # %% [markdown]
@@ -1051,7 +1090,8 @@ for model in contact.MODELS:
 #
 # <details><summary>Answers</summary>
 #
-# (1) The blue one. It slides at the slip speed times the pull's share of $\mu f_n$. (2) Its growth ends once $\omega h$
+# (1) The blue one. At first it slides at the slip speed times the pull's share of $\mu f_n$; near the hand the pull
+# fades, and so does the speed. (2) Its growth ends once $\omega h$
 # is below 2, because the preset has no damping. (3) The depth, $mg/k$, falls to a seventeenth; the largest stable step,
 # which goes as $1/\sqrt k$, to a quarter.
 #
@@ -1062,13 +1102,15 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. Each is the
-# smallest scene that answers its question. *Where does a block stop* (tolerance 2 mm), if it is pushed off at 22.5° to
-# the $x$ axis, between the edges of the pyramid? *How far does a block slide* down a slope (tolerance 1 mm)? *How deep
-# does a light body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)?
+# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. *Where does a
+# block stop* (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid? *How far
+# does a block slide* down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1 mm)? *How
+# far does a held glass slip* (1 mm)?
 #
-# A **work-precision diagram** plots the error against the computing time, one point per step size. Down and to the
-# left is better. The *pick* is the cheapest run within the tolerance. Drag the tolerance and switch methods on:
+# A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
+# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
+# the upper edge is a failed run. The *pick*, circled, is the cheapest run within the tolerance (dotted). Drag the
+# tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1113,13 +1155,14 @@ print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm"
 TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
-# centimetres at every step. (The bodies have not come to rest by then, so the depth differs from the resting depth in
-# section 2.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance:
+# centimetres at every step. (They have not come to rest by then.) A **hardened** contact (solref of 4 ms, solimp near
+# 1, impratio 100) is within the tolerance. The penalty's error tends to its own depth, $mg/k$:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
-# A held glass. By default it creeps in MuJoCo. At long steps it creeps faster; at short steps the speed no longer
-# depends on the step. Hardened, it creeps too, but stays within the tolerance except at the longest steps:
+# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. At long steps it creeps
+# faster; at short steps the speed no longer depends on the step. Hardened, it creeps too, but stays within the
+# tolerance except at the longest steps.
 #
 # ![How far a held glass slips, error against cost](../docs/charts/contact_glass.png)
 #
@@ -1132,8 +1175,8 @@ TradeOff(mine)
 # ### All models on all scenes
 #
 # All models take steps of 2 ms; *good* means an error within the scene's tolerance. The *compiled loop* is the
-# course's sweep, compiled and started warm. *Discrete* is the MuJoCo integrator of that name. `python -m
-# course.charts contact_table` measures the table again and checks each sentence under it.
+# course's sweep, compiled and started warm. *Discrete* is a MuJoCo integrator that is implicit in positions and
+# velocities. `python -m course.charts contact_table` measures it again.
 # %% tags=["hide-code"]
 rows = [line for line in read("contact_table").splitlines() if line[:8].strip() in charts.QUESTIONS]
 retained = ("penalty", "exact", "true cone (N", "MuJoCo Newton, elliptic ", "MuJoCo Newton, hard")
@@ -1146,26 +1189,33 @@ figures(
 # %% tags=["hide-code"]
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
-# Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models,
-# whose step is a few lines of NumPy. Iterations are the mean per step. In *heavy*, the compiled loop needs far
-# fewer sweeps than section 2 predicts, because it starts warm.
+# Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models, in
+# NumPy. Iterations are the mean per step.
 #
-# **The narrow phase compared with Coal**, the collision library that Pinocchio uses, one pair at a time. The bars show
-# Coal's time divided by the course's; for the light bars (*poses in the loop*), Coal's time includes building its pose
-# objects. The lower chart compares error and time for two boxes whose faces are aligned, almost aligned, or turned at
+# <details><summary>The narrow phase compared with Coal</summary>
+#
+# Coal is the collision library that Pinocchio uses. The bars show Coal's time divided
+# by the course's; for the light bars (*poses in the loop*), Coal's time includes building its pose objects. The course
+# answers one compiled call for all pairs; Coal, with both tolerances at 1e-12, is called from Python once per pair. Two
+# spheres need almost no arithmetic, so their bars mainly show what such a call costs, not how fast Coal is. The lower
+# chart compares error and time for two boxes whose faces are aligned, almost aligned (turned by 1e-8 rad), or turned at
 # random. *Points* means the convex hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
+#
+# </details>
 # %%
 more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# * **A robot arm, or learning at scale:** a soft convex model such as MuJoCo's. It is fast and has one answer. Use the
+# * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
 #   one.
-# * **Stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
-#   pivots. Sweeps are fine if light bodies stand on heavy ones and stacks are low.
+# * **Learning in thousands of worlds:** measure the throughput; this chapter does not.
+# * **Small stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
+#   pivots. Sweeps are fine if light bodies stand on heavy ones and
+#   stacks are low.
 # * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you
 #   accept.
 # * **Games:** ten sweeps with a warm start, or one sweep in each of several sub-steps. The motion looks right.
@@ -1208,14 +1258,15 @@ for mu in (1.0, 2.0):
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
-# pulling: clip the force at zero. If it is positive, look for a margin, for adhesion that somebody set, or for a second
-# contact. If it is zero and the bodies still stick, there is friction without a normal force: the code used an old or
-# wrong one.
+# pulling: clip the force at zero. If it is positive, look for a margin (a distance at which the contact already acts),
+# for adhesion that somebody set, or for a second contact. If it is zero and the bodies still stick, there is friction
+# without a normal force: the code used an old or wrong one.
 #
 # </div>
 #
 # MuJoCo has two parameters for its buffers: `nconmax` is the number of contacts that fit, `njmax` the number of
-# constraint rows. You will read that you should enlarge them when contacts stick:
+# constraint rows. No formula of section 2 contains them. Yet you will read that you should enlarge them when contacts
+# stick:
 # %%
 show("nconmax_helps")
 # %% [markdown]
@@ -1249,9 +1300,9 @@ more_claims("mujoco_timer")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function
-# on new random cases. It says what is wrong and, if it recognises the mistake, why. In a terminal the same run is
-# `drills start aabb` and `drills check aabb`.
+# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function on
+# new random cases and says what is wrong, often also why. In a terminal the same run is `drills start aabb` and `drills
+# check aabb`.
 #
 # ### Two axis-aligned boxes
 #
@@ -1336,10 +1387,9 @@ check(impact_time)
 # %% [markdown]
 # ### A Gauss-Seidel sweep with friction
 #
-# A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*,
-# onto its nearest point. Repeated until nothing changes, this sweep solves the convex relaxation, in which a sliding
-# contact also separates. The sweep of section 2 projects the normal impulse first and then shortens friction, and
-# solves Coulomb's law.
+# A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*, onto
+# its nearest point. Repeated until nothing changes, this sweep solves the convex relaxation. The sweep of section 2
+# solves Coulomb's law where it converges, but nothing guarantees that it does.
 # %%
 card("pgs_sweep")
 
@@ -1416,8 +1466,8 @@ answer("more_friction_holds_the_glass", "m*g/F")
 #
 # | work | source | idea |
 # |---|---|---|
-# | SAP, in Drake | Castro, Permenter and Han 2022 | compliant contact as an unconstrained convex problem that is solved in every step |
-# | hydroelastic contact | Elandt et al. 2019; Masterjohn et al. 2022 | pressure fields inside the bodies; a contact is a surface, and its force changes continuously with the pose |
+# | SAP, in Drake | Castro, Permenter and Han 2022 | compliant contact as an unconstrained convex problem |
+# | hydroelastic contact | Elandt et al. 2019; Masterjohn et al. 2022 | pressure fields inside the bodies; the force changes continuously with the pose |
 # | incremental potential contact | Li et al. 2020 | a barrier on the distance: nothing ever passes, steps can be large, each is a nonlinear solve |
 # | Dojo | Howell et al. 2022 | rigid contact with an interior-point method; gradients of the softened problem |
 # | smoothing for planning | Suh et al. 2022; Pang et al. 2023 | what randomised and analytic smoothing have in common; plans through contact |
@@ -1449,7 +1499,8 @@ for how in ("rigid", "randomised"):
 # continuous point contact is a penalty. *Rubber on plastic has 0.8 to 1.2*: this is a property of two surfaces, their
 # load and their speed. Tilt your own pair until it slides.
 #
-# *V-HACD gives 3 to 8 pieces*: that is a parameter of the tool, and it depends on the mesh. *Hydroelastic contact
+# *V-HACD, a tool for convex decomposition, gives 3 to 8 pieces*: that number is a parameter, and it depends on the
+# mesh. *Hydroelastic contact
 # replaces hard contact by smooth pressure*: its authors say so; Drake is not run here, and it offers point contact as
 # well. *Contact solvers are PGS and ADMM*: Pinocchio ships one of each. ADMM is not part of this chapter, because it
 # solves the problem that Newton's method solves here; Newton, CG and pivots are missing from that list.

@@ -920,10 +920,14 @@ turn = np.linspace(0, 2 * np.pi, 200)
 axis.plot(np.cos(turn), np.sin(turn), label="circle (Coulomb)")
 axis.plot([1, 0, -1, 0, 1], [0, 1, 0, -1, 0], label="inscribed pyramid")
 axis.plot([1, 1, -1, -1, 1], [-1, 1, 1, -1, -1], label="box")
-way = np.array([np.cos(np.pi / 8), np.sin(np.pi / 8)])
-axis.annotate("", 1.5 * way, (0, 0), arrowprops={"arrowstyle": "->", "lw": 2})
-axis.text(*(1.35 * way + (0.0, 0.2)), "motion", fontsize=8)
-for point, colour in ((-way, "C0"), (np.array([-1.0, 0.0]), "C1"), (np.array([-1.0, -1.0]), "C2")):
+direction = np.array([np.cos(np.pi / 8), np.sin(np.pi / 8)])
+axis.annotate("", 1.5 * direction, (0, 0), arrowprops={"arrowstyle": "->", "lw": 2})
+axis.text(*(1.35 * direction + (0.0, 0.2)), "motion", fontsize=8)
+for point, colour in (
+    (-direction, "C0"),
+    (np.array([-1.0, 0.0]), "C1"),
+    (np.array([-1.0, -1.0]), "C2"),
+):
     axis.annotate("", point, (0, 0), arrowprops={"arrowstyle": "->", "color": colour, "lw": 2})
 _ = axis.set(xlim=(-1.6, 1.8), ylim=(-1.5, 1.9), aspect="equal", xticks=[], yticks=[])
 axis.legend(fontsize=7, loc="upper left")

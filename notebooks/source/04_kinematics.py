@@ -111,9 +111,15 @@ for axis, title in zip(axes, ("a frame in each joint", "two conventions for q2")
     _ = axis.set(xlim=(-0.3, 1.9), ylim=(-0.2, 1.8))
 for i, heading in enumerate((posture[0], posture.sum(), posture.sum())):
     for turn, colour in ((0.0, "tab:red"), (np.pi / 2, "tab:green")):
-        way = 0.25 * np.array([np.cos(heading + turn), np.sin(heading + turn)])
+        heading_arrow = 0.25 * np.array([np.cos(heading + turn), np.sin(heading + turn)])
         _ = axes[0].quiver(
-            *joints[:, i], *way, color=colour, angles="xy", scale_units="xy", scale=1, zorder=5
+            *joints[:, i],
+            *heading_arrow,
+            color=colour,
+            angles="xy",
+            scale_units="xy",
+            scale=1,
+            zorder=5,
         )
     _ = axes[0].text(*(joints[:, i] + [0.1, -0.13]), ("joint 1", "joint 2", "tip")[i])
 _ = axes[1].plot([joints[0, 1], 1.6 * joints[0, 1]], [joints[1, 1], 1.6 * joints[1, 1]], "k:")
@@ -616,13 +622,13 @@ here = np.array([a[at], curve[at]])
 row = jacobian(two, here)[0]
 along = np.array([row[1], -row[0]]) / np.linalg.norm(row)
 along = along * np.sign(along[0])
-there = here + 0.6 * along
-row = jacobian(two, there)[0]
-back = there + row * (1.2 - tip(two, there)[0]) / (row @ row)
+end = here + 0.6 * along
+row = jacobian(two, end)[0]
+back = end + row * (1.2 - tip(two, end)[0]) / (row @ row)
 figure_, axes = plt.subplots(figsize=(6.8, 3.8), layout="constrained")
 _ = axes.plot(a, curve, color="#3b6ea5", label="all solutions with x = 1.2 m")
-_ = axes.plot(*np.column_stack([here, there]), "o-", color="tab:orange", label="null-space step")
-_ = axes.plot(*np.column_stack([there, back]), "o-", color="tab:green", label="one IK step")
+_ = axes.plot(*np.column_stack([here, end]), "o-", color="tab:orange", label="null-space step")
+_ = axes.plot(*np.column_stack([end, back]), "o-", color="tab:green", label="one IK step")
 _ = axes.set(xlabel="q1 [rad]", ylabel="q2 [rad]", title="the null space is only the tangent")
 _ = axes.legend(loc="lower left")
 plt.show()

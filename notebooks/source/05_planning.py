@@ -62,7 +62,7 @@ def table(*rows):
 
 def key(chart, pattern):
     """Return the groups of each line of a chart's key figures that matches a pattern."""
-    return [found.groups() for found in re.finditer(pattern, read(chart), re.M)]
+    return [match.groups() for match in re.finditer(pattern, read(chart), re.M)]
 
 
 def obstacles(axis, world):
@@ -1102,8 +1102,8 @@ VERSIONS = {
     "earlier paths too": "with earlier paths added to it",
 }
 ladder = {
-    (name.strip(), shelf): (f"{solved} of {asked}", *(x.replace("inf", "none") for x in spent))
-    for name, shelf, solved, asked, *spent in key(
+    (name.strip(), shelf): (f"{solved} of {goals}", *(x.replace("inf", "none") for x in spent))
+    for name, shelf, solved, goals, *spent in key(
         "shelf_ladder",
         r"^(.{17}) still (open|tight) +(\d+) of +(\d+), ms: median +(\S+), 99 % +(\S+);",
     )
@@ -1541,13 +1541,13 @@ at_ = np.insert(np.cumsum(np.linalg.norm(np.diff(clean), axis=0)), 0, 0.0)
 clean = np.array([np.interp(t, at_ / at_[-1], row) for row in clean])
 noise = rng.standard_normal(clean.shape)
 noise[:, [0, -1]] = 0.0
-for axis, keep in zip(axes, (0.1, 0.6, 0.95, 1.0), strict=True):
+for axis, share in zip(axes, (0.1, 0.6, 0.95, 1.0), strict=True):
     obstacles(axis, scene.world)
-    mixed = np.sqrt(keep) * (clean - 5.0) + np.sqrt(1.0 - keep) * 2.5 * noise + 5.0
+    mixed = np.sqrt(share) * (clean - 5.0) + np.sqrt(1.0 - share) * 2.5 * noise + 5.0
     mixed[:, [0, -1]] = clean[:, [0, -1]]
     _ = axis.plot(*mixed, ".-", color=BLUE, lw=0.8, ms=3)
     ends(axis, scene.start, scene.goal)
-    bare(axis, f"{1 - keep:.0%} of the variance is noise" if keep < 1 else "no noise left")
+    bare(axis, f"{1 - share:.0%} of the variance is noise" if share < 1 else "no noise left")
 plt.show()
 
 # %% [markdown]

@@ -1148,7 +1148,7 @@ normal, tangent = np.array([-np.sin(tilt), np.cos(tilt)]), np.array([np.cos(tilt
 ends = np.array([-2.0 * tangent, 2.0 * tangent])
 _ = axis.plot(*ends.T, color="0.3", lw=3)
 _ = axis.fill(*np.array([*ends, ends[1] - 0.5 * normal, ends[0] - 0.5 * normal]).T, color="#d9d4ca")
-for end, ink, text, off in (
+for end, ink, text, offset in (
     (1.2 * normal, "C1", "normal: control force\n(the table fixes the velocity, 0)", (-0.25, 0.0)),
     (
         1.2 * tangent,
@@ -1160,8 +1160,8 @@ for end, ink, text, off in (
     _ = axis.annotate(
         "", end, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "color": ink, "lw": 2.5}
     )
-    side = "right" if off[0] < 0 else "left"
-    _ = axis.text(*(end + off), text, color=ink, fontsize=9, ha=side, va="center")
+    side = "right" if offset[0] < 0 else "left"
+    _ = axis.text(*(end + offset), text, color=ink, fontsize=9, ha=side, va="center")
 _ = axis.plot(0.0, 0.0, "ko")
 _ = axis.set(xlim=(-4.2, 4.6), ylim=(-1.3, 1.9), aspect="equal")
 _ = axis.axis("off")

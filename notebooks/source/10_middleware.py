@@ -160,9 +160,9 @@ talks = {
 }
 for axis, (name, arrows) in zip(axes, talks.items(), strict=True):
     left = "publisher" if name == "topic" else "client"
-    for x, who in ((0, left), (1, "subscriber" if name == "topic" else "server")):
+    for x, participant in ((0, left), (1, "subscriber" if name == "topic" else "server")):
         _ = axis.plot([x, x], [0, -1], color=GREY, lw=2)
-        _ = axis.text(x, 0.06, who, ha="center", fontsize=9)
+        _ = axis.text(x, 0.06, participant, ha="center", fontsize=9)
     for forward, _back, at, word in arrows:
         begin, end = (0, 1) if forward else (1, 0)
         _ = axis.annotate(
@@ -420,8 +420,8 @@ for name, case in {
     ),
 }.items():
     values, old, dropped = late_reader(*case)
-    found = ", ".join(map(str, values)) or "nothing"
-    rows.append((name, found, f"{max(old):.1f} s" if old else "-", dropped))
+    received = ", ".join(map(str, values)) or "nothing"
+    rows.append((name, received, f"{max(old):.1f} s" if old else "-", dropped))
 table(*rows)
 
 # %% [markdown]
@@ -1347,10 +1347,10 @@ plt.show()
 # %% tags=["hide-code"]
 lines = [("scheduler", "median lateness", "99th percentile", "largest", "largest stable gain")]
 for one in stored("loop_lateness")[0].series:
-    half, most, all_ = (1e-3 * np.interp(q, one.x, one.y) for q in (0.5, 0.99, 1.0))
-    gain = delay_limit(0.5, 0.5, most + 0.5e-3)[0]
+    half, nearly_all, all_ = (1e-3 * np.interp(q, one.x, one.y) for q in (0.5, 0.99, 1.0))
+    gain = delay_limit(0.5, 0.5, nearly_all + 0.5e-3)[0]
     lines.append(
-        (one.label, *(f"{1e3 * v:.2f} ms" for v in (half, most, all_)), f"{gain:.0f} N m/rad")
+        (one.label, *(f"{1e3 * v:.2f} ms" for v in (half, nearly_all, all_)), f"{gain:.0f} N m/rad")
     )
 table(*lines)
 

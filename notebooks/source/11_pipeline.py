@@ -1361,8 +1361,8 @@ table(["proposal", "seed", "failure rate", "95 % interval", "effective number"],
 
 # %%
 for runs in (100, 1000, 10_000):
-    none = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
-    print(f"0 of {runs} runs failed: up to {none.high:.2%} of all may fail")
+    unfiltered = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
+    print(f"0 of {runs} runs failed: up to {unfiltered.high:.2%} of all may fail")
 
 # %%
 more_claims("rare_and_sure")

@@ -3,22 +3,23 @@
 #
 # *Eleven chapters measured things. This chapter turns the measurements into interview questions, and you answer aloud.*
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
-# exercises {exercise minutes} minutes. The four design questions take 45 minutes each on top.
+# exercises {exercise minutes} minutes. The model answers are not counted: beside each question stands its time.
 
 # %%
 from course.cards import predict
 from course.simulations import simulation
 
-predict("hundred_runs")
-
-# %%
 simulation("interview")
 
 # %% [markdown]
-# The panel is a flashcard trainer. It holds four cards, one for each coding question of a robotics interview. The curve
-# is the predicted probability that you still remember the card on top. Turn the card, rate how well you knew it, and
-# watch the curve jump back up and then fall more slowly. Section 4 explains why.
-#
+# Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
+# it. The rating counts at once: the curve, which is the predicted probability that you still know the answer, starts
+# again at one and falls more slowly, and the panel says when it will ask you again. Section 4 explains the schedule.
+
+# %%
+predict("hundred_runs")
+
+# %% [markdown]
 # **After this chapter you can** answer with a number that you can justify, in a version of thirty seconds and in one of
 # five minutes; design a system on a whiteboard with rates and latencies on its arrows; locate a fault with few, well
 # chosen experiments; and rehearse all of this against a clock. **Know first:** as many of the chapters as you have time
@@ -26,9 +27,10 @@ simulation("interview")
 #
 # ## How this chapter works
 #
-# An interview for a robotics job usually has four rounds, and each of them has its sections here. On the phone you
+# Interviews for robotics jobs often have four rounds and a last question. Each has its sections here. On the phone you
 # explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you design a system. In
 # the coding round you write twenty lines that a program tests. In the debugging round you find out why a program fails.
+# The last question is broad, for example whether you would learn a component or write it.
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -41,17 +43,18 @@ from course.derivations import more_claims, show
 from course.derivations.records import figure
 from course.interview import designs, invariants, museum, tables
 from course.interview.estimates import ESTIMATES
-from course.interview.scenarios import diagnose, model_path, ruled_out, scenario
+from course.interview.scenarios import diagnose, expected, model_path, ruled_out, scenario
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#7f7f7f"
 
 ROUNDS = {
-    "phone screen": "sections 1, 2, 9",
+    "phone screen": "sections 1, 2",
     "whiteboard": "section 3",
     "coding": "sections 4, 8",
     "debugging": "sections 5, 6",
+    "last question": "sections 7, 9",
 }
-figure_, axis = plt.subplots(figsize=(8.0, 1.2), layout="constrained")
+figure_, axis = plt.subplots(figsize=(9.5, 1.2), layout="constrained")
 for place, (name, where) in enumerate(ROUNDS.items()):
     axis.text(
         place,
@@ -63,19 +66,20 @@ for place, (name, where) in enumerate(ROUNDS.items()):
     )
     if place:
         axis.annotate("", (place - 0.34, 0.0), (place - 0.64, 0.0), arrowprops={"arrowstyle": "->"})
-axis.set(xlim=(-0.5, 3.5), ylim=(-1.0, 1.0))
+axis.set(xlim=(-0.5, len(ROUNDS) - 0.5), ylim=(-1.0, 1.0))
 axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Every number in an answer is computed by code of this course, and `python -m course.derivations 12` recomputes those
-# of this page. You can also practise in a terminal, with three commands:
+# Every measured or derived number in an answer is computed by code of this course; the command
+# `python -m course.derivations 12` recomputes those of this page. Inputs such as a braking of 2 m/s² are assumptions,
+# and the answers say so. You can also practise in a terminal, with three commands:
 #
 # | Command | What it does |
 # |---|---|
 # | `drills review` | shows the flashcards that are due today and schedules the next review of each |
 # | `drills interview --minutes 45` | runs a mock interview: a question, a debugging case, a graded coding exercise and a design, then a report |
-# | `drills debug explodes` | gives you one of four faulty programs and lets you experiment on it |
+# | `drills debug explodes` | gives you one of six faulty programs and lets you experiment on it |
 #
 # Section 8 has these exercises:
 
@@ -92,8 +96,9 @@ badges(12)
 # where the method stops working. Then you stop.
 #
 # The table has such an answer for each of eight subjects. Read one row, look away, and say it in your own words. Each
-# row ends with a measurement from this course: the task and its tolerance, the error and the computing time of the
-# method that we chose, the same for an established library, and the limit of the method.
+# row ends with a measurement from this course: the task, the computing time of our method and of an established
+# library, and a limit. The times are from one machine and one task, so they rank nothing in general. Names that you
+# don't know belong to chapters that you skipped; learn the rows of the subjects that you claim on your CV.
 
 # %%
 tables.cheat_sheet()
@@ -115,11 +120,8 @@ tables.cheat_sheet()
 #
 # $$\sigma = \sqrt{\frac{p\,(1 - p)}{n}} .$$
 #
-# **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
-# deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
-# this width you need four times as many runs.
-#
-# The picture shows how likely each count is for $p = 0.7$. The shaded band is two standard deviations to each side:
+# The picture shows how likely each count is for $p = 0.7$ and $n = 100$. The shaded band is two standard deviations to
+# each side:
 
 # %% tags=["hide-code"]
 counts = np.arange(50, 91)
@@ -131,10 +133,16 @@ axis.set(xlabel="successes in 100 runs", ylabel="probability")
 plt.show()
 
 # %% [markdown]
+# **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
+# deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
+# this width you need four times as many runs. The interval below is a little different, because it does not insert the
+# observed rate for $p$.
+#
 # A **confidence interval** is the set of true rates that are compatible with the observed count, at a chosen level of
 # confidence. Two standard deviations correspond to a level of about 95 %. The simple formula above uses the observed
-# rate in place of the unknown one, and fails near 0 and 1. The Wilson interval avoids this. It contains every rate $p$
-# whose own standard deviation explains the observation, and you will program it in section 8.
+# rate instead of the unknown one, and fails near 0 and 1. The **Wilson interval** avoids this. It contains every $p$
+# for which the observed rate lies within two standard deviations of $p$, computed with that $p$. You will program it in
+# section 8.
 #
 # Robot teams use such counts for a **gate**, a threshold that a policy has to pass before it may go on, for example
 # from the simulator to the robot.
@@ -173,6 +181,23 @@ plt.show()
 show("imu_reads_acceleration")
 
 # %% [markdown]
+# ### How to say "I measured" honestly
+#
+# Interviewers ask once "on which robot?", and an answer that was borrowed falls apart. Five habits prevent this:
+#
+# * **Name the place.** "In a course I measured ...", "in a simulation I computed ...", "at work we measured ...". If
+#   you only read it, say where and in which year.
+# * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
+# * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
+#   an interval is Wilson's, two-sided at 95 %. A gate is tested one-sided at 5 %. Two policies are compared two-sided
+#   at 5 %, with enough trials to notice the difference four times in five.
+# * **Separate assumptions from results.** "I assume 2 m/s² of braking; then the base needs 0.9 m."
+# * **Say what you would measure next, and what you do if the number turns out bad.** A number from another system is a
+#   reason to measure, not a specification.
+#
+# The figures of this course are from simulations, and you may quote them as such. Standards you name with number and
+# edition, and you never quote a limit from memory: you say who looks it up.
+#
 # ### Where are the joints of a planar arm?
 #
 # A standard warm-up for the coding round is forward kinematics in the plane. Each angle of an arm is measured against
@@ -205,15 +230,17 @@ plt.show()
 # ### What does a sampled controller cost?
 #
 # A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
-# the staircase that the motor receives. Look at the dotted curve, which smooths the staircase again: it has the same
-# shape as the ideal command, but it lags behind.
+# the staircase that the motor receives. The dotted curve is the staircase averaged over one sample, centred: what a
+# slow motor feels. Compare it with the ideal command: the shape is nearly the same, but it lags behind.
 
 # %% tags=["hide-code"]
 time = np.linspace(0.0, 8.0, 801)
 figure_, axis = plt.subplots(figsize=(6.5, 2.5), layout="constrained")
 axis.plot(time, np.sin(0.8 * time), color=GREY, label="ideal command")
 axis.plot(time, np.sin(0.8 * np.floor(time)), color=BLUE, label="held command")
-axis.plot(time, np.sin(0.8 * (time - 0.5)), color=ORANGE, ls=":", lw=2, label="half a sample late")
+held = np.sin(0.8 * np.floor(np.linspace(-1.0, 9.0, 1001)))
+smooth = np.convolve(held, np.full(101, 1 / 101), mode="same")[100:-100]
+axis.plot(time, smooth, color=ORANGE, ls=":", lw=2, label="held command, averaged")
 axis.set(xlabel="time [samples]", ylabel="command")
 axis.legend(fontsize=8, loc="lower left")
 plt.show()
@@ -222,6 +249,10 @@ plt.show()
 show("hold_is_half_a_sample")
 
 # %% [markdown]
+# How good is "half a sample" at high frequency? At three radians per sample, almost the highest frequency that a
+# sampled loop can represent, the rule is wrong by up to a radian; for signals that are slow against the sample it
+# holds.
+#
 # So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before a single line of code has run. Add the
 # time of computing and the time on the bus. Delay costs phase, and lost phase limits the gain: this is why the answer
 # to "how stiff can you make this joint?" has to begin with the sample time.
@@ -244,8 +275,8 @@ more_claims("stiff_is_position")
 # \quad\text{otherwise} .$$
 #
 # **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes
-# 0.6 + 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so nearly half of the time is spent on speeding up
-# and braking. Four such moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s.
+# 0.6 + 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so speeding up and braking cost 0.5 s more. Four
+# such moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s.
 # Planning takes 0.1 s of the computing.
 
 # %% tags=["hide-code"]
@@ -257,7 +288,7 @@ half = np.sqrt(0.15 / 2.0)
 left.plot([0, half, 2 * half], [0, 2 * half, 0], color=ORANGE, label="0.15 m: triangle")
 left.set(xlabel="time [s]", ylabel="speed [m/s]", ylim=(0, 1.55))
 left.legend(fontsize=7, loc="upper right")
-spans = [("planning", 0.1, ORANGE), ("other computing", 0.07, "#e69f00")]
+spans = [("planning", 0.1, "#cc79a7"), ("other computing", 0.07, "#e69f00")]
 spans += [("four moves", 4.4, BLUE), ("gripping", 0.6, GREY)]
 start = 0.0
 for name, span, colour in spans:
@@ -276,35 +307,59 @@ show("computing_and_cycle")
 # %% [markdown]
 # ### Six estimates
 #
-# These six numbers come up in most interviews about arms. The **stopping distance** is the distance that a robot
-# travels from the command to stop until it stands still, the reaction time included: $d = v\,t_r + v^2/(2a)$. The
-# **effective mass** is the mass that the arm presents at the point of contact, in the direction of the blow. It is
-# usually smaller than the mass of the arm, because not all links have to change their speed for the tip to stop.
+# Six numbers about an arm that you should be able to estimate aloud. The **stopping distance** is the distance that a
+# robot travels from the command to stop until it stands still, the reaction time included. The **effective mass** is
+# the mass that the arm presents at the point of contact, in the direction of the blow. It is usually smaller than the
+# mass of the arm, because not all links have to change their speed for the tip to stop.
+#
+# The position error adds up two kinds of errors. Independent random errors, of standard deviations $\sigma_i$, add in
+# squares; two standard deviations are counted. A systematic error, here the distance that the part moves while its
+# image is processed, adds as it is.
 
 # %% tags=["hide-code"]
-rows = ["| Estimate | Value | Inputs |", "|---|---:|---|"]
-LABELS = {
-    "cycle": "Time of one pick and place",
-    "computing_share": "Share of computing in that time",
-    "finger_error": "Position error at the fingertip",
-    "grip_force": "Force of each of two fingers",
-    "stopping": "Stopping distance of the arm",
-    "contact_clamped": "Peak force on something that cannot move away",
+INPUTS = {
+    "legs_m": ("moves", "m"),
+    "top_m_per_s": ("top speed v", "m/s"),
+    "rise_m_per_s2": ("acceleration a", "m/s²"),
+    "still_s": ("gripping and releasing", "s"),
+    "computing_s": ("waiting for the computer", "s"),
+    "range_m": ("distance to the camera", "m"),
+    "pixel_spread_px": ("pixel noise", "px"),
+    "focal_px": ("focal length", "px"),
+    "hand_eye_spread_mrad": ("hand-eye angle", "mrad"),
+    "arm_spread_mm": ("arm", "mm"),
+    "speed_m_per_s": ("speed v", "m/s"),
+    "delay_ms": ("age of the image", "ms"),
+    "mass_kg": ("mass m of the part", "kg"),
+    "friction": ("friction coefficient μ", ""),
+    "safety": ("safety factor S", ""),
+    "fingers": ("fingers n", ""),
+    "reaction_s": ("reaction time t", "s"),
+    "braking_m_per_s2": ("braking a", "m/s²"),
+    "stiffness_n_per_m": ("stiffness k", "N/m"),
+    "robot_kg": ("effective mass m", "kg"),
 }
-for name, label in LABELS.items():
+LABELS = {
+    "cycle": ("Time of one pick and place", "moves + gripping + waiting"),
+    "computing_share": ("Share of computing in that time", "waiting / cycle"),
+    "finger_error": ("Position error at the fingertip", r"$vt + 2\sqrt{\sum\sigma_i^2}$"),
+    "grip_force": ("Force of each finger", r"$S\,m(g + a)/(n\mu)$"),
+    "stopping": ("Stopping distance of the arm", r"$vt + v^2/(2a)$"),
+    "contact_clamped": ("Peak force on something that cannot move away", r"$v\sqrt{km}$"),
+}
+rows = ["| Estimate | Formula | Value | Inputs |", "|---|---|---:|---|"]
+for name, (label, formula) in LABELS.items():
     one = ESTIMATES[name]
     inputs = "; ".join(
-        f"`{key}` {', '.join(f'{x:g}' for x in np.atleast_1d(value))}"
+        f"{INPUTS[key][0]} {', '.join(f'{x:g}' for x in np.atleast_1d(value))} {INPUTS[key][1]}".strip()
         for key, value in one.given().items()
-        if not isinstance(value, str)
     )
-    rows.append(f"| {label} | {one.value():.3g} {one.unit} | {inputs} |")
+    rows.append(f"| {label} | {formula} | {one.value():.3g} {one.unit} | {inputs} |")
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# (This cell is not the one of the card above: its moves are other ones, and it computes for longer.) Which of the
-# inputs does an estimate hang on? Double one after the other and look at the factor. Here it is done for the peak
-# force:
+# (This cell is not the one of the card above: its moves are other ones, and it computes for longer.) Which input
+# matters most? Double one after the other and look at the factor. Here it is done for the peak force:
 
 # %%
 one = ESTIMATES["contact_clamped"]
@@ -312,7 +367,8 @@ base = one.value()
 for name, given in one.given().items():
     if isinstance(given, float) and given:
         factor = one.value(**{name: 2 * given}) / base
-        print(f"{name:<20} {given:8.3g} -> {2 * given:8.3g}   peak force x {factor:.2f}")
+        label = " ".join(INPUTS[name])
+        print(f"{label:<22} {given:8.3g} -> {2 * given:8.3g}   peak force x {factor:.2f}")
 
 # %% [markdown]
 # Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it by the square root of two only.
@@ -354,15 +410,15 @@ for (label, log), colour in zip(curves.items(), (GREY, BLUE), strict=True):
 for axis in (upper, lower):
     axis.axvline(1e3 * felt, color=ORANGE, lw=1, ls="--")
     axis.set(xlabel="time since the touch [ms]")
-upper.axhline(10.0, color=ORANGE, lw=1)
+upper.axhline(10.0, color=ORANGE, lw=1, label="threshold of 10 N")
 upper.set(ylabel="contact force [N]", ylim=(0, 115))
 upper.legend(fontsize=7, loc="upper right")
 lower.set(ylabel="speed [m/s]")
 plt.show()
 
 # %% [markdown]
-# Detecting the force does not stop the arm. At the threshold it has given up hardly any of its speed, and all of the
-# remaining energy still has to go somewhere. What helps is to arrive slowly, to be light, or to be soft.
+# At the threshold the arm has given up hardly any of its speed, and all of the remaining energy still has to go
+# somewhere. What helps is to arrive slowly, to be light, or to be soft.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -373,14 +429,14 @@ plt.show()
 #
 # ## 3 · Design: four systems
 #
-# "Design a system that empties bins of mixed parts." You have a whiteboard and 45 minutes. Candidates who fail mostly
-# fail in the first five, because they start to draw. Divide the time like this:
+# "Design a system that empties bins of mixed parts." You have a whiteboard and 45 minutes. Don't draw in the first
+# five: a drawing without requirements answers nobody's question. Divide the time like this:
 #
 # | Minutes | What you do |
 # |---:|---|
 # | 5 | Ask. A **clarifying question** is one whose answer changes the design: how many picks per hour, what does a miss cost, do the parts change, who else is in the cell? |
 # | 5 | Estimate. The cycle time, the accuracy at the fingertip, the amount of data: a minute each, as in section 2. |
-# | 20 | Draw boxes and arrows. An arrow carries what flows and how late it is, and also its rate where it repeats. |
+# | 20 | Draw boxes and arrows. Write three things on each arrow: what flows, its latency, and its rate if it is periodic. |
 # | 10 | Go deep into the one box that decides, and say when you would choose something else. |
 # | 5 | Say how you would find out that you are wrong: what you measure, and which number stops the release. |
 #
@@ -427,29 +483,39 @@ print(f"weakest point: {designs.weakest(fleet, result).asks}")
 # %% [markdown]
 # ## 4 · Code: four coding questions, and how to remember
 #
-# Four coding questions return again and again in robotics interviews:
+# Four coding questions that fit into twenty minutes, each with its usual mistake:
 #
 # * **Forward kinematics** of a three-link arm. Sum the angles, then the links (section 1). The usual mistake is to add
 #   absolute and relative angles.
 # * **RRT**, a planner that grows a tree of random samples. The usual mistake is to check only the two ends of an edge
-#   for collisions, and not the way between them.
+#   for collisions, and not the segment between them.
 # * **PID** with a motor that saturates. The usual mistake is to let the integral grow while the motor already gives all
 #   it has, so that the arm overshoots afterwards. Letting go of the integral at the limit is called anti-windup.
 # * **Domain randomisation**, training on random variants of a model. The usual mistake is to change a mass and to
 #   forget the inertia that belongs to it.
 #
-# Start one of them in a terminal with `drills start rrt`; its grade takes a second or two. The four flashcards on the
-# first screen summarise them. To review your own cards in the notebook instead of in the terminal, call `flashcards`
-# from `drills.interview.panel` in a cell: it shows what is due and stores your ratings.
+# Start one of them in a terminal with `drills start rrt`; its grade takes a second or two. Section 9 has the code of
+# each, as one could write it in the interview, and a test that one could show. Reviewing needs nothing but a card,
+# *Reveal* and an honest rating. This panel asks what is due of chapter 12 and stores your four ratings, *again*,
+# *hard*, *good* and *easy*, for the next day:
+
+# %% tags=["nbval-ignore-output"]
+from drills.interview.panel import flashcards
+
+flashcards(chapters=[12])
 
 # %%
 predict("when_again")
 
 # %% [markdown]
-# What you learned once fades, quickly at first and then more slowly. **Spaced repetition** shows a card just when you
-# are about to forget it. After each success the memory lasts longer, so the gaps grow. After a failure it starts again
-# with a short gap. The chart shows the gaps that the scheduler of this course computes, if you rate every answer
-# *good*, and if you fail once:
+# What you learned once fades, quickly at first and then more slowly. **Spaced repetition** shows a card when the
+# predicted probability that you still know it has fallen to a chosen value, here 90 %: the dashed line of the first
+# panel. The **stability** of a memory is the number of days until then; the **difficulty** says how slowly it grows.
+# After each success the stability is larger, so the gaps grow. After a failure it starts again with a short gap. This
+# is a model for remembering over months, not the cheapest plan for a fixed date.
+#
+# The chart shows the gaps that the scheduler of this course computes, if you rate every answer *good*, and if you fail
+# once:
 
 # %% tags=["hide-code"]
 from datetime import UTC, datetime, timedelta
@@ -473,11 +539,11 @@ plt.show()
 
 # %% [markdown]
 # `drills review` asks whatever is due, from all chapters: statements to judge, formulas to type, interview questions,
-# coding exercises and the bugs of section 6. A quarter of an hour a day is enough for the whole course.
+# coding exercises and the bugs of section 6.
 #
-# ## 5 · Debug: four programs that fail
+# ## 5 · Debug: six programs that fail
 #
-# "Your simulation explodes. What do you do?" Many candidates name a fix: a smaller time step. A good candidate names an
+# "Your simulation explodes. What do you do?" The tempting answer is a fix: a smaller time step. A better answer is an
 # experiment. A **symptom** is what you observe. Several causes can produce the same symptom, and a fix tried at random
 # may hide it without removing the cause.
 #
@@ -485,50 +551,71 @@ plt.show()
 # time. A probe is worth its time only if its outcome differs between the causes that are still possible.
 
 # %%
-predict("first_probe")
-
-# %%
 case = diagnose("explodes", seed=3)
 case.show()
 
 # %% [markdown]
-# Let us solve this case together. Four causes can make the slide swing out:
+# Let us solve this case together. Four causes can make the slide swing out. Each case leaves one of them off the list
+# above, and offers `none_of_these` instead, which is right if the one that is missing is at work:
 #
 # 1. Each stop has two contact points by mistake, so it is twice as stiff as the time step allows.
 # 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
 # 3. The brake receives the speed late. Beyond a quarter of a swing of delay it pushes where it should pull.
 # 4. Friction and speed have opposite sign conventions, so friction drives the slide instead of slowing it.
+
+# %%
+predict("first_probe")
+
+# %% [markdown]
+# Before you run anything, say what each cause predicts. Three of the probes report a ratio: the time until the slide is
+# lost with the change, divided by the time without it. We simulate for three times the duration of the failing run. If
+# the slide isn't lost by then, we enter that time, so the ratio is at most about three. A ratio of one means that the
+# change doesn't matter.
 #
-# Before you run anything, say what each cause predicts. Without the brake, cause 3 disappears, and the slide should not
-# diverge. Without friction, the same holds for cause 4. If the time step is too large (cause 1) or the integration adds
-# the energy (cause 2), half the step makes the run last clearly longer. The table runs these probes, and lists which
-# causes could not have produced the number:
+# * **Half the step** cures a step that is too large (1). Explicit Euler (2) adds half as much energy each second, so
+#   the slide lasts twice as long. Causes 3 and 4 don't care about the step.
+# * **No friction** removes cause 4, and helps or hurts the others little.
+# * **No brake** removes cause 3. It cures cause 1 as well: a brake that is computed from the old speed lowers the
+#   largest stable step, and that was the missing margin. Causes 2 and 4 stay.
+#
+# We don't have to guess the numbers. The program can be run once with each cause on other machines, and the table lists
+# which range each cause explains, then what the failing machine returned:
 
 # %% tags=["hide-code"]
 PROBES = {
-    "halve_step": "half the time step: how many times longer it lasts",
-    "friction_off": "no friction: how many times longer it lasts",
-    "brake_off": "no brake: how many times longer it lasts",
-    "log_brake": "delay of the brake behind the speed [steps]",
+    "halve_step": "half the time step: ratio of the times",
+    "friction_off": "no friction: ratio of the times",
+    "brake_off": "no brake: ratio of the times",
+    "log_brake": "delay of the brake [steps]",
 }
 NUMBER = {"double_contact": 1, "explicit_step": 2, "late_brake": 3, "wrong_friction": 4}
-rows, remaining = ["| Probe | Result | Rules out | Remaining |", "|---|---:|---|---|"], set(NUMBER)
+head = [*(f"Cause {n}" for n in NUMBER.values()), "Measured", "Remaining"]
+rows = [f"| Probe | {' | '.join(head)} |", "|---" * 5 + "|---:|---|"]
+remaining = set(NUMBER)
 for probe, label in PROBES.items():
     value = case.probe(probe).figure
-    out = ruled_out("explodes", probe, value)
-    remaining -= set(out)
-    listed = [
-        ", ".join(str(n) for n in sorted(NUMBER[c] for c in some)) for some in (out, remaining)
+    remaining -= set(ruled_out("explodes", probe, value))
+    ranges = [
+        f"{max(low, 0.0):.2g} to {high:.2g}"
+        for low, high in (expected("explodes", probe, cause) for cause in NUMBER)
     ]
-    rows.append(f"| {label} | {value:.3g} | {listed[0] or 'none'} | {listed[1]} |")
+    left = ", ".join(str(NUMBER[cause]) for cause in NUMBER if cause in remaining)
+    rows.append(f"| {label} | {' | '.join(ranges)} | {value:.3g} | {left} |")
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# The brake is the cause, because without it the run reaches its end (about three times the time of the failure, the
-# longest that is recorded). The last probe confirms the reason by an independent route: the brake acts many steps
+# Read the table row by row: a cause stays only if the measured number lies in its range. One row alone settles nothing,
+# but together they leave the late brake. The last row confirms it by an independent route: the brake acts many steps
 # behind the speed. So the fix is to give the brake the present speed. Half the step made almost no difference.
 #
-# The next three cases are yours. Each shows its program, its symptom and its probes with their prices. Read the
+# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
+# feeds energy in does not care about the step at all. Judge this statement with that in mind:
+
+# %%
+show("growing_energy")
+
+# %% [markdown]
+# The next five cases are yours. Each shows its program, its symptom and its probes with their prices. Read the
 # program first, write down what each cause predicts, and only then choose a probe.
 # <span class="kernel-only">Call `diagnose` with another seed to get another cause, `case.probe("name")` to run a probe,
 # and `case.conclude("cause", "repair")` to finish. The verdict shows which causes your measurements excluded, what the
@@ -543,20 +630,24 @@ diagnose("touch", seed=1).show()
 # %%
 diagnose("gap", seed=1).show()
 
+# %%
+diagnose("late", seed=1).show()
+
+# %%
+diagnose("sure", seed=1).show()
+
 # %% [markdown]
-# How much does one probe tell? Four causes make six pairs, five make ten. The chart shows for each probe the
-# share of pairs that it tells apart reliably, that is, by more than its own noise. The model answer also considers the
-# price, and uses the blue probes:
+# How much does one probe tell? Four causes make six pairs, eight make 28. The chart shows for each probe the share of
+# pairs that it tells apart reliably, that is, by more than its own noise. The model answer divides by the price in
+# minutes, and uses the blue probes; a grey probe with a long bar is expensive, or tells apart what another already did:
 
 # %% tags=["hide-code"]
 from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
 
-figure_, axes = plt.subplots(
-    1, len(scenario_names()), figsize=(10, 3.2), layout="constrained", sharex=True
-)
-for axis, name in zip(axes, scenario_names(), strict=True):
+figure_, axes = plt.subplots(2, 3, figsize=(10, 6.2), layout="constrained", sharex=True)
+for axis, name in zip(axes.flat, scenario_names(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
     parted = {
@@ -577,12 +668,6 @@ plt.show()
 # for all of them, the experiment is not worth its time, however fast it is.
 #
 # </div>
-#
-# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
-# feeds energy in does not care about the step at all. Judge this statement with that in mind:
-
-# %%
-show("growing_energy")
 
 # %%
 more_claims("error_by_its_shape", "complete_planners")
@@ -599,11 +684,12 @@ more_claims("error_by_its_shape", "complete_planners")
 predict("round_trip")
 
 # %% [markdown]
-# Each bug in this museum was released by a well-maintained open-source project and is documented in a public issue.
+# Each bug in this museum was released by a widely used open-source project and is documented in a public issue.
 # The course has a minimal version of each, next to a correct one. Three examples show why the obvious test missed them.
 #
-# **A free fall that slows down (number 4 of the table).** A physics engine damps every body by default. Drop a body
-# and compare its speed with gravity times time:
+# **A free fall that slows down (number 4 of the table).** A physics engine damps every body by default, with a
+# coefficient of 0.04 that acts on the speed and on its square. Drop a body and compare its speed with gravity times
+# time:
 
 # %% tags=["hide-code"]
 seconds = np.linspace(0.25, 5.0, 20)
@@ -677,17 +763,21 @@ Markdown("\n".join(rows))
 #
 # ## 7 · Frontier: classical or learned, and what to read
 #
-# "Would you learn this or write it by hand?" is the question that ends most interviews. It cannot be answered in
-# general, but it can be answered with a measurement. Start with a small one:
+# "Would you learn this or write it by hand?" is a good last question. It cannot be answered in general, but it can be
+# answered with a measurement. Start with a small one:
 
 # %%
 predict("learned_or_not")
 
 # %% [markdown]
 # The useful question is not which of the two is better. It is *from where on*: beyond which model error, which
-# computing time or which amount of data does the learned method win? That value is the *crossover*. The chart shows one
-# of them, for the start of a pose estimate: a network that guesses the start, against several fixed starts of the
-# classical method.
+# computing time or which amount of data does the learned method win? That value is the *crossover*. The chart shows
+# what it takes to find one, for the start of a pose estimate: a network guesses the start, and competes with several
+# fixed starts of the classical method.
+#
+# On the left, compare heights and times: the network is right as often as four starts, in less than half of the time.
+# The crossover is a time limit between the two. On the right, a mirrored part that the network has never seen: there it
+# is wrong by a quarter turn, and only the share of the image that looks *through* the estimated part reveals it.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
@@ -698,9 +788,9 @@ predict("learned_or_not")
 tables.classical_or_learned()
 
 # %% [markdown]
-# The pattern in these rows is worth a sentence in an interview. On the data that it was trained for, a learned
-# component tends to win on speed. Outside of them it can lose without a warning. And a classical model with identified
-# parameters is often the stronger opponent than the classical model that papers compare with.
+# What these rows allow you to say: in two of them, planning and perception, the learned component needed fewer states
+# or less time on the data that it was trained for. Outside of them it lost without a warning. And identify the
+# classical model first: here the identified or adapted one was harder to beat than the default one.
 #
 # What to read: one book, five papers and five repositories, with what each of them really says.
 
@@ -857,7 +947,7 @@ check(silent_gate)
 # ## 9 · Interview
 #
 # Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, then the likely
-# follow-up. The last question takes three quarters of an hour.
+# follow-up. The last question takes half an hour. Coding questions come with code, which the tests of the course run.
 
 # %%
 interview("interview")

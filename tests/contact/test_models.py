@@ -124,6 +124,29 @@ def test_sweeps_reach_what_newton_does(seed: int) -> None:
     assert np.allclose(convex.velocity, solve("convex", problem).velocity, atol=1e-7)
 
 
+@pytest.mark.parametrize("ratio", [1.0, 2.0, 4.0])
+def test_friction_opposes_the_slip_where_the_tangents_weigh_differently(ratio: float) -> None:
+    """Divided row by row, friction is 18 degrees off at a ratio of 2 of the diagonals, 31 at 4."""
+    v = np.array([-1.0, 3.0, 3.0])
+    problem = Problem(
+        np.diag([1.0, 1.0, 1.0 / ratio]),
+        np.eye(3)[None],
+        v,
+        v,
+        np.zeros(1),
+        np.full((1, 2), 0.5),
+        1e-2,
+    )
+    swept = solve("pgs", problem)
+    assert swept.converged
+    normal, along = swept.impulses[0, 0], swept.impulses[0, 1:]
+    slip = swept.velocity[1:]
+    assert normal == pytest.approx(1.0)
+    assert along == pytest.approx(-0.5 * normal * slip / np.linalg.norm(slip), abs=1e-9)
+    assert residuals(problem, swept.impulses).dissipation < 1e-9
+    assert np.allclose(swept.velocity, solve("coulomb", problem).velocity, atol=1e-9)
+
+
 @given(
     angle=st.floats(0.05, 1.5),
     vx=st.floats(-3.0, 3.0),

@@ -98,7 +98,8 @@ def test_above_it_both_slide_on_the_edge_of_the_cone():
     now.advance(0.05)
     mu = now.controls["friction"]
     for normal, along in now.state["force"]:
-        assert normal > 0.0 and abs(along) == pytest.approx(mu * normal, rel=1e-12)
+        # Pulled to the right: friction acts to the left, and the tangent points to the right.
+        assert normal > 0.0 and along == pytest.approx(-mu * normal, rel=1e-12)
     assert (now.state["bodies"][:, 2] > 0.1).all()
 
 

@@ -127,6 +127,7 @@ def test_a_run_of_the_compiled_loop_is_the_power_of_the_matrix(rate, delay):
         state = matrix @ state
 
 
+@pytest.mark.prove
 @examples(40)
 @given(
     stiffness=st.just(0.0) | st.floats(100.0, 1e6),

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from course import derivations
-from course.derivations import Verdict, claim, claims, records, run, unmet
+from course.derivations import Verdict, claim, claims, honest, records, run, unmet
 from course.derivations.__main__ import main, select, shown
 from course.middleware import controller
 from tests import optional
@@ -58,6 +58,8 @@ def test_verdict_and_figures_reproduce(item):
 def test_texts_are_complete(item):
     assert len(item.claim) > 15 and len(item.corrected) > 15
     assert item.claim.strip().rstrip(".") != item.corrected.strip().rstrip(".")
+    # Also of a claim whose check only the pages run.
+    assert honest.typed_numbers(item.corrected) == []
 
 
 def test_the_record_holds_the_claims_there_are():

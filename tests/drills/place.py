@@ -136,9 +136,12 @@ def descendants(pid: int) -> set[int]:
 
 
 def in_terminal(
-    place: Place, arguments: list[str], typed: str = "", **extra: str
+    place: Place, arguments: list[str], typed: str = "", until: str = "", **extra: str
 ) -> tuple[int, str]:
-    """Run a command in a pseudo-terminal; gives its exit code and what it wrote."""
+    """Run a command in a pseudo-terminal; gives its exit code and what it wrote.
+
+    With `until`, the terminal is closed as soon as the command has written this text.
+    """
     try:
         ours, theirs = pty.openpty()
     except OSError as error:
@@ -157,6 +160,9 @@ def in_terminal(
         if not data:
             break
         out += data
+        if until and until.encode() in out:
+            time.sleep(0.5)  # what comes behind it is written too
+            break
     os.close(ours)
     return process.wait(timeout=120), out.decode("utf-8", "replace")
 

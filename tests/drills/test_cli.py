@@ -16,9 +16,12 @@ from click.testing import CliRunner
 from course import CHAPTERS
 from drills import cards as catalogue
 from drills import catalogue as package
-from drills import doctor, workspace
+from drills import doctor, task_text, workspace
+from drills import exercise as exercises
+from drills.cards import Hint
 from drills.cli import cli
 from drills.reasons import Reason
+from drills.terminal import to_ascii
 from tests.drills.place import (
     COMMANDS,
     RIGHT,
@@ -306,6 +309,44 @@ def test_doctor_names_the_extra_that_installs_a_library(
     row = next(r for r in doctor.examine(Path("work"), None)["libraries"] if r["name"] == module)
     package = "robotics-simulation-course" + (f"[{extra}]" if extra else "")
     assert not row["ok"] and row["detail"].endswith(f"pip install '{package}'")
+
+
+@pytest.mark.parametrize("columns", ["60", "80"])
+def test_no_title_is_cut_and_no_line_is_too_long(place: Place, columns: str) -> None:
+    for extra in ({}, {"LC_ALL": "C"}):
+        done = place.run("list", COLUMNS=columns, **extra)
+        rows = [line.rstrip() for line in done.out.splitlines()]
+        assert max(map(len, rows)) <= int(columns)
+        words = " ".join(done.out.split())
+        assert "..." not in words
+        for card in catalogue.cards():
+            assert all(word in words for word in to_ascii(card.title).split()), card.title
+
+
+def test_a_hint_knows_what_the_last_check_found(place: Place) -> None:
+    card = catalogue.card("dbscan")
+    slip = next(s for s in exercises.of("dbscan").slips if "exactly" in s.sentence)
+    place.answer(slip.text(card.solution_text()), "dbscan")
+    assert place.json("check", "dbscan")["slip"] == slip.name
+    hints = [place.run("hint", "dbscan").out for _ in range(3)]
+    assert all("Your last check found:" in text for text in hints)
+    assert "exactly" in hints[0].partition("Hint 1")[2]
+    shown = [hint.text.split()[0] for hint in card.hints]
+    assert all(any(word in text for text in hints) for word in shown)
+    place.answer(card.solution_text(), "dbscan")
+    place.run("check", "dbscan")
+    assert "Your last check" not in place.run("hint", "dbscan").out
+
+
+def test_the_ladder_begins_with_the_hint_that_is_about_the_finding() -> None:
+    hints = [
+        Hint("Some are missing.", "Look at the border."),
+        Hint("Noise is a cluster.", "Count the point itself as a neighbour."),
+        Hint("It is slow.", "Sort them first."),
+    ]
+    assert task_text.ladder(hints, "") == hints == task_text.ladder(hints, "Something else.")
+    found = task_text.ladder(hints, "Each point itself is a neighbour too; yours does not count.")
+    assert found == [hints[1], hints[0], hints[2]]
 
 
 def test_the_commands_to_begin_with_come_last(place: Place) -> None:

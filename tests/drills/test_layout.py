@@ -56,13 +56,13 @@ def test_an_exercise_has_its_files(path: Path) -> None:
 
 def function(text: str, name: str) -> ast.FunctionDef:
     """Return a definition, without the types of its arguments."""
-    found = next(
+    match = next(
         n for n in ast.parse(text).body if isinstance(n, ast.FunctionDef) and n.name == name
     )
-    for argument in ast.walk(found.args):
+    for argument in ast.walk(match.args):
         if isinstance(argument, ast.arg):
             argument.annotation = None
-    return found
+    return match
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drills import cards as catalogue
+from drills import task_text
 from drills.reasons import Reason
 from drills.values import (
     Mismatch,
@@ -131,3 +134,14 @@ def test_rounding_errors_of_an_example_are_shown_as_zero() -> None:
         assert identical(without_rounding(retained), retained)
     assert describe(without_rounding([np.inf, 1e-3])) == "[inf, 0.001]"
     assert without_rounding([1.0, 7, 1e-20]) == [1.0, 7, 0.0]
+
+
+@pytest.mark.slow
+def test_no_example_shows_rounding_noise() -> None:
+    """A number far below the largest of its answer is read as a value, and is none."""
+    for card in catalogue.cards():
+        for call, result in task_text.examples(card):
+            sizes = [abs(float(text)) for text in re.findall(r"-?\d[\d.]*(?:e[+-]\d+)?", result)]
+            noise = [size for size in sizes if 0.0 < size < 1e-8 * max(sizes)]
+            tiny = [size for size in sizes if 0.0 < size < 1e-9]
+            assert not noise and not tiny, (card.name, call, result)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.stats import binom
+from scipy.stats import binom, binomtest
 
 from course.interview import estimates as e
 from course.interview import fields
@@ -189,3 +190,136 @@ def test_hours_are_counted_with_the_rate_that_was_measured() -> None:
     hours = e.ESTIMATES["samples_loop"].value()
     assert hours * 3600.0 * case["samples_per_s"] == pytest.approx(case["samples"])
     assert case["samples_per_s"] == fields.chart("vector_env/0/ProcessVectorEnv/y/max")
+
+
+# --- What the model answers compute ---------------------------------------------------------------
+
+
+@examples(30)
+@given(st.integers(1, 300), st.floats(0.0, 1.0))
+def test_the_ends_of_an_interval_are_those_of_scipy(trials: int, part: float) -> None:
+    solved = round(part * trials)
+    right = binomtest(solved, trials).proportion_ci(0.95, "wilson")
+    ends = e.wilson_low(solved, trials), e.wilson_high(solved, trials)
+    np.testing.assert_allclose(ends, (right.low, right.high), atol=1e-12)
+
+
+@pytest.mark.parametrize(("gate", "n"), [(0.7, 100), (0.7, 119), (0.83, 155), (0.5, 12)])
+def test_a_bar_is_the_least_count_that_chance_rarely_reaches(gate: float, n: int) -> None:
+    """Binomial probabilities written out as a sum."""
+
+    def tail(least: int, p: float) -> float:
+        return sum(math.comb(n, k) * p**k * (1 - p) ** (n - k) for k in range(least, n + 1))
+
+    bar = e.bar_for_gate(gate, n)
+    assert tail(bar, gate) <= 0.05 < tail(bar - 1, gate)
+    assert e.chance_at_gate(gate, bar, n) == pytest.approx(tail(bar, gate), rel=1e-9)
+    better = 0.5 * (1.0 + gate)
+    assert e.gate_power(gate, better, n) == pytest.approx(tail(bar, better), rel=1e-9)
+
+
+def test_objects_that_are_alike_are_counted_as_the_policy_fails_on_them() -> None:
+    """Each object has a rate of its own, beta distributed; trials of it share that rate."""
+    rng = np.random.default_rng(8)
+    likeness, each, n = 0.3, 5, e.objects_for_gate(0.7, 0.8, 5, 0.3)
+    total = 1.0 / likeness - 1.0
+
+    def means(share: float) -> np.ndarray:
+        rates = rng.beta(share * total, (1.0 - share) * total, (20_000, n))
+        return rng.binomial(each, rates).mean(axis=1) / each
+
+    bar = np.quantile(means(0.7), 0.95)
+    assert np.mean(means(0.8) > bar) == pytest.approx(0.8, abs=0.04)
+    assert e.objects_for_gate(0.7, 0.8, 1, 0.9) == e.trials_for_gate(0.7, 0.8)
+
+
+def test_nothing_seen_is_a_bound_and_no_zero() -> None:
+    assert (1.0 - e.most_unseen(100)) ** 100 == pytest.approx(0.05)
+    rng = np.random.default_rng(9)
+    first = rng.exponential(8.0, 200_000)  # a mean of just what is to be shown
+    assert np.mean(first > e.faultless_h(8.0)) == pytest.approx(0.05, abs=2e-3)
+    quiet = rng.exponential(e.mean_time_h(8.0, 0.9), 200_000)
+    assert np.mean(quiet > 8.0) == pytest.approx(0.9, abs=3e-3)
+
+
+def test_a_difference_that_is_detectable_is_detected_four_times_in_five() -> None:
+    n, p = 320, 0.9
+    spread = math.sqrt(p * (1 - p) / n)
+    counts = np.random.default_rng(10).binomial(n, p - e.detectable(p, n), 100_000) / n
+    assert np.mean(np.abs(counts - p) > 1.96 * spread) == pytest.approx(0.8, abs=0.04)
+
+
+def test_misses_cost_cycles_and_come_in_rows() -> None:
+    rng = np.random.default_rng(11)
+    given: dict[str, Any] = {"legs_m": [0.6, 0.15], "top_m_per_s": 1.0, "rise_m_per_s2": 3.0}
+    given |= {"still_s": 0.6, "computing_s": 0.3}
+    needed = e.success_needed(2.5, **given)
+    tries = rng.geometric(needed, 200_000)
+    assert tries.mean() * e.cycle_s(**given) == pytest.approx(2.5, rel=0.01)
+    assert e.part_s(needed, **given) == pytest.approx(2.5)
+    assert e.leg_s(0.6, 1.0, 3.0) + e.leg_s(0.15, 1.0, 3.0) + 0.9 == pytest.approx(
+        e.cycle_s(**given)
+    )
+    missed = rng.uniform(size=2_000_000) < 0.3
+    waits, row, count = [], 0, 0
+    for miss in missed:
+        count, row = count + 1, row + 1 if miss else 0
+        if row == 3:
+            waits.append(count)
+            count = row = 0
+    assert np.mean(waits) == pytest.approx(e.picks_to_call(0.7, 3), rel=0.02)
+
+
+def test_machines_and_cores_are_products() -> None:
+    # A tenth of 1000 a second, halved: 20 000 s each, six of them, in ten hours.
+    assert e.machines(1e6, 1000.0, 1.0, 2.0, 6, 10.0) == math.ceil(6 * 20_000 / 36_000)
+    assert e.cores(5, 0.8, 2.0, 24) == pytest.approx(192.0)
+
+
+def test_a_planner_that_is_so_unlucky_is_rare() -> None:
+    found = np.random.default_rng(12).geometric(0.001, 400_000)  # an open gap
+    least = float(np.quantile(found, 0.75))
+    budget = e.budget_if_open(least, 0.25, 0.01)
+    assert np.mean(found > budget) == pytest.approx(0.01, abs=2e-3)
+
+
+def test_a_person_who_enters_at_the_worst_moment_is_noticed_in_time() -> None:
+    """Scans at fixed times; the field wants two that see the person, then the outputs follow."""
+    enters = np.random.default_rng(13).uniform(1.0, 2.0, 50_000)
+    second = (np.floor(30.0 * enters) + 2.0) / 30.0  # the scan after the next has seen all of it
+    delays = second + 0.11 - enters
+    worst = e.reaction_s(2, 30.0, 40.0, 10.0, 60.0)
+    assert delays.max() <= worst and delays.max() == pytest.approx(worst, abs=1e-3)
+    walked = e.walked_m(1.5, 1.5, 0.2, 2.0)
+    alone = e.stopping_m(1.5, 0.2, 2.0)
+    assert e.separation_m(1.5, 1.5, 0.2, 2.0, 0.1) == pytest.approx(walked + alone + 0.1)
+
+
+def test_a_base_tips_when_its_weight_no_longer_holds_it_down() -> None:
+    mass, half, height = 80.0, 0.25, 0.9
+    braking = e.tipping_m_per_s2(half, height)
+    assert mass * braking * height == pytest.approx(mass * 9.81 * half)
+
+
+def test_the_inputs_of_one_answer_agree_with_each_other() -> None:
+    cases = e.ESTIMATES
+    given = {name: case.given() for name, case in cases.items()}
+    for name in ("separation", "separation_half", "stopping", "stopping_fast", "walked"):
+        assert cases["reaction"].value() <= given[name]["reaction_s"]
+        assert given[name]["braking_m_per_s2"] < cases["tipping"].value()
+    late = given["separation_late"]["reaction_s"] - given["separation"]["reaction_s"]
+    assert late == pytest.approx(0.1)
+    objects = cases["hand_objects"]
+    assert given["hand_trials_h"]["samples"] == objects.value() * objects.given()["trials_each"]
+    for name in ("gate_trials", "bin_trials"):
+        assert given[f"{name}_bar"]["trials"] == cases[name].value()
+        assert given[f"{name}_bar"]["gate_share"] == given[name]["gate_share"]
+    assert given["bin_trials"]["gate_share"] == pytest.approx(
+        cases["success_better"].value(), abs=2e-3
+    )
+    assert given["software_cores"]["workers"] == cases["night_workers"].value()
+    assert given["hall_detects"]["trials"] == cases["width_trials"].value()
+    assert (
+        given["gate_bar"]["trials"] == given["gate_low"]["trials"] == given["gate_power"]["trials"]
+    )
+    assert cases["gate_bar"].value() == given["gate_low"]["solved"]

@@ -1,5 +1,6 @@
 """The memory of the flashcards against the library that schedules them."""
 
+import textwrap
 from datetime import UTC, datetime, timedelta
 
 import fsrs
@@ -24,12 +25,30 @@ def unrated() -> Experiment:
     """Return the simulation with cards that were never rated."""
     run = Experiment(interview.MODEL)
     run.state["reviews"][:] = 0
+    run.controls["speed"] = 1.0
     return run
 
 
-def test_the_chapter_opens_with_cards_that_are_being_forgotten() -> None:
+def test_the_chapter_opens_with_a_question_and_a_timer() -> None:
     run = Experiment(interview.MODEL)
-    assert list(run.state["reviews"]) == [1] * 4
+    assert list(run.state["reviews"]) == [1] * 4 and not run.controls["turned"]
+    run.advance(12.0)
+    assert run.state["answering"] == pytest.approx(12.0) and run.state["time"] == 0.0
+    run.press("ArrowLeft")  # revealed: the timer stops
+    run.advance(5.0)
+    assert run.state["answering"] == pytest.approx(12.0)
+    before = run.state["stability"].copy()
+    run.press("+")  # rated: used at once, and the next question has the whole time
+    assert run.state["reviews"][0] == 2 and run.state["stability"][0] > before[0]
+    assert run.state["since"][0] == 0.0 and run.state["answering"] == 0.0
+    assert (run.controls["card"], run.controls["turned"]) == (1, 0)
+    run.advance(200.0)
+    assert run.state["answering"] == interview.ALLOWED
+
+
+def test_answers_are_forgotten_as_days_pass() -> None:
+    run = Experiment(interview.MODEL)
+    run.choose("Days pass")
     chances = [interview.recall(run.state["since"], run.state["stability"])]
     for _ in range(2):
         run.advance(0.5)
@@ -38,6 +57,12 @@ def test_the_chapter_opens_with_cards_that_are_being_forgotten() -> None:
     assert chances[0].max() > 0.9 > chances[0].min() > 0.5
     run.choose("Asked when due")
     assert run.state["reviews"].sum() == 0
+
+
+def test_no_side_of_a_card_is_cut() -> None:
+    """Each fits on the lines of the card, with one to spare for Reveal."""
+    for text in (*interview._FRONT, interview._BACK_OF_GATE, *interview._INSIGHTS):
+        assert len(textwrap.wrap(f"{text} Answer aloud.", interview._WIDE)) < interview._ROWS
 
 
 @examples(60)

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import time
+from collections import Counter
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -24,7 +25,7 @@ from drills.interview.rehearse import Talk
 from drills.session import Session
 from drills.terminal import Terminal
 from tests.budget import examples
-from tests.drills.place import Place, a_place, in_terminal
+from tests.drills.place import Place, a_place, in_terminal, until
 
 __all__ = ["a_place"]
 BEGAN = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
@@ -79,28 +80,34 @@ def test_a_draw_fits_and_repeats_nothing_that_was_just_asked(
 
 
 @examples(60)
-@given(st.permutations(range(4)))
-def test_the_follow_up_is_on_the_weakest_line(marks: list[int]) -> None:
+@given(st.lists(st.integers(0, 3), min_size=4, max_size=4), st.integers(0, 9))
+def test_the_follow_up_names_the_weakest_line(levels: list[int], seed: int) -> None:
+    """One of those marked lowest, with what its mark asks for; after a perfect answer, any."""
     lines = ("Halves the step.", "Names friction.", "Logs energy at impacts.", "Ends with a test.")
-    requested = (
-        "Where is the impact's energy?",
-        "And a test of that?",
-        "Halving helps?",
-        "Frictional?",
-    )
-    one = item("x", rubric=lines, follow_ups=requested)
-    result = rehearsal.follow_up(one, [MARKS[mark] for mark in marks])
-    weakest = marks.index(0)
-    assert result == (lines[weakest], requested[(2, 3, 0, 1)[weakest]])
+    one = item("x", rubric=lines, follow_ups=("And now?", "And then?"))
+    marks = [MARKS[level] for level in levels]
+    weakest, asked = rehearsal.follow_up(one, marks, seed)
+    assert (weakest, asked) == rehearsal.follow_up(one, marks, seed)
+    if min(levels) == 3:
+        assert weakest == "" and asked in one.follow_ups
+    else:
+        assert levels[lines.index(weakest)] == min(levels)
+        assert asked == f"{weakest} {rehearsal.PUSH[MARKS[min(levels)]]}"
     with pytest.raises(ValueError, match="must be 4 of missing"):
         rehearsal.follow_up(one, ["named"])
+
+
+def test_of_lines_that_are_as_weak_not_always_the_first_is_asked_about() -> None:
+    one = item("x", rubric=("a", "b", "c"))
+    drawn = {rehearsal.follow_up(one, ["named"] * 3, seed)[0] for seed in range(30)}
+    assert drawn == {"a", "b", "c"}
 
 
 def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
     """On the cause that was forgotten one is asked, and a design's words suggest its marks."""
     result = {one.key: one for one in rehearsal.spoken(["rigid_body", "interview"])}
     assert {f"scenario/{name}" for name in scenarios.scenario_names()} <= set(result)
-    assert {one.part for one in result.values()} == set(PARTS) - {"coding"}
+    assert {one.part for one in result.values()} == set(PARTS)
     for one in (one for key, one in result.items() if key.startswith("scenario/")):
         for i, words in enumerate(one.rubric):
             marks = ["missing" if i == j else "named" for j in range(len(one.rubric))]
@@ -111,15 +118,40 @@ def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
         assert [len(marks) for marks in suggested] == [len(one.rubric)] * 2
         assert set(suggested[1]) == {"missing"} and "defended" in suggested[0]
         assert "{" not in one.fill(one.answer, figure)
+        short = result[f"design/{name}/short"]
+        assert (short.minutes, one.minutes) == (15, 45) and short.rubric == one.rubric[::2]
+        assert len(short.aid(designs.read(name).answer)) == len(short.rubric)
+        for text in one.clarify:
+            question, _, answer = text.partition("? ")
+            assert answer and rehearsal.reply(one, f"{question}?") == answer
+        assert rehearsal.reply(one, "xyzzy") == ""
 
 
-def test_without_a_common_word_the_place_decides() -> None:
-    one = item("x", rubric=("one", "two", "three", "four"), follow_ups=("A?", "B?"))
-    requested = [
-        rehearsal.follow_up(one, ["defended"] * i + ["missing"] + ["named"] * (3 - i))[1]
-        for i in range(4)
-    ]
-    assert requested == ["A?", "A?", "B?", "B?"]
+@pytest.mark.slow
+def test_the_usual_interview_has_all_that_the_chapter_promises() -> None:
+    """A concept, a scenario that runs, coding, a design of 15 minutes; two of a chapter at most."""
+    whiteboard = graded = 0
+    everything = list(rehearse.pool().values())
+    for minutes in (45, 60, 90):
+        pool = rehearsal.usual(everything, minutes)
+        for seed in range(100):
+            drawn = rehearsal.draw(pool, PARTS, minutes, (), (), seed)
+            assert tuple(one.part for one in drawn) == PARTS
+            assert sum(one.minutes for one in drawn) <= minutes
+            assert drawn[1].key.startswith("scenario/")
+            assert drawn[3].key.startswith("design/")
+            assert drawn[3].key.endswith("/short") == (minutes < 90)
+            assert max(Counter(one.chapter for one in drawn).values()) <= 2
+            whiteboard += drawn[2].key.startswith("question/")
+            graded += drawn[2].key.startswith("drill/")
+    assert min(whiteboard, graded) > 20
+
+
+def test_where_the_chapters_have_none_other_questions_take_the_place() -> None:
+    pool = rehearsal.usual(list(rehearse.pool(CHOSEN).values()), 45)
+    drawn = rehearsal.draw(pool, PARTS, 45, (), (), 0)
+    assert [one.part for one in drawn] == list(PARTS)
+    assert {one.chapter for one in drawn} == CHOSEN
 
 
 # --- A whole interview ----------------------------------------------------------------------------
@@ -146,9 +178,13 @@ def talk_of(place: Place, text: list[Any], minutes: int, parts: tuple[str, ...],
 
 
 def lines(key: str, mark: str) -> list[Any]:
-    """What answers a question: two lines, a mark for each line of the rubric, a reply."""
+    """What answers a question: two paragraphs, a mark for each line of the rubric, a reply."""
     marks = [mark] * len(rehearse.pool(CHOSEN)[key].rubric)
-    return [f"On {key}.", "More.", ".", "5", *marks, "A reply.", ""]
+    return [f"On {key}.", "", "More.", ".", "5", *marks, "A reply.", "."]
+
+
+def pool_rubric(key: str) -> tuple[str, ...]:
+    return rehearse.pool()[key].rubric
 
 
 @pytest.mark.slow
@@ -186,7 +222,7 @@ def test_a_whole_interview(
         assert one["done"] and one["title"] in page and one["seconds"] > 0
         assert bool(one["read"]) == (one["score"] < 0.6) and one["read"] in page
         if one["part"] != "coding":
-            assert (one["answer"], one["reply"]) == (f"On {one['key']}.\nMore.\n", "A reply.\n")
+            assert (one["answer"], one["reply"]) == (f"On {one['key']}.\n\nMore.\n", "A reply.\n")
             assert one["answer"] in page and one["asked"] in page
             # Its model answer was shown once: when all of its lines had been said.
             answer = pool[one["key"]].fill(pool[one["key"]].answer, figure)
@@ -246,7 +282,183 @@ def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(place: Place)
     assert "One is not over" in third.session.notices[0]
 
 
+# --- What is typed --------------------------------------------------------------------------------
+
+
+def test_a_pasted_text_is_one_answer_and_none_of_its_lines_is_a_mark(place: Place) -> None:
+    """Blank lines, a dot, and what was typed ahead behind it."""
+    pasted = ["", "First.", "", "Second.", ".", "2", "1", "", "Third."]
+    marks, reply = ["3"] * 20, ["."]
+    left = [*pasted]
+
+    def listen() -> str:
+        if left:
+            return left.pop(0)
+        return marks.pop(0) if len(talk.interview.items[0].marks) < count else reply.pop(0)
+
+    talk = talk_of(place, [], 15, ("concept",), 1)
+    count = len(pool_rubric(talk.interview.items[0].key))
+    talk.read_line, talk.waiting = listen, lambda: bool(left)
+    assert talk.run() == 0
+    entry = talk.interview.items[0]
+    assert entry.answer == "First.\n\nSecond.\n2\n1\n\nThird.\n"
+    assert entry.marks == ["defended"] * count
+
+
+@pytest.mark.slow
+def test_what_is_pasted_into_a_terminal_stays_together(place: Place) -> None:
+    options = ["interview", "--kind", "concept", "--chapters", "1", "--seed", "7"]
+    pasted = "One.\n\nTwo.\n.\n2\nThree.\n"
+    _, out = in_terminal(place, options, pasted, until="How good was that?")
+    assert "How good was that?" in out
+    past, _ = rehearse.json_store.load(place.work / "interviews.json", rehearse.FORM)
+    (interview,) = past.open.values()
+    (entry,) = interview.items
+    assert entry.answer == "One.\n\nTwo.\n2\nThree.\n" and entry.marks == []
+
+
+def test_an_answer_of_ten_megabytes_is_refused_and_nothing_else_is_lost(place: Place) -> None:
+    first = talk_of(place, [], 15, ("concept",), 1)
+    key = first.interview.items[0].key
+    first.read_line = iter(lines(key, "2")).__next__
+    first.run()
+    before = rehearse.json_store.load(first.file, rehearse.FORM)[0].scores
+    huge = ["A line.", *["x" * 10_000] * 1000, "y" * 10_000_000, ".", "1"]
+    talk = talk_of(place, huge, 15, ("concept",), 2)
+    with pytest.raises(EOFError):
+        talk.run()
+    past, notices = rehearse.json_store.load(talk.file, rehearse.FORM)
+    assert notices == () and past.scores == before and len(before) == 1
+    (opened,) = past.open.values()
+    assert opened.items[0].answer.startswith("A line.\nxxx") and opened.items[0].marks == ["named"]
+    assert len(opened.items[0].answer) < rehearse.LONGEST
+    assert not list(place.work.glob("*.damaged*"))
+    assert talk.file is not None and talk.file.stat().st_size < 200_000
+
+
+def test_a_file_too_large_to_be_read_again_is_not_written(tmp_path: Any) -> None:
+    path = tmp_path / "interviews.json"
+    store_of = rehearse.json_store
+    store_of.change(path, rehearse.FORM, lambda past: past.last.append("a"))
+    before = path.read_bytes()
+    with pytest.raises(store_of.Problem, match="would be larger than 4 MB"):
+        store_of.change(path, rehearse.FORM, lambda past: past.last.append("b" * 5_000_000))
+    assert path.read_bytes() == before
+
+
+def test_a_long_answer_is_not_written_as_a_whole_for_every_line(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[int] = []
+    whole = rehearse.json_store.change
+
+    def counted(*arguments: Any) -> Any:
+        written.append(1)
+        return whole(*arguments)
+
+    monkeypatch.setattr(rehearse.json_store, "change", counted)
+    for count in (10, 400):
+        written.clear()
+        text = [*[f"Line {i}." for i in range(count)]]
+        talk = talk_of(place, text, 15, ("concept",), 1)
+        with pytest.raises(EOFError):
+            talk.run()
+        assert len(written) == 2  # the draw, and the end
+        (entry,) = talk.interview.items
+        assert entry.answer.count("\n") == count
+
+
+def test_lines_of_the_journal_are_taken_once(place: Place) -> None:
+    """Killed between two lines, or between the file and the removal of its journal."""
+    talk = talk_of(place, ["One.", "Two."], 15, ("concept",), 1)
+    talk.begin()
+    (entry,) = talk.interview.items
+    for line in ("One.", "Two."):
+        talk.add(entry, "answer", line)
+    assert talk.journal is not None
+    rows = talk.journal.read_text("utf-8")
+    for cut in (rows, rows + rows, rows + '{"key": "x'):
+        talk.journal.write_text(cut, encoding="utf-8")
+        again = talk_of(place, [], 15, ("concept",), 2)
+        again.resume()
+        assert again.interview.items[0].answer == "One.\nTwo.\n"
+        assert again.interview.items[0].seconds == entry.seconds > 0
+
+
+def test_control_characters_are_made_visible(place: Place) -> None:
+    talk = talk_of(place, ["\x1b[2Jgone\u202e", ".", "0"], 15, ("concept",), 1)
+    with pytest.raises(EOFError):
+        talk.run()
+    assert talk.interview.items[0].answer == "\\x1b[2Jgone\\x202e\n"
+
+
+def test_a_design_is_clarified_before_it_is_answered(
+    place: Place, capsys: pytest.CaptureFixture[str]
+) -> None:
+    talk = talk_of(place, [], 15, ("design",), 1)
+    key = "design/fleet_simulation/short"
+    item_ = rehearse.pool()[key]
+    rehearsed = rehearsal.Entry(key, "design", 12, 15, item_.title)
+    talk.interview.items = [rehearsed]
+    text = ["How many robots and which sensors?", "xyzzy?", ".", "An answer.", "."]
+    talk.read_line = iter([*text, *["1"] * len(item_.rubric), "A reply.", "."]).__next__
+    assert talk.run() == 0
+    assert "a scanner of" in rehearsed.clarified and "yours to assume" in rehearsed.clarified
+    assert rehearsed.answer == "An answer.\n"
+    out = capsys.readouterr().out
+    assert out.index("First ask what you need") < out.index("ends your answer")
+
+
+@pytest.mark.slow
+def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(place: Place) -> None:
+    talk = talk_of(place, [], 15, ("debugging",), 1)
+    entry = rehearsal.Entry("scenario/touch", "debugging", 12, 10, "It hammers.")
+    talk.interview.items = [entry]
+    talk.read_line = iter(["probe quarter_gain"]).__next__
+    with pytest.raises((EOFError, StopIteration, RuntimeError)):
+        talk.run()
+    again = talk_of(place, [], 15, ("debugging",), 1)
+    again.resume()
+    case = scenarios.drawn("touch", again.interview.seed % 1000)
+    cause = scenarios._cause(case)
+    path = scenarios.model_path("touch")
+    one = scenarios.scenario("touch")
+    rest = [*(f"probe {name}" for name in path), f"conclude {cause} {one.cause(cause).repair}"]
+    again.read_line = iter(rest).__next__
+    assert again.run() == 0
+    (done,) = again.interview.items
+    assert done.score == 1 and done.attempts[0]["verdict"] == "pass"
+    assert done.answer.startswith("probe quarter_gain\nprobe ")
+    (page,) = place.work.glob("interview/report-*.md")
+    assert "quarter_gain" in page.read_text("utf-8")
+
+
+def test_the_report_has_marks_answers_model_answers_and_what_to_review() -> None:
+    weak = rehearsal.Entry("a", "concept", 1, 5, "A?", answer="My answer.", rubric=["One", "Two"])
+    weak.marks, weak.score, weak.read, weak.model = ["missing", "named"], 1 / 6, "chapter 1", "So."
+    weak.asked, weak.reply = "One You have not said this.", "My reply."
+    good = rehearsal.Entry("b", "design", 12, 15, "B?", score=1.0, clarified="* Who? *They.*")
+    page = rehearsal.markdown(rehearsal.Interview("2026-01-02T03:04:05", 1, 45, [weak, good]))
+    for text in ("| missing | One |", "| named | Two |", "My answer.", "My reply.", "So.", "Who?"):
+        assert text in page
+    assert "* Read chapter 1." in page and "`drills review --chapters 1`" in page
+
+
 # --- Ended from outside, a pipe, a terminal -------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_kill_before_the_first_line_keeps_the_draw(place: Place) -> None:
+    process = place.popen("interview", "--seed", "7", stdin=subprocess.PIPE)
+    until(process, "ends your answer")
+    process.kill()
+    process.wait(timeout=120)
+    content = json.loads((place.work / "interviews.json").read_text("utf-8"))
+    (opened,) = content["open"].values()
+    again = talk_of(place, [], 15, ("concept",), 1)
+    again.resume()
+    assert [one["key"] for one in opened["items"]] == [e.key for e in again.interview.items]
+    assert len(opened["items"]) == 4 and opened["seed"] == 7
 
 
 @pytest.mark.slow
@@ -258,7 +470,7 @@ def test_what_was_said_is_kept_however_it_ends(place: Place, end: signal.Signals
     process.stdin.write(b"One line.\nA second \xff one.\n")
     process.stdin.flush()
     file, patience = place.work / "interviews.json", time.monotonic() + 120
-    while not (file.exists() and "A second" in file.read_text("utf-8")):
+    while not any("A second" in path.read_text("utf-8") for path in place.work.glob("*.lines")):
         assert time.monotonic() < patience and process.poll() is None
         time.sleep(0.05)
     if end:
@@ -268,10 +480,11 @@ def test_what_was_said_is_kept_however_it_ends(place: Place, end: signal.Signals
     )
     assert code == {signal.SIGKILL: -9, signal.SIGHUP: 129}.get(end or signal.SIGINT, 130)
     key = json.loads(file.read_text("utf-8"))["open"].popitem()[1]["items"][0]["key"]
-    rest = "\n".join(["A third.", *lines(key, "2")[2:], ""])
+    rest = "\n".join(["A third.", *lines(key, "2")[3:], ""])
     result = place.json("interview", "--resume", text=rest)
     assert result["items"][0]["answer"] == "One line.\nA second \ufffd one.\nA third.\n"
-    assert result["items"][0]["marks"] == ["quantified"] * (len(lines(key, "2")) - 6)
+    assert result["items"][0]["marks"] == ["quantified"] * len(pool_rubric(key))
+    assert not list(place.work.glob("*.lines"))
     assert "No interview is waiting" in place.json("interview", "--resume")["error"]["message"]
 
 
@@ -293,7 +506,7 @@ def test_an_editor_takes_the_answer(place: Place) -> None:
     editor.write_text('#!/bin/sh\necho "From the editor." >> "$1"\n')
     editor.chmod(0o755)
     options = ["interview", "--kind", "concept", "--chapters", "1", "--seed", "7"]
-    code, out = in_terminal(place, options, "\n" + "2\n" * 9 + ".\n", EDITOR=str(editor))
+    code, out = in_terminal(place, options, "e\n" + "2\n" * 9 + ".\n", EDITOR=str(editor))
     assert code == 0, out
     (report,) = place.work.glob("interview/report-*.json")
     assert json.loads(report.read_text("utf-8"))["items"][0]["answer"] == "From the editor.\n"

@@ -23,16 +23,21 @@ from tests.drills.place import Place, a_place
 __all__ = ["a_place"]
 
 SEEDS = range(6)  # tests/prove has twenty
-LENGTHS = {"explodes": 4, "policy": 9, "touch": 4, "gap": 5}
+LENGTHS = {"explodes": 4, "policy": 6, "touch": 4, "gap": 7, "late": 9, "sure": 5}
 ALL = [scenarios.scenario(name) for name in scenarios.scenario_names()]
 EACH = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
 CASES = [(one.name, cause.name) for one in ALL for cause in one.causes]
 EVERY = pytest.mark.parametrize(("name", "cause"), CASES)
 
 
-def seed_of(name: str, cause: str) -> int:
-    """The first seed that draws a cause."""
-    return next(s for s in range(200) if scenarios._cause(scenarios.drawn(name, s)) == cause)
+def seed_of(name: str, cause: str, missing: str = "") -> int:
+    """The first seed that draws a cause and offers it, or does not offer the one named."""
+
+    def fits(seed: int) -> bool:
+        drawn, left_out = scenarios._drawn_causes(scenarios.drawn(name, seed))
+        return drawn == cause and (left_out == missing if missing else left_out != cause)
+
+    return next(filter(fits, range(2000)))
 
 
 # --- The scenarios --------------------------------------------------------------------------------
@@ -55,9 +60,16 @@ def test_the_listing_is_short_and_gives_nothing_away(one: Scenario) -> None:
     text = one.listing()
     assert len(text.splitlines()) < 120
     assert re.search(r"\b(faults?|wrong|bugs?|causes?|hidden|mistakes?)\b", text, re.I) is None
-    page = scenarios.diagnose(one.name, 0).show()
-    assert {scenarios.diagnose(one.name, seed).show() for seed in SEEDS} == {page}
-    assert text in page._repr_markdown_()
+    pages: dict[str, set[str]] = {}
+    for seed in range(200):
+        case = scenarios.drawn(one.name, seed)
+        pages.setdefault(scenarios._drawn_causes(case)[1], set()).add(
+            scenarios.diagnose(one.name, seed).show()
+        )
+    # One page for each cause that is not offered, whichever is at work.
+    assert {len(some) for some in pages.values()} == {1} and len(pages) == len(one.causes)
+    for missing, (page,) in ((name, tuple(some)) for name, some in pages.items()):
+        assert text in page and f"`{missing}`" not in page and f"`{scenarios.NONE}`" in page
 
 
 @pytest.mark.slow
@@ -141,22 +153,90 @@ def test_what_is_run_does_not_depend_on_the_cause(one: Scenario) -> None:
 # --- A case -------------------------------------------------------------------------------------
 
 
+def answer_to(name: str, seed: int) -> str:
+    """What has to be named."""
+    drawn, missing = scenarios._drawn_causes(scenarios.drawn(name, seed))
+    return scenarios.NONE if drawn == missing else drawn
+
+
+@EACH
+def test_the_draw_is_even(one: Scenario) -> None:
+    """By four standard deviations of a share: `NONE` is as likely as a cause, nearly."""
+    n, chance = 4000, 1.0 / len(one.causes)
+    drawn = Counter(answer_to(one.name, seed) for seed in range(n))
+    assert set(drawn) == {*(cause.name for cause in one.causes), scenarios.NONE}
+    allowed = 4.0 * np.sqrt(chance * (1.0 - chance) / n)
+    assert max(drawn.values()) / n < chance + allowed
+    assert abs(drawn[scenarios.NONE] / n - chance) < allowed
+
+
 @pytest.mark.slow
 @EACH
-def test_who_always_guesses_the_same_does_no_better_than_chance(one: Scenario) -> None:
-    """The draw is even: by four standard deviations of a share; a guess has no evidence."""
-    n, chance = 2000, 1.0 / len(one.causes)
-    drawn = Counter(scenarios._cause(scenarios.drawn(one.name, seed)) for seed in range(n))
-    assert max(drawn.values()) / n < chance + 4.0 * np.sqrt(chance * (1.0 - chance) / n)
-    for cause in one.causes:
-        verdicts = [
-            scenarios.diagnose(one.name, seed_of(one.name, other.name)).conclude(
-                cause.name, cause.repair
-            )
-            for other in one.causes
+def test_bots_score_as_they_should(one: Scenario) -> None:
+    """One cause always and random answers: chance, no evidence. All probes: right, and dear."""
+    seeds, rng = range(12), np.random.default_rng(0)
+    right = {name: 0 for name in (*(cause.name for cause in one.causes), scenarios.NONE)}
+    for seed in seeds:
+        answer = answer_to(one.name, seed)
+        true = one.cause(scenarios._cause(scenarios.drawn(one.name, seed)))
+        names = [c.name for c in scenarios.offered(scenarios.drawn(one.name, seed))]
+        always = scenarios.diagnose(one.name, seed).conclude(names[0], one.popular)
+        assert not always.supported and always.right == (answer == names[0])
+        guess = str(rng.choice([*names, scenarios.NONE]))
+        verdict = scenarios.diagnose(one.name, seed).conclude(guess, one.popular)
+        right[answer] += 1
+        assert verdict.points == verdict.right + verdict.cured and not verdict.supported
+        thorough = scenarios.diagnose(one.name, seed)
+        for probe in one.probes:
+            thorough.probe(probe.name)
+        verdict = thorough.conclude(answer, true.repair)
+        assert verdict.points == 3 and verdict.minutes > verdict.model_minutes
+    assert max(right.values()) < len(seeds)
+
+
+@EVERY
+def test_the_model_answer_stops_when_one_cause_is_left(name: str, cause: str) -> None:
+    """Whether it is offered or not; what is not offered leaves none of the others."""
+    one = scenarios.scenario(name)
+    for missing in ("", cause):
+        seed = seed_of(name, cause, missing)
+        case = scenarios.drawn(name, seed)
+        verdict = scenarios.diagnose(name, seed).conclude(scenarios.NONE, one.popular)
+        assert verdict.right == bool(missing)
+        assert verdict.model[-1].remaining == (() if missing else (cause,))
+        findings = [
+            scenarios.Finding(row.probe, row.figure, row.unit, 0, 0) for row in verdict.model
         ]
-        assert sum(v.points for v in verdicts) / (3 * len(verdicts)) <= chance, cause.name
-        assert not any(v.supported for v in verdicts)
+        left = [len(row.remaining) for row in scenarios.evidence(name, findings)]
+        assert left[-1] == 1 and min(left[:-1], default=2) > 1
+        for row in verdict.model:
+            assert [r.cause for r in row.ranges] == [c.name for c in scenarios.offered(case)]
+            for each in row.ranges:
+                assert (each.low, each.high) == scenarios.expected(name, row.probe, each.cause)
+                assert (each.cause in row.ruled_out) == (not each.explains(row.figure))
+
+
+def test_a_probe_runs_for_every_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that the time that it takes does not name one."""
+    run: list[str] = []
+    true = scenarios.figure
+
+    def counted(name: str, probe: str, cause: str, seed: int) -> float:
+        run.append(cause)
+        return true(name, probe, cause, seed)
+
+    monkeypatch.setattr(scenarios, "figure", counted)
+    scenarios.diagnose("late", 1).probe("command_echo")
+    assert run[:-1] == [cause.name for cause in scenarios.scenario("late").causes]
+
+
+def test_the_policys_probes_stand_beside_those_of_the_model() -> None:
+    from course.interview.scenarios import policy
+
+    finding = scenarios.diagnose("policy", 1).probe("two_torques")
+    assert finding.model == pytest.approx(policy.MODEL.inertia, rel=0.03)
+    assert f"on the model {finding.model:.4g} kg m^2" in str(finding)
+    assert scenarios.diagnose("touch", 1).probe("log_ticks").model is None
 
 
 @EVERY
@@ -165,11 +245,12 @@ def test_a_session_ends_with_the_evidence(name: str, cause: str) -> None:
     for probe in scenarios.model_path(name):
         session.probe(probe)
     verdict = session.conclude(cause, scenarios.scenario(name).cause(cause).repair)
-    assert verdict.points == 3 and verdict.rows == verdict.model
-    assert verdict.minutes == verdict.model_minutes == session.minutes > 0
+    assert verdict.points == 3 and verdict.rows[: len(verdict.model)] == verdict.model
+    assert session.minutes == verdict.minutes >= verdict.model_minutes > 0
     shown = verdict._repr_markdown_()
     assert cause in shown and all(probe in shown for probe in scenarios.model_path(name))
-    other = next(c for c in scenarios.scenario(name).causes if c.name != cause)
+    assert all(f"{scenarios.span(r)}" in shown for row in verdict.rows for r in row.ranges)
+    other = next(c for c in scenarios.offered(session.case) if c.name != cause)
     wrong = session.conclude(other.name, scenarios.scenario(name).popular)
     assert wrong.points == 0 and "had ruled" in str(wrong)
 
@@ -294,6 +375,7 @@ def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
     assert done.code == 0, done
     output = done.out.replace(one.listing(), "")  # code is as wide as it is
     assert max(map(len, output.splitlines())) <= 80 < len(output) and done.out.isascii()
+    assert "ruled out" in output and "fits" in output
     assert len(done.out) - len(output) == len(one.listing())
     assert "\x1b" not in done.out and "3 of 3 points" in done.out
     data = place.json("debug", "touch", "--seed", str(seed), text="\n".join(lines))
@@ -308,7 +390,7 @@ def test_a_case_is_left_open_or_failed(place: Place) -> None:
     assert not any(cause.name in text for cause in scenarios.scenario("touch").causes)
     wrong = next(
         c.name
-        for c in scenarios.scenario("touch").causes
+        for c in scenarios.offered(scenarios.drawn("touch", 5))
         if c.name != scenarios._cause(scenarios.drawn("touch", 5))
     )
     assert place.json("debug", "touch", "--seed", "5", text=f"conclude {wrong} soften")["exit"] == 1

@@ -133,8 +133,8 @@ def test_the_point_lies_on_the_chapters_objective(ratio, advantage, clip):
     run = Experiment(clipped_objective.MODEL, ratio=ratio, advantage=advantage, clip=clip)
     value, slope = learning.clipped_objective(np.array([ratio]), np.array([advantage]), clip)
     # Equation 7 of the paper, written out.
-    kept = min(max(ratio, 1.0 - clip), 1.0 + clip)
-    assert value[0] == pytest.approx(min(ratio * advantage, kept * advantage))
+    clipped = min(max(ratio, 1.0 - clip), 1.0 + clip)
+    assert value[0] == pytest.approx(min(ratio * advantage, clipped * advantage))
     assert number(run, "clipped objective") == pytest.approx(value[0], abs=0.0051)
     assert number(run, "slope") == pytest.approx(slope[0], abs=0.0051)
     assert number(run, "without the clip") == pytest.approx(ratio * advantage, abs=0.0051)
@@ -229,10 +229,10 @@ def test_the_baseline_reduces_the_variance_wherever_rewards_are_far_from_zero(x,
     """The variance is 2 (b - 2 tr q)^2 plus a constant, with b = tr q where the baseline is on."""
     mean, trace = np.array([x, y]), spread**2 * policy_gradient.CURVES.sum()
     value = policy_gradient.expected_reward(mean, spread)
-    on, off = (policy_gradient.vote_variance(mean, spread, b) for b in (value, 0.0))
+    on, without = (policy_gradient.vote_variance(mean, spread, b) for b in (value, 0.0))
     gain = abs(policy_gradient.reward(x, y) - 2.0 * trace) - trace
     if abs(gain) > 1e-6:
-        assert (on < off) == (gain > 0.0)
+        assert (on < without) == (gain > 0.0)
 
 
 def test_averages_over_many_seeds_are_unbiased_and_as_far_off_as_is_shown():
@@ -242,10 +242,10 @@ def test_averages_over_many_seeds_are_unbiased_and_as_far_off_as_is_shown():
             run = Experiment(policy_gradient.MODEL, seed=seed, baseline=baseline)
             average = policy_gradient.estimate(run.controls, run.state)
             errors.append(average - policy_gradient.true_gradient(np.array(run.state["mean"])))
-        shown, off = number(run, "error, expected"), np.array(errors)
-        size = math.sqrt(np.mean(np.sum(off**2, axis=1)))
+        shown, deviation = number(run, "error, expected"), np.array(errors)
+        size = math.sqrt(np.mean(np.sum(deviation**2, axis=1)))
         assert size == pytest.approx(shown, rel=0.25)
-        assert np.linalg.norm(off.mean(axis=0)) < 4.0 * shown / math.sqrt(98)
+        assert np.linalg.norm(deviation.mean(axis=0)) < 4.0 * shown / math.sqrt(98)
 
 
 def test_play_follows_the_estimate_to_the_top_and_a_drag_sets_the_start():
@@ -318,7 +318,7 @@ def test_the_square_law_and_the_straight_line_of_the_presets():
     run.set(steps=200)
     assert number(run, "expected at T") / first == pytest.approx(4.0, abs=0.2)
     run.choose("DAgger: labels off the path too")
-    assert number(run, "expected at T") == number(run, "ε T, DAgger") == 1.0
+    assert number(run, "expected at T") == number(run, "ε T, recovers") == 1.0
     run.choose("Errors are often corrected")
     assert number(run, "expected at T") == pytest.approx(5.0 * 1.0, rel=0.1)
 
@@ -432,15 +432,15 @@ def played(controls, periods):
     result: list[int | None] = [None] * periods
     ready = 0
     while ready < periods:
-        seen = ready - delay
+        observed = ready - delay
         if waits:  # all of its part, then a look, then the wait
             following = ready + executed + delay
             last = ready + executed
         else:  # the next look: so early that it is ready in time, but one prediction at a time
             following = max(ready + executed - delay, ready) + delay
-            last = min(following, seen + length)
+            last = min(following, observed + length)
         for t in range(ready, min(last, periods)):
-            result[t] = t - seen
+            result[t] = t - observed
         ready = following
     return result
 

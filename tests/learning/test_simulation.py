@@ -89,6 +89,7 @@ def test_a_run_ends_among_those_on_record(preset):
         assert len(stored[name]) == len(presets.SEEDS)
 
 
+@pytest.mark.prove
 def test_the_potential_is_learned_by_the_seeds_that_learned_it():
     live = [presets.outcome("Potential", seed)["success"] for seed in (0, 1, 4)]
     assert np.median(live) > 0.75 and np.all(STORY["Potential"]["success"][[0, 1, 4]] > 0.9)

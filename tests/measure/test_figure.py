@@ -320,3 +320,20 @@ def test_bad_input():
         Series("", [1.0], [1.0, 2.0])
     with pytest.raises(ValueError, match=r"scale must be .*, got 'loglog'"):
         Panel("", scale="loglog")
+
+
+def test_cases_stand_at_the_axis_and_zeros_at_the_edge_of_a_logarithmic_one():
+    panel = Panel("cases", ticks=(0, 1, 2), tick_names=("a", "b", "c"), scale="log y")
+    panel.series = [Series("one", (0, 1, 2), (5.0, 0.0, 3.0)), Series("two", (0, 1, 2), (1, 0, 0))]
+    (ax,) = draw([panel], figure=Figure()).axes
+    assert [label.get_text() for label in ax.get_xticklabels()] == ["a", "b", "c"]
+    triangles = [line for line in ax.lines if line.get_marker() == "v" and line.get_xdata().size]
+    edges = {
+        float(y): line.get_xdata().tolist()
+        for line in triangles
+        for y in line.get_ydata()
+        if y < 0.2
+    }
+    assert [*edges.values()] == [[1], [1, 2]]
+    # The second curve's triangles don't hide the first one's.
+    assert len(edges) == 2

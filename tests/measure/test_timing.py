@@ -37,6 +37,31 @@ def test_rounds_are_interleaved_after_a_warm_up(quiet):
     assert len(log) == 8
 
 
+def test_a_short_call_is_made_once_more_before_each_sample(quiet):
+    """Then it doesn't pay for the caches that a long one has emptied."""
+    log: list[tuple[str, int]] = []
+    long, short = _costs([1.0], log, "long"), _costs([1e-4], log, "short")
+    timing.interleaved([long, short], repeats=3, sample=0.0, warm=True, warm_up=0.02)
+    assert [name for name, _ in log[-9:]] == ["long", "short", "short"] * 3
+
+    # Cold after the long call, whose samples come between: what is timed is warm.
+    cold = [False]
+
+    def other(n):
+        cold[0] = True
+        return n * 1.0
+
+    def sensitive(n):
+        took, cold[0] = (5e-3 if cold[0] else 0.0) + n * 1e-3, False
+        return took
+
+    def times(**options):
+        return timing.interleaved([other, sensitive], sample=0.0, **options)[1].median
+
+    assert times(warm_up=0.02) == pytest.approx(1e-3)
+    assert times() == pytest.approx(6e-3)
+
+
 def test_median_quartiles_and_best_are_of_the_rounds_alone(quiet):
     # The warm-up and the sizing take 9 s and 8 s, and are not counted.
     (result,) = timing.interleaved([_costs([9.0, 8.0, 1.0, 2.0, 3.0, 4.0, 5.0])], repeats=5)
@@ -91,7 +116,8 @@ def test_clocks():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"repeats": 0}, {"at_most": 0}, {"sample": np.nan}, {"patience": -1.0}]
+    "wrong",
+    [{"repeats": 0}, {"at_most": 0}, {"sample": np.nan}, {"patience": -1.0}, {"warm_up": -1.0}],
 )
 def test_numbers_out_of_range(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):

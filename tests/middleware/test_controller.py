@@ -198,9 +198,9 @@ def test_a_wrong_override_is_named(name: str, value, report: str):
 def test_the_lease_outlasts_the_lateness_that_was_measured():
     """Of an ordinary process beside busy ones; a lease of 10 ms declared a healthy one dead."""
     report = charts.read("loop_lateness")
-    found = re.search(r"default: .*, ([\d.]+) \(all\)", report)
-    assert found is not None
-    worst = float(found.group(1)) / 1000.0
+    match = re.search(r"default: .*, ([\d.]+) \(all\)", report)
+    assert match is not None
+    worst = float(match.group(1)) / 1000.0
     ends = [launch.overrides(node.parameters) for node in launch.nodes(launch.OURS)]
     leases = {q.liveliness_lease_duration for e in ends for q in e.values()} - {math.inf}
     assert leases and min(leases) > 2.0 * worst

@@ -66,6 +66,12 @@ def test_no_output_shows_an_unfilled_field(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(BUILT))
+def test_no_claim_on_a_page_disagrees_with_its_record(name: str) -> None:
+    """A page is compared with itself; a card that disagreed when it was built would stay so."""
+    assert "DISAGREES" not in nbformat.writes(BUILT[name])
+
+
+@pytest.mark.parametrize("name", sorted(BUILT))
 def test_what_needs_a_kernel_is_not_on_the_site(name: str) -> None:
     for cell in BUILT[name].cells:
         if cell.cell_type == "code" and "remove-input" in cell.metadata.get("tags", ()):

@@ -100,16 +100,16 @@ def test_only_a_border_that_hides_something_counts():
 def test_a_lone_part_is_found_from_above_with_an_honest_covariance(tilt, sensor):
     """From above the faces tell neither x nor y nor the turn: without the outline none is found."""
     rng = np.random.default_rng(3)
-    squares, found = [], 0
+    squares, hits = [], 0
     for _ in range(30):
         depth, pose, _ = from_above(BOX, BOX, rng, tilt, sensor)
         (result,) = locate(depth, CAMERA, sensor, BOX)
-        found += result.status == "found"
+        hits += result.status == "found"
         assert result.unobserved == () and apart(BOX, pose, result.pose)[0] < 1e-3
         e, some = six(result, pose), [0, 1, 5]
         C = result.covariance[np.ix_(some, some)]
         squares.append(e[some] @ np.linalg.solve(C, e[some]) / 3.0)
-    assert found >= 28
+    assert hits >= 28
     assert 0.2 < np.mean(squares) < 1.5 and max(squares) < 8.0
 
 
@@ -131,10 +131,10 @@ def test_a_part_that_is_longer_than_the_model_is_not_found():
     """By 6 mm, two and a half pixels: all of the pose agrees, and its border is off."""
     rng = np.random.default_rng(5)
     longer = shape("box", 0.083, 0.05, 0.03)
-    found = agree = 0
+    hits = agree = 0
     for _ in range(15):
         depth, _, _ = from_above(BOX, longer, rng)
         (result,) = locate(depth, CAMERA, SENSOR, BOX)
-        found += result.status == "found"
+        hits += result.status == "found"
         agree += result.agrees > 0.9 and result.see_through < 0.05
-    assert found <= 2 and agree >= 13  # 13 and more were found without the border
+    assert hits <= 2 and agree >= 13  # 13 and more were found without the border

@@ -37,8 +37,8 @@ def test_averages_lag_and_predictions_say_their_error():
     mean, late = charts.build("tracking", runs=200)
     for series in mean.series:
         assert np.abs(np.array(series.y) / series.expected - 1.0).max() < 0.25
-    assert late["last picture"].y[-1] > 3.0 * late["predicted"].y[-1]
-    ratio = np.array(late["predicted"].y) / np.array(late["its own word"].y)
+    assert late["last pose"].y[-1] > 3.0 * late["predicted"].y[-1]
+    ratio = np.array(late["predicted"].y) / np.array(late["error that the filter expects"].y)
     assert np.all((ratio > 0.3) & (ratio < 1.3))
 
 

@@ -37,7 +37,7 @@ def test_pictures_and_their_two_numbers_end_alike():
         assert widths[0] > 1.3 * widths[1]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_arms_own_limit_is_that_of_theory_and_energy_tells_before_the_tip():
     _, limits, answer, energy = charts.stored("step_map")
     for series in limits.series:
@@ -102,6 +102,7 @@ def test_the_narrow_proposal_deceives_and_the_wide_one_does_not():
     assert np.array(width["narrow proposal"].x).min() < 0.9 and len(ranks.series) == 2
 
 
+@pytest.mark.prove
 def test_our_own_motion_through_python_is_beside_the_library():
     """The same function, called as a library is: the same motion, and the price of the call."""
     motion, _, times = charts.build("pipeline_speed", steps=(4e-3, 2e-3), seeds=1, widths=(160,))

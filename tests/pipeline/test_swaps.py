@@ -50,6 +50,7 @@ def test_a_library_in_one_place_gives_the_same_success_and_error(name, at_most, 
     assert np.abs(apart).max() < at_most and abs(apart.mean()) <= band(apart) + at_most / 20.0
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "name, at_most, seeds",
     [

@@ -253,7 +253,7 @@ def test_what_was_asked_in_the_same_world_is_remembered() -> None:
     assert again.edge_checks < first.edge_checks
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_ladder_of_the_five_second_question() -> None:
     """Small: the rungs that hold are faster than those before; what is proved does not collide."""
     sizes = {"queries": 3, "nodes": 200, "names": ("open",), "naive": 0.05, "samples": 300}

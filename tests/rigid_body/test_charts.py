@@ -87,7 +87,7 @@ def test_table_has_every_scene_and_integrator() -> None:
     assert error["tumble", "rk4"] < 1e-6 * error["tumble", "semi_implicit_euler"]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_batches_beat_a_general_engine_at_the_same_accuracy() -> None:
     """Aims are 100 and 25 on the clock; these are ratios of processor time, with room."""
     boxes = throughput.box_contenders(samples=8)

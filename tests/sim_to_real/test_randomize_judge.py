@@ -74,6 +74,7 @@ def test_another_right_answer_passes() -> None:
     assert report.passed, report.sentence
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [

@@ -45,6 +45,7 @@ CUT = """() => {
 }"""
 
 
+@pytest.mark.prove
 def test_no_label_is_cut_in_jupyterlab(tmp_path: Path, monkeypatch: Any) -> None:
     cells = [nbformat.v4.new_code_cell(text) for text in (PANEL, INPUTS)]
     made = nbformat.v4.new_notebook(cells=cells)

@@ -105,6 +105,7 @@ def test_a_drag_to_anywhere_leaves_a_sound_picture(model):
             assert_sound(experiment)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("model", MODELS)
 def test_any_mixture_of_ends_stays_finite(model):
     ends = {name: st.sampled_from(field.ends) for name, field in model.controls.panel()}

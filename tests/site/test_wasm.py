@@ -79,9 +79,9 @@ def test_a_recorded_simulation_has_no_module() -> None:
 
 @pytest.mark.parametrize("name", LIVE)
 def test_it_computes_what_python_does(name: str) -> None:
-    """Presets, both ends of every slider, and controls within the limits."""
+    """Presets, ends of sliders (in the long tier all), and controls within the limits."""
     model, module = wasm.model(name), hosted(name)
-    largest = 2 if name in DEAR and not PROVE else None
+    largest = None if PROVE else 2 if name in DEAR else 4
     for preset in list(model.presets.values())[:largest]:
         assert_same_run(model, module, dict(preset.values), (1.0,))
     for values in list(ends(model))[:largest]:
@@ -118,6 +118,7 @@ def test_a_full_pen_is_an_error_and_nothing_is_written_past_its_end(name: str) -
 # --- Compiled anew --------------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 def test_the_same_sources_give_the_same_bytes() -> None:
     report = wasm.read_sources(wasm.file_of(SMALL).read_bytes())
     here = {"numba": wasm.numba.__version__, "llvmlite": wasm.llvmlite.__version__}
@@ -128,6 +129,7 @@ def test_the_same_sources_give_the_same_bytes() -> None:
     assert wasm.rebuilt(SMALL) == wasm.file_of(SMALL).read_bytes()
 
 
+@pytest.mark.prove
 def test_a_constant_of_the_source_changes_the_module_and_its_picture(tmp_path: Path) -> None:
     """In a copy elsewhere; Python with the changed source is the judge of the new picture."""
     away = shutil.ignore_patterns("__pycache__")

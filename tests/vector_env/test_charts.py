@@ -16,6 +16,7 @@ from tests.vector_env.test_vector_env import identical
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.prove
 def test_batches_beat_gymnasiums_loop() -> None:
     """Aims are 5 and 100 at N = 256 on the clock; these are ratios of processor time, with room."""
     loop = chart.CONTENDERS[chart.SYNC]
@@ -100,6 +101,7 @@ def test_the_prediction_is_as_good_as_its_time_of_waking() -> None:
     assert met is not None and 1.3 * each.min() < met < each.max() / 1.3
 
 
+@pytest.mark.prove
 def test_a_policy_learns_to_reach_within_seconds() -> None:
     """Judged on targets of its own; and the learning curve says so."""
     collected, reached = build("learning_curve_reach", seeds=3, generations=14)

@@ -624,15 +624,26 @@ print(*[process.pid for process in envs._processes], flush=True)
 @pytest.mark.parametrize(
     ("envs", "rest"),
     [
-        ("ProcessVectorEnv(Counter, 4, num_workers=2)", "sys.exit(0)"),
-        ("ProcessVectorEnv(Counter, 4, num_workers=2)", "raise RuntimeError"),
         ("ProcessVectorEnv(Counter, 4, num_workers=2)", "os.kill(os.getpid(), signal.SIGKILL)"),
-        (
+        pytest.param(
+            "ProcessVectorEnv(Counter, 4, num_workers=2)", "sys.exit(0)", marks=pytest.mark.prove
+        ),
+        pytest.param(
+            "ProcessVectorEnv(Counter, 4, num_workers=2)",
+            "raise RuntimeError",
+            marks=pytest.mark.prove,
+        ),
+        pytest.param(
             "troubled('hang')",
             "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGKILL)).start()\n"
             "envs.step([[0.0, 0.0]] * 4)",
+            marks=pytest.mark.prove,
         ),
-        ("ProcessVectorEnv(Counter, 4, num_workers=2, context='spawn')", "os._exit(1)"),
+        pytest.param(
+            "ProcessVectorEnv(Counter, 4, num_workers=2, context='spawn')",
+            "os._exit(1)",
+            marks=pytest.mark.prove,
+        ),
     ],
 )
 def test_no_worker_outlives_the_main_process(envs: str, rest: str) -> None:

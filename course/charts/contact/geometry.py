@@ -233,7 +233,7 @@ def box_scenes(n: int) -> dict[str, tuple[Array, Array]]:
 def _box_panel(n: int, repeats: int) -> Panel:
     box = kinds()["box"]
     panel = Panel(
-        "Two boxes: speed and error, against every feature",
+        "Two boxes: time and error; the truth is from all pairs of features",
         "time of a pair [s]",
         "largest error / size",
         scale="log",
@@ -244,7 +244,7 @@ def _box_panel(n: int, repeats: int) -> Panel:
     tight, loose = coal.Pair(box, box), coal.Pair(box, box, None)
     methods: dict[str, Callable[..., object]] = {
         "GJK and EPA": lambda qa, qb, *_: contact.distance(box, qa, box, qb).distance,
-        "Coal": lambda _, __, *places: tight.loop(*places),
+        "Coal, tolerance 1e-12": lambda _, __, *places: tight.loop(*places),
         "Coal, default tolerance": lambda _, __, *places: loose.loop(*places),
         "every feature": lambda qa, qb, *_: contact.enumerated(box, qa, box, qb),
     }
@@ -268,7 +268,7 @@ def _box_panel(n: int, repeats: int) -> Panel:
                 name,
                 cost,
                 np.maximum(error, 1e-17),
-                name,
+                name.removesuffix(", tolerance 1e-12"),
                 "",
                 tags=list(scenes),
                 note=f"{name:<24} "
@@ -328,7 +328,7 @@ def tunnelling_limit(
         "step [s]",
         "speed [m/s]",
         scale="log",
-        theory="geometric limit (2 r + w) / dt",
+        theory="geometric limit (2 r + w) / h",
         lines=[("y", soft, "soft limit e (r + w/2) / timeconst")],
     )
     ratio = float(speeds[1] / speeds[0])

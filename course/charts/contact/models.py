@@ -235,6 +235,8 @@ def work_precision(
         failed_above=0.3,
         repeats=repeats,
         sample_time=0.0,
+        # MuJoCo's runs of a tenth of a millisecond take turns with NumPy loops of a hundred.
+        warm_up=0.02,
         question=question.text,
         error_unit="m",
     )
@@ -268,7 +270,7 @@ def _error(rows: Rows, scene: str, model: str) -> float:
 
 NEWTON = "MuJoCo Newton, elliptic"
 SENTENCES: dict[str, Callable[[Rows], bool]] = {
-    "Launched between its edges a block stops wrongly with a pyramid, not with a cone.": lambda r: (
+    "A block launched between the pyramid's edges stops wrongly; the cone is right.": lambda r: (
         not any(_hits(r, "braking", "pyramid"))
         and all(_hits(r, "braking", "true cone", "convex", "elliptic", HARD, "ours", "compiled"))
     ),
@@ -288,16 +290,18 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Where a body is light, penalty contact fails at this step.": lambda r: (
         math.isinf(_error(r, "heavy", "penalty")) and math.isinf(_error(r, "glass", "penalty"))
     ),
-    "By default a held glass creeps in MuJoCo, more than twice as fast with the pyramid.": (
+    "By default a held glass creeps in MuJoCo, about three times as fast with the pyramid.": (
         lambda r: (
             not any(_hits(r, "glass", "elliptic", "pyramidal", "soft model"))
-            and _error(r, "glass", "MuJoCo Newton, pyramidal") > 2.0 * _error(r, "glass", NEWTON)
+            and 2.5
+            < _error(r, "glass", "MuJoCo Newton, pyramidal") / _error(r, "glass", NEWTON)
+            < 3.5
         )
     ),
     "Rigid models keep a table's legs still; with soft ones they sink, within the tolerance.": (
         lambda r: all(_hits(r, "legs", "")) and _error(r, "legs", NEWTON) > 1e-5
     ),
-    "Our soft model errs like MuJoCo's. On the table MuJoCo is stiffer: it estimates A-hat.": (
+    "Our soft model errs like MuJoCo's; on four legs MuJoCo is stiffer: its A-hat is too low.": (
         lambda r: all(
             ratio > 2.0 if s == "legs" else abs(ratio - 1.0) < 1e-6
             for s in QUESTIONS
@@ -444,11 +448,11 @@ SAVED = 1.0 / math.sqrt(8.0)  # damping ratio from which `soft_limit` is above r
 def _clamped(zetas: Sequence[float]) -> Panel:
     """Return MuJoCo's limit with refsafe and without."""
     panel = Panel(
-        "MuJoCo's soft contact: refsafe on and off",
+        "MuJoCo's soft contact: the largest stable step",
         "damping ratio",
         "step / time constant",
         ylim=(0.0, 1.2),
-        lines=[("y", 0.5, "refsafe's limit"), ("x", SAVED, "enough for one contact")],
+        lines=[("y", 0.5, "refsafe's limit"), ("x", SAVED, "ratio 1/sqrt 8")],
     )
 
     def limited(zeta: float, safe: bool) -> float:
@@ -480,8 +484,8 @@ def contact_penalty_limit(
         grown = stability_map(functools.partial(growth, scheme), x, y, slack=1e-9)
         edge = np.array([step_limit(zeta, scheme) for zeta in y])
         panel = Panel(
-            f"{scheme} Euler: damping {'helps' if scheme == 'explicit' else 'hurts'}",
-            "omega dt",
+            f"{scheme} Euler: damping {'helps up to 1' if scheme == 'explicit' else 'hurts'}",
+            "omega h",
             "damping ratio",
             grid=grown,
             xlim=(x[0], x[-1]),
@@ -852,6 +856,9 @@ def smoothed_slope(
     return float(np.mean(values))
 
 
+SOFTENED = 1e-2  # W times the step: a relaxation that can be seen
+
+
 @chart
 def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     """Chart gradients through contact: nothing before touch, a kink, and a sign that is wrong.
@@ -864,19 +871,20 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
         "A finger pushes a block: derivative of the outcome",
         "speed of the finger [m/s]",
         "derivative of the final position [s]",
-        ylim=(-0.5, 0.75),
+        ylim=(-0.05, 0.85),
         lines=[("x", 0.2, "touch")],
     )
     methods: dict[str, tuple[str, Callable[[float], float]]] = {
         "rigid": ("true cone (Newton)", lambda p: slope(lambda s: pushed(s, "rigid"), p, 1e-5)),
         "penalty": ("penalty", lambda p: slope(lambda s: pushed(s, "penalty"), p, 1e-5)),
         "interior point": ("convex cone", lambda p: slope(
-            lambda s: pushed(s, "interior point", softness=1e-4), p, 1e-5)),
+            lambda s: pushed(s, "interior point", softness=SOFTENED), p, 1e-5)),
         "randomised, 50 mm/s": ("sweeps, true cone", lambda p: smoothed_slope(
             lambda s: pushed(s, "rigid", 2e-2), p, 0.05, rng, draws)),
     }  # fmt: skip
-    truth = np.where(speeds > 0.2, 0.25, 0.0)  # x = v (0.5 - 0.1 / v) / 2 once it touches
-    panel.series.append(Series("truth", speeds, truth, "theory", "steps", marker=""))
+    # x = v (0.5 - 0.1 / v) / 2 once it touches, at 0.2 m/s.
+    edges, truth = [speeds[0], 0.2, 0.2, speeds[-1]], [0.0, 0.0, 0.25, 0.25]
+    panel.series.append(Series("truth", edges, truth, "theory", "-", marker=""))
     for label, (key, derivative) in methods.items():
         y = np.array([derivative(p) for p in speeds])
         # Without the speeds next to touch, where differences straddle the kink.
@@ -894,7 +902,7 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     yield panel
     starts = np.linspace(0.3, 0.5, 600)
     panel = Panel(
-        "A bounce that is applied at the end of its step",
+        "A bounce applied at the end of its step",
         "initial distance from the wall [m]",
         "position after 1 s [m]",
     )

@@ -44,7 +44,7 @@ def compounding(
     table, rng, eps = np.arange(1000) < wrong, np.random.default_rng(11), wrong / 1000.0
     panel = Panel(
         f"One action in {1 / eps:.0f} is wrong",
-        "steps",
+        "length of the task [steps]",
         "wrong steps",
         scale="log",
         theory="formula",
@@ -78,14 +78,14 @@ def compounding(
         return (law / float(learning.expected_cost(share, T, recovers=False)) - 1.0) / ALLOWED
 
     grid = stability_map(
-        over, count, rates, quantity=f"excess of the square law, divided by {ALLOWED:g}"
+        over, count, rates, quantity=f"excess of the square law / {100 * ALLOWED:.0f} %"
     )
     line = 3.0 * ALLOWED / count
     edge = grid.boundary() * rates
     observed = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
     yield Panel(
-        "Where the square law is 10 % too high",
-        "steps",
+        "Excess of the square law over the exact count",
+        "length of the task [steps]",
         "error rate per step",
         [
             Series(
@@ -109,6 +109,7 @@ def compounding(
         "steps",
         "sum of |x|, divided by e",
         scale="log",
+        ticks=[int(T) for T in at],
         theory="closed form",
     )
     for a in growth:
@@ -138,6 +139,7 @@ def circling(number: int = 20, horizon: int = 160) -> Panel:
         "steps",
         "summed distance from the circle [m]",
         scale="log",
+        ticks=[int(T) for T in at],
     )
     for label, rounds in (("cloned", 0), ("DAgger, two rounds", 2)):
         rng = np.random.default_rng(4)

@@ -278,12 +278,14 @@ LEFT_OUT: dict[str, dict[str, Any]] = {
 # Where a detail matters: what the task or the settings are like there, and the detail left out.
 MATTERS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
     "observations near 10": ({"offset": 10.0}, {},
-                             {"observations not normalised": {"normalise_observations": False}}),
-    "step size 0.01, 20 epochs": ({}, {"epochs": 20, "rate": 1e-2}, {"no clip": {"clip": np.inf}}),
-    "prize of 10": ({"prize": 10.0}, {}, {"rewards not rescaled": {"scale_rewards": False}}),
+                             {"- without normalising them": {"normalise_observations": False}}),
+    "step size 0.01, 20 epochs": ({}, {"epochs": 20, "rate": 1e-2},
+                                 {"- without the clip": {"clip": np.inf}}),
+    "prize of 10": ({"prize": 10.0}, {},
+                    {"- without rescaling rewards": {"scale_rewards": False}}),
     # To stay is worth 1.5 if nothing ends, 0.6 at most to who counts the clock; the prize about 1.
     "paid for staying near": ({"reward": "hover", "bonus": 0.015, "max_steps": 50}, {},
-                               {"time limit is an end": {"bootstrap": False}}),
+                               {"- time limit counted as an end": {"bootstrap": False}}),
 }  # fmt: skip
 
 
@@ -309,7 +311,7 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
     yield Panel(
         f"Usual task, one detail changed, {seeds} seeds",
         SHARE,
-        xlim=(0.0, 1.8),
+        xlim=(0.0, 2.1),
         series=[banded(usual, "left out on the usual task")],
     )
     present: dict[str, list[Trained]] = {}
@@ -318,9 +320,9 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
             how = replace(SMALL, **{**settings, **change})
             present[row] = sweep(trained, jobs(settings=how, **same, **task))
     yield Panel(
-        "Tasks on which one detail matters",
+        "Four other tasks, in pairs",
         SHARE,
-        xlim=(0.0, 1.8),
+        xlim=(0.0, 2.1),
         series=[banded(present, "where it matters")],
     )
 
@@ -379,7 +381,7 @@ def rewards(
     )
     kinds = {"potential": (SMALL, "potential"), "sparse": (SMALL, "sparse"),
              "minus distance": (SMALL, "distance"),
-             "the same, not rescaled": (
+             "minus distance, not rescaled": (
                  replace(SMALL, scale_rewards=False), "distance")}  # fmt: skip
     for label, (settings, reward) in kinds.items():
         some = sweep(
@@ -391,9 +393,9 @@ def rewards(
         panel.series.append(Series(label, some[0].steps, middle, low=low, high=high, note=message))
     yield panel
     panel = Panel(
-        "Sparse reward, by the size of the disc",
-        "radius [m]",
-        "share",
+        f"Sparse reward, by the size of the disc, {few} seeds",
+        "radius of the disc [m]",
+        "share of episodes, or of the optimum",
         scale="log",
         ticks=radii,
         ylim=(None, 1.3),
@@ -414,13 +416,17 @@ def rewards(
     )
     panel.series += [
         Series(
-            "random actions succeed",
+            "random actions: episodes that succeed",
             radii,
             met,
             theory=stumbles,
             note=f"chance, by radius: {message}",
         ),
-        Series(f"learned, after {short:,}", radii, [s or np.nan for s in share]),
+        Series(
+            f"learned after {short:,} steps: share of the optimum",
+            radii,
+            [s or np.nan for s in share],
+        ),
     ]
     yield panel
 
@@ -443,15 +449,15 @@ def step_epochs(
         solved: share of the optimum above which a seed counts as solved, in the text.
     """
     reached = Panel(
-        f"After {steps:,} steps, median of {seeds} seeds",
+        f"After {steps:,} steps: median and range of {seeds} seeds",
         "step size of Adam",
         SHARE,
         scale="log x",
         ylim=(0.0, 1.05),
     )
     moved = Panel(
-        "Result over divergence per iteration",
-        "KL divergence per iteration [nats]",
+        "The same runs, by how far an iteration moves",
+        "KL divergence per iteration, median [nats]",
         SHARE,
         scale="log x",
         ylim=(0.0, 1.05),
@@ -474,11 +480,18 @@ def step_epochs(
             for r, m, s, k in zip(rates, middle, scores, kl, strict=True)
         )
         name = f"{epochs} epoch" + "s" * (epochs > 1)
-        reached.series.append(Series(name, rates, middle, note=f"{name}: {message}"))
-        moved.series.append(Series(name, kl.ravel(), scores.ravel(), style=""))
+        low, high = scores.min(axis=1), scores.max(axis=1)
+        reached.series.append(
+            Series(name, rates, middle, low=low, high=high, note=f"{name}: {message}")
+        )
+        # Without a name: colours and marks are those of the panel beside it.
+        moved.series.append(Series("", kl.ravel(), scores.ravel(), style=""))
     every, far = (np.concatenate([getattr(s, x) for s in moved.series]) for x in "yx")
     good = far[every >= solved]
     if good.size:
+        moved.spans = [
+            ("x", float(good.min()), float(good.max()), f"all runs at {solved:g} or above")
+        ]
         moved.notes.append(
             f"all {good.size} of {far.size} seeds that reach {solved:g} move by "
             f"{good.min():.2g} to {good.max():.2g}"

@@ -53,7 +53,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     # Held-out demonstrations from another seed.
     apart = learning.TwoWays().demonstrate(held, SEED + 77)
     policies: dict[str, list[Any]] = {name: [learning.recorded(name)] for name in HEADS}
-    policies["z = 0"] = [replace(policies["autoencoder"][0], zero=True)]
+    policies["autoencoder, z = 0"] = [replace(policies["autoencoder"][0], zero=True)]
     policies["nearest"] = [learning.nearest(*learning.windows(shown, CHUNK))]
     for name in ("flow", "diffusion"):
         policies[name] = [replace(policies[name][0], steps=k) for k in (1, 2, 5, 10)]
@@ -66,16 +66,17 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     ]
     spent = iter(interleaved(timed, repeats=repeats))
     error = Panel(
-        "Held-out error ranks policies upside down",
+        "Success against held-out error\n(numbers: steps of the sampler)",
         "held-out error of the first chunk, rms [mm]",
         "success rate",
         ylim=(0.0, 1.05),
     )
     priced = Panel(
         "Computing time on one core, chunks of 8",
-        "processor time per action [us]",
+        "processor time per action [µs]",
         "success rate",
         scale="log x",
+        ticks=(5, 10, 20, 50),
         ylim=(0.0, 1.05),
         footer=machine(libraries=("torch",)),
     )
@@ -96,8 +97,12 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
             for s, e, t in zip(good, deviation, micro, strict=True)
         )
         steps = " (1, 2, 5, 10 steps)" if len(kinds) > 1 else ""
-        view: dict[str, Any] = {"low": low, "high": high, "extra": name == "z = 0"}
-        error.series.append(Series(name, deviation, good, note=f"{name}{steps}: {message}", **view))
+        view: dict[str, Any] = {"low": low, "high": high, "extra": name.endswith("z = 0")}
+        # Along the curves of the samplers the number of steps grows.
+        counted = [str(one.steps) for one in kinds] if name == "flow" else ()
+        error.series.append(
+            Series(name, deviation, good, note=f"{name}{steps}: {message}", tags=counted, **view)
+        )
         priced.series.append(Series(name, micro, good, **view))
         # Shares of the sides only for policies that get through.
         if good[-1] > 0.5:
@@ -118,7 +123,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
                 note="left: " + ", ".join(f"{k} {x:.2f}" for k, x in remaining.items()),
             )
         ],
-        spans=[("x", float(low), float(high), "95 %")],
+        spans=[("x", float(low), float(high), "95 % interval of what was shown")],
         xlim=(0.0, 1.0),
     )
 
@@ -258,8 +263,8 @@ def commit_or_react(
     """
     policy = learning.recorded("mixture")
     panel = Panel(
-        "Mixture policy, chunks of 8",
-        "executed steps of each chunk",
+        "Success of the mixture, chunks of 8 steps",
+        "executed steps of 8",
         "success rate",
         ticks=executed,
         scale="log x",
@@ -273,7 +278,7 @@ def commit_or_react(
     # The same head, trained on demonstrations that were disturbed (DART).
     taught = HEADS["mixture"](*learning.windows(shown, CHUNK), SEED, steps=fit)
     panel = Panel(
-        "Remedies, over the disturbance",
+        "Success of each remedy",
         "standard deviation of the disturbance [mm]",
         "success rate",
         ylim=(0.0, 1.05),
@@ -286,7 +291,9 @@ def commit_or_react(
     }
     for label, method in cures.items():
         rates = [passed(method, n, noise) for noise in noises]
-        panel.series.append(shares(label, 1e3 * np.array(noises), rates, n))
+        panel.series.append(
+            shares(label, 1e3 * np.array(noises), rates, n, extra="delayed" in label)
+        )
     yield panel
     noise = 0.05
     result = [switches_and_mismatch(policy, k, n, noise) for k in executed]
@@ -321,5 +328,5 @@ def commit_or_react(
                 note="off the plan: " + ", ".join(f"{1e3 * d:.0f} mm" for _, d in result),
             )
         ],
-        theory="disturbance times sqrt(steps)",
+        theory="50 mm times √k",
     )

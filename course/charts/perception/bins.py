@@ -31,9 +31,9 @@ CURES: dict[str, dict[str, Any]] = {
     "tolerance 3 sigma": {"sigmas": 3.0},
     "neighbours 0.2 pi (eps/v)^2": {"least": 0.2},
     "3 sigma, 0.2 pi (eps/v)^2": {"sigmas": 3.0, "least": 0.2},
-    "and a mean of 5 pictures": {"sigmas": 3.0, "least": 0.2, "shots": 5},
+    "and a mean of 5 images": {"sigmas": 3.0, "least": 0.2, "shots": 5},
     "3 sigma, components of pixels": {"sigmas": 3.0, "least": 0.2, "pixels": True},
-    "and 5 pictures from 0.5 m": {
+    "and 5 images from 0.5 m": {
         "sigmas": 3.0,
         "least": 0.2,
         "pixels": True,
@@ -93,7 +93,9 @@ def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, f
     mine = own(above) & (labels >= 0)
     clusters = np.bincount(labels[labels >= 0])
     real = np.bincount(labels[mine], minlength=clusters.size) > 0.5 * clusters
-    counts = (part.shape[1], own(means).sum(), own(above).sum(), clusters[real].sum())
+    # Of the cluster, too, only the part's own means: a border mean belongs to the table as well.
+    clustered = np.bincount(labels[mine], minlength=clusters.size)[real].sum()
+    counts = (part.shape[1], own(means).sum(), own(above).sum(), clustered)
     false = float(np.count_nonzero(clusters)) - np.count_nonzero(real & (clusters > 0))
     return dict(zip(STAGES, map(float, counts), strict=True)) | {
         "false": float(false),
@@ -113,7 +115,7 @@ def small_parts(
         for name, cure in CURES.items()
     }
     retained = Panel(
-        "What each stage of a tutorial leaves",
+        "Points left after each stage; triangles: none",
         "side of the cube [mm]",
         "points of the cube",
         scale="log",
@@ -122,10 +124,7 @@ def small_parts(
     for stage in STAGES:
         y = [float(np.median([run[stage] for run in row])) for row in runs["as in a tutorial"]]
         message = ", ".join(f"{1e3 * s:g} mm {n:.0f}" for s, n in zip(sizes, y, strict=True))
-        observed = [n if n > 0.0 else np.nan for n in y]
-        retained.series.append(
-            Series(stage, 1e3 * np.array(sizes), observed, note=f"{stage}: {message}")
-        )
+        retained.series.append(Series(stage, 1e3 * np.array(sizes), y, note=f"{stage}: {message}"))
     yield retained
     best = Panel("The smallest cube found", "side of the cube [mm]")
     least = []
@@ -141,7 +140,7 @@ def small_parts(
             np.mean([r["false"] for r in every]),
         )
         best.notes.append(
-            f"{name:<30} {least[-1]:4.0f} mm, {false:6.2f} false clusters a picture, {ms:5.1f} ms"
+            f"{name:<30} {least[-1]:4.0f} mm, {false:6.2f} false clusters an image, {ms:5.1f} ms"
         )
     shown = [1e3 * sizes[-1] if math.isinf(x) else x for x in least]
     best.series.append(Series("", shown, [*runs], style="bar"))
@@ -159,13 +158,13 @@ CAUSES = (
     "scale 1 % off",
     "camera 1 deg off",
 )
-SHORT = ("right", "touch", "twin", "hidden", "cut", "scale", "tilt")
+SHORT = ("alone", "touching", "twin", "hidden", "cut off", "scale 1 %", "camera 1°")
 NEIGHBOUR = shape("box", 0.03, 0.03, 0.02)
 ESTIMATORS = (
     "centroid",
     "box along the table",
     "principal axes",
-    "box along them",
+    "box along principal axes",
     "ICP, points",
     "ICP, shape",
     "locate",
@@ -215,7 +214,7 @@ def estimates(depth: Array, cluster: Array, table: Array, model: Cloud) -> dict[
         "centroid": np.append(points.mean(axis=1), blind),
         "box along the table": np.append(posed(ends[0], ends[1], 0.0)[:3], blind),
         "principal axes": np.append(points.mean(axis=1), start[3:]),
-        "box along them": start,
+        "box along principal axes": start,
         "ICP, points": by_points.pose,
         "ICP, shape": icp(points, BOX, start, gate=0.03, sigma=sigma).pose,
         "locate": first.pose,
@@ -252,38 +251,40 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
             report.setdefault(cause, []).append((first.status, first.agrees))
     places = list(range(len(CAUSES)))
     shift = Panel(
-        "One box of 160 x 100 x 60 mm: how far off",
+        "Position of a box, 160 x 100 x 60 mm",
         "",
-        "error [mm]",
+        "position error, median [mm]",
         scale="log y",
         ticks=places,
+        tick_names=SHORT,
         lines=[("y", 2.0, "tolerance 2 mm")],
     )
     turn = Panel(
-        "And how far turned",
+        "Its turn",
         "",
-        "error [deg]",
+        "angle error, median [deg]",
         scale="log y",
         ticks=places,
+        tick_names=SHORT,
         lines=[("y", 2.0, "tolerance 2 degrees")],
     )
-    for name in ESTIMATORS:
+    for number, name in enumerate(ESTIMATORS):
+        # Side by side, as equal errors would hide each other.
+        at = [place + 0.1 * (number - 3) for place in places]
         middle = np.array([np.median(deviation[name, cause], axis=0) for cause in CAUSES])
         mm, deg = 1e3 * middle[:, 0], np.degrees(middle[:, 1])
-        words = SHORT if name == "centroid" else ()
-        extra = name == "principal axes"  # its place is the centroid
-        shift.series.append(Series(name, places, mm, name, "", tags=words, extra=extra))
+        if name != "principal axes":  # their position is the centroid
+            shift.series.append(Series(name, at, mm, name, ""))
         if np.isfinite(deg).any():
-            words = SHORT if name == "principal axes" else ()
-            turn.series.append(Series(name, places, deg, name, "", tags=words))
+            turn.series.append(Series(name, at, deg, name, ""))
         row = " ".join(f"{a:6.2f} {b:5.2f}" for a, b in zip(mm, deg, strict=True))
-        shift.notes.append(f"{name:<19} {row.replace('nan', '  -')}")
-    head = " ".join(f"{word:>6} {'deg':>5}" for word in SHORT)
-    shift.notes.insert(0, f"{'median error, mm':<19} {head}")
+        shift.notes.append(f"{name:<24} {row.replace('nan', '  -')}")
+    head = " ".join(f"{word:<12}" for word in SHORT).rstrip()
+    shift.notes.insert(0, f"{'median error, mm and deg':<24} {head}")
     for cause, rows in report.items():
         text = [word for word, _ in rows]
         shift.notes.append(
-            f"{cause}: locate says "
+            f"{cause}: locate returns "
             + ", ".join(f"{word} {text.count(word)}" for word in dict.fromkeys(text))
             + f"; agrees {np.median([share for _, share in rows]):.2f}"
         )

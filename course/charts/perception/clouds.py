@@ -38,10 +38,11 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
     """Chart what is measured of a wall, beside z^2 sqrt(s^2 + q^2 / 12) / (f B)."""
     rng = np.random.default_rng(0)
     law = Panel(
-        "The spread grows with the square of the distance",
+        "The noise grows with the square of the distance",
         "distance z [m]",
         "standard deviation [m]",
         scale="log",
+        ticks=(0.3, 0.5, 1, 2, 4, 6),
     )
     z = np.geomspace(0.3, 6.0, places)
     for noise, step in ((0.05, 0.0), (0.15, 0.0), (0.04, 0.12)):
@@ -50,7 +51,7 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
         ratio = np.array(spread) / sensor.sigma(z, EYE)
         law.series.append(
             Series(
-                f"noise {noise:g}, steps {step:g} px",
+                f"{noise:g} px" + (f", steps of {step:g} px" if step else ""),
                 z,
                 spread,
                 theory=functools.partial(sensor.sigma, camera=EYE),
@@ -61,7 +62,9 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
     yield law
     k = np.arange(1, 400)
     remaining = Panel(
-        "What averaging can't remove: a quarter step", "noise / step", "mean error / step"
+        "A disparity a quarter of a step off: what averaging leaves",
+        "noise / step",
+        "mean error / step",
     )
     shares, mean = np.linspace(0.02, 0.6, places), []
     for noise in shares:
@@ -84,16 +87,17 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
             shares,
             mean,
             theory=waves,
-            note="a quarter step off without noise, "
-            f"{abs(third):.3f} of a step with a third of one",
+            note="a quarter step off: mean error 0.25 step without noise, "
+            f"{abs(third):.3f} step with noise of a third of a step",
         )
     )
     yield remaining
     share = Panel(
         "Shared noise averages out more slowly",
         "side of the averaged square [px]",
-        "spread / that of white noise",
+        "spread of the mean / spread with independent pixels",
         scale="log x",
+        ticks=(4, 8, 16, 32, 64),
     )
     sides = (4, 8, 16, 32, 64)
     for window in (1, 3, 5, 7):
@@ -118,7 +122,9 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
                 sides,
                 result,
                 theory=theory,
-                note=f"window {window} px: {result[-1]:.2f} times the spread of 64 x 64 px",
+                note=f"window {window} px, mean of 64 x 64 px: {result[-1]:.2f} times the spread "
+                f"that "
+                "independent pixels would give",
             )
         )
     yield share
@@ -176,13 +182,15 @@ def lost_parts(
 ) -> Iterator[Panel]:
     """Chart the lowest part that becomes a cluster in most pictures, and clusters of bare table."""
     lost = Panel("The lowest part that is found", "distance [m]", "height [m]", scale="log")
-    false = Panel("Clusters of bare table in a picture", "distance [m]", "clusters", scale="log x")
+    false = Panel("Clusters of bare table in an image", "distance [m]", "clusters", scale="log x")
+    lost.ticks = false.ticks = distances
 
     def three_sigma(z: float) -> float:
         return 3.0 * float(ABOVE.sigma(z, WIDE))
 
     for name, fixed, least in (
         ("10 mm, 50 neighbours", 0.01, 50),
+        ("10 mm, 12 neighbours", 0.01, 12),
         ("4 mm, 12 neighbours", 0.004, 12),
         ("3 sigma, 12 neighbours", None, 12),
     ):
@@ -202,7 +210,8 @@ def lost_parts(
             lowest.append(result)
             bare.append(float(np.mean(empty)))
         note = ", ".join(
-            f"{z:g} m {1e3 * h:.0f} mm" for z, h in zip(distances, lowest, strict=True)
+            f"{z:g} m " + ("none" if math.isnan(h) else f"{1e3 * h:.0f} mm")
+            for z, h in zip(distances, lowest, strict=True)
         )
         lost.series.append(Series(name, distances, lowest, note=f"{name}: {note}"))
         message = ", ".join(f"{n:.1f}" for n in bare)
@@ -217,10 +226,10 @@ def lost_parts(
 def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
     """Chart as many draws as the law asks for nine in ten; half of the points are the plane's."""
     panel = Panel(
-        "How often the plane is found with the draws of the law for 0.9",
+        "How often the plane is found with the samples that the formula gives for 0.9",
         "tolerance / noise",
         "share of 600 runs",
-        lines=[("y", 0.9, "asked for")],
+        lines=[("y", 0.9, "promised")],
     )
     sigmas = (1.5, 2.0, 2.5, 3.3, 4.0, 5.0, 7.0)
     largest = round(perception.draws_needed(0.5, 0.9))
@@ -277,8 +286,8 @@ def cloud_speed(
     run = functools.partial
     draws = run(perception.ransac_plane, points, 0.005)
     steps: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
-        "picture, MuJoCo": (run(perception.render, scene, WIDE), mujoco.Rays(scene, WIDE).cast),
-        "picture, Embree": (run(perception.render, boxes, WIDE), open3d.Rays(boxes, WIDE).cast),
+        "image, MuJoCo": (run(perception.render, scene, WIDE), mujoco.Rays(scene, WIDE).cast),
+        "image, Embree": (run(perception.render, boxes, WIDE), open3d.Rays(boxes, WIDE).cast),
         "points": (run(perception.back_project, observed, WIDE), picture.cloud),
     }
     for v in (0.002, 0.005, 0.02):

@@ -143,11 +143,11 @@ def known_part() -> Scene:
     """Return where is the part, to what a gripper needs?"""
     left_out = (
         (f"lens, {DISTORTED:g} px at corners", through_a_lens, FINE**2, "rays through the lens"),
-        (f"dark stripes, noise x {DARK:g}", striped, 1, "two sensors in one picture"),
-        ("pixels that mix surfaces", mixed, FINE**2, f"{FINE**2} rays a pixel"),
-        ("shadow of the second eye", with_shadow, 2, "a second picture"),
+        (f"dark stripes, noise x {DARK:g}", striped, 1, "two sensors in one image"),
+        ("pixels that mix surfaces", mixed, FINE**2, f"{FINE**2} rays per pixel"),
+        ("shadow of the second eye", with_shadow, 2, "a second image"),
         ("another projector", dazzled, 1, f"{DAZZLED:.0%} of pixels, in blocks"),
-        (f"motion, {1e3 * SPEED:g} mm/s in {1e3 * EXPOSURE:g} ms", moving, 5, "5 pictures in one"),
+        (f"motion, {1e3 * SPEED:g} mm/s in {1e3 * EXPOSURE:g} ms", moving, 5, "5 images in one"),
     )  # fmt: skip
     return Scene(
         question="Where on the table is the known part?",

@@ -50,14 +50,14 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
     """
     rng, degrees = np.random.default_rng(0), np.linspace(0.0, 70.0, turns)
     home = Panel(
-        "A prism comes home from 180 / n",
-        "turn of the start [deg]",
-        "turn of the end [deg]",
+        "A start beyond 180 / n degrees ends in the next equal pose",
+        "error of the starting turn [deg]",
+        "error of the final turn [deg]",
         lines=[("x", 180.0 / n, f"180 / {n}") for n in (3, 4, 6)],
     )
     steps = Panel(
-        "Points creep, planes and the shape do not",
-        "turn of the start [deg]",
+        "Point-to-point needs ten times the iterations",
+        "error of the starting turn [deg]",
         "iterations",
         scale="log y",
     )
@@ -70,7 +70,7 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
             end.append(math.degrees(math.atan2(fit.R[1, 0], fit.R[0, 0])))
         # The first turn from which ICP ends in another of the equal poses.
         edge = float(degrees[np.argmax(np.abs(end) > 90.0 / n)])
-        message = f"{n} sides: the first turn lost is {edge:.0f} degrees"
+        message = f"{n} sides: starts from {edge:.1f} degrees do not reach the right pose"
         home.series.append(Series(f"{n} sides", degrees, end, style="", note=message))
     pose = compose(TABLE[:, None], np.array([[0, 0, 0.03, 1, 0, 0, 0]]).T)[:, 0]
     pose = turned_by(pose, 0, 0, 0, 0, 0, 0.5)
@@ -135,7 +135,7 @@ def laid_again(
 
 @chart(columns=2)
 def pose_covariance(runs: int = 150) -> Iterator[Panel]:
-    """Chart closest points are sure of what they do not see; rays are as good as they say."""
+    """Chart how honest a covariance is, with closest points and along the rays."""
     looks = {
         "three faces": (BOX, 0.5, 0.7), "two faces": (BOX, 0.0, 0.7), "one face": (BOX, 0.0, 0.0),
         "cylinder": (shape("cylinder", 0.04, 0.05), 0.5, 0.7),
@@ -143,29 +143,32 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
     }  # fmt: skip
     places, words = list(range(len(looks))), tuple(looks)
     panel = Panel(
-        "Error squared over its prediction: 1 is honest",
-        "",
-        "per direction",
+        "Squared error / predicted variance: 1 is honest",
+        "what the camera sees",
+        "ratio, mean over the observed directions",
         scale="log y",
         ticks=places,
+        tick_names=words,
+        xlim=(-0.4, len(looks) - 0.6),
         lines=[("y", 1.0, "honest")],
     )
     for name, rays in (("closest points", False), ("along the rays", True)):
         y = [laid_again(*view, 1, rays, runs)[0] for view in looks.values()]
         message = ", ".join(f"{what} {value:.2f}" for what, value in zip(looks, y, strict=True))
-        panel.series.append(
-            Series(name, places, y, style="", tags=() if rays else words, note=f"{name}: {message}")
-        )
+        panel.series.append(Series(name, places, y, style="", note=f"{name}: {message}"))
     yield panel
     windows = (1, 3, 5, 7)
     shared = Panel(
-        "Shared noise: as many times more as the window is wide",
-        "window w [pixels]",
-        "spread over that of white noise",
+        "Shared noise: the spread grows with the window",
+        "width of the matching window [pixels]",
+        "spread of the pose / spread with independent pixels",
     )
     # Noise that is shared within a window: its effective number of pixels is smaller.
     ratios = np.array([laid_again(BOX, 0.5, 0.7, w, True, runs)[1] for w in windows])
-    message = f"w = 7: {ratios[-1].min():.1f} to {ratios[-1].max():.1f}"
+    message = (
+        f"window 7 px: spread {ratios[-1].min():.1f} to {ratios[-1].max():.1f} times that of "
+        "independent noise, over the six directions"
+    )
     shared.series.append(
         Series(
             "six directions",
@@ -208,32 +211,39 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
                 reach = float(np.hypot(turned[0], 0.08 * turned[1]))
                 result.setdefault("quarter turn", []).append((reach, fit.residual, through))
     text = (
-        (1, "A residual does not tell a wrong pose", "residual [m]"),
-        (2, "The picture looks through it", "see-through share"),
+        (1, "The residual reveals only the quarter turn", "residual [m]"),
+        (2, "See-through reveals some cut-off ones, too", "see-through share"),
     )
     for column, title, label in text:
         panel = Panel(
             title,
-            "error of the pose [m]",
+            "error [m]; of a turn: 80 mm times its angle",
             label,
             scale="log x",
             lines=[("y", 0.1, "refuted above")] if column == 2 else [],
         )
         for name, rows in result.items():
             far, value = np.array(rows)[:, 0], np.array(rows)[:, column]
+            right = f"{np.count_nonzero(far < 2e-3)} of {far.size} within 2 mm"
             message = f"{label} {value.min():.4f} to {value.max():.4f}"
-            message = f"{name}: {np.median(far) * 1e3:.2f} mm off, {message}"
-            panel.series.append(Series(name, far, value, style="", note=message))
+            off = f"{1e3 * far.min():.2f} to {1e3 * far.max():.2f} mm off"
+            message = f"{name}: {right}, {off}, {message}"
+            # The right ones among the cut-off parts lie on those of the other cases.
+            hollow = name == "cut off"
+            panel.series.append(Series(name, far, value, style="", hollow=hollow, note=message))
         yield panel
 
 
 @chart(columns=2)
 def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Iterator[Panel]:
-    """Chart the mean of pictures lags behind a part that moves; a filter tells its age."""
+    """Chart how averages lag behind a part that moves, and a prediction over the age of a pose."""
     rng, sigma, period = np.random.default_rng(3), 1e-3, 1.0 / 30.0
     k = np.arange(1, 17)
     mean = Panel(
-        "Averaging pays until the part has moved", "pictures averaged", "error [m]", scale="log y"
+        "Averaging helps only a part that is (almost) at rest",
+        "images averaged",
+        "error [m]",
+        scale="log y",
     )
     for speed in speeds:
         z = speed * period * np.arange(k[-1]) + sigma * rng.standard_normal((runs, k[-1]))
@@ -249,12 +259,14 @@ def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Ite
                 theory=functools.partial(
                     perception.averaged_error, sigma=sigma, period=period, speed=speed
                 ),
-                note=f"{speed * 1e3:.0f} mm/s: best {best} pictures",
+                note=f"{speed * 1e3:.0f} mm/s: smallest error with {best} images",
             )
         )
     yield mean
     ages = np.arange(0.0, 0.35, 0.05)
-    late = Panel("A prediction over the picture's age", "age [s]", "error [m]")
+    late = Panel(
+        "A moving part (about 150 mm/s): error against the age", "age of the pose [s]", "error [m]"
+    )
     held: list[list[float]] = [[] for _ in ages]
     ahead: list[list[float]] = [[] for _ in ages]
     report: list[list[float]] = [[] for _ in ages]
@@ -274,7 +286,12 @@ def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Ite
             ahead[j].append(float(np.sum((x[:2] - true) ** 2)))
             # The filter's own variance, beside its true error.
             report[j].append(float(P[0, 0] + P[1, 1]))
-    for name, rows in (("last picture", held), ("predicted", ahead), ("its own word", report)):
+    for name, rows in (
+        ("last pose", held),
+        ("predicted", ahead),
+        ("error that the filter expects", report),
+    ):
         y = np.sqrt(np.mean(rows, axis=1))
-        late.series.append(Series(name, ages, y, note=f"{name}: {y[2] * 1e3:.2f} mm at 0.1 s"))
+        message = ", ".join(f"{1e3 * y[k]:.2f} mm at {ages[k]:.1f} s" for k in (2, -1))
+        late.series.append(Series(name, ages, y, note=f"{name}: {message}"))
     yield late

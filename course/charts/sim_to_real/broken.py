@@ -34,8 +34,8 @@ def break_it(
         n: lifts of a success rate.
     """
     panel = Panel(
-        "Grip: slips below, knocked out above",
-        "force over m (g + a) / (2 mu)",
+        "Grip: slips below 1, knocked out far above",
+        "force / needed force m (g + a) / (2 mu)",
         "slid in the jaw [mm]",
         scale="log x",
         lines=[("x", 1.0, "limit")],
@@ -56,8 +56,8 @@ def break_it(
         share = f"{lab.force / lab.needed:.2f} of the force, {trials(lab, n)}/{n} held"
         panel.notes.append(f"tuned for friction {sim:g}, used at {present:g}: {share}")
     yield panel
-    panel = Panel("Camera: lost beyond the jaw's free width", "offset [mm]", "held, share")
-    for label, opening in (("jaw free by 15 mm", 0.015), ("by 25 mm", 0.025)):
+    panel = Panel("Camera: lost beyond the jaw's free width", "offset [mm]", "share of boxes held")
+    for label, opening in (("jaw free by 15 mm", 0.015), ("jaw free by 25 mm", 0.025)):
         y = [float(lift(replace(POLICY, opening=opening, offset=1e-3 * x)).held) for x in offsets]
         largest = max(x for x, h in zip(offsets, y, strict=True) if h)
         panel.series.append(Series(label, offsets, y, note=f"{label}: held to {largest:g} mm"))
@@ -72,21 +72,26 @@ def break_it(
     servo = 1e3 * (math.sqrt(kv**2 + 4.0 * kp * (PALM + 0.2)) - kv) / kp
     contact = 2e3 * (math.sqrt(2.0) - 1.0) / math.sqrt(STIFF)
     panel = Panel(
-        "Step: what fails, and at which limit",
-        "step [ms]",
-        "held, share",
+        "Time step: boxes held, and two limits",
+        "time step [ms]",
+        "share of boxes held",
         scale="log x",
-        lines=[("x", contact, "contact"), ("x", servo, "servo")],
+        lines=[("x", contact, "limit of the stiff contact"), ("x", servo, "of the servo")],
     )
     for k, y in rows.items():
         message = ", ".join(f"{h:g} ms {v:.1f}" for h, v in zip(steps, y, strict=True))
         panel.series.append(Series(k, steps, y, note=f"{k}: {message}"))
     yield panel
     runs = [lift(replace(POLICY, dt=1e-3 * h)) for h in steps if h <= 25]
-    panel = Panel("A pad sinks, and nothing warns", "step [ms]", "depth [mm]", scale="log")
+    panel = Panel(
+        "How deep a finger sinks into the box", "time step [ms]", "largest depth [mm]", scale="log"
+    )
     at = [h for h in steps if h <= 25]
     warned = sum(len(run.warnings) for run in runs)
-    for label, depth in (("closing", [r.sunk for r in runs]), ("up", [r.pressed for r in runs])):
+    for label, depth in (
+        ("while closing", [r.sunk for r in runs]),
+        ("while lifting", [r.pressed for r in runs]),
+    ):
         message = (
             f"{label}: {1e3 * depth[1]:.2f} mm at {at[1]:g} ms, {1e3 * max(depth):.2f} at most"
         )
@@ -107,19 +112,19 @@ def shaping_speed(
     walk, far = grid(n), 2.0 * (n - 1)
     remaining = far - (np.arange(n * n) // n + np.arange(n * n) % n)
     phis = {
-        "none": 0.0 * remaining,
-        "-distance": -remaining,
+        "no potential": 0.0 * remaining,
+        "- distance": -remaining,
         f"{far:g} - distance": far - remaining,
-        "twice the next": 2.0 * (far - remaining) / far,
-        f"that over {far:g}": (far - remaining) / far,
-        "a hundredth of it": 0.01 * (far - remaining) / far,
+        f"2 (1 - distance / {far:g})": 2.0 * (far - remaining) / far,
+        f"1 - distance / {far:g}": (far - remaining) / far,
+        f"(1 - distance / {far:g}) / 100": 0.01 * (far - remaining) / far,
         "true value": value_iteration(walk).value,
     }
     panel = Panel(
-        "The optimum is safe, the speed is not",
-        "steps of Q-learning",
+        "Steps to a shortest path, by potential",
+        f"steps of Q-learning, median of {seeds} runs",
         scale="log x",
-        xlim=(30, 1e6),
+        xlim=(30, 3e6),
     )
     steps = []
     for phi in phis.values():
@@ -133,7 +138,10 @@ def shaping_speed(
     panel.series.append(Series("", steps, list(phis), style="bar", tags=words, note=message))
     yield panel
     panel = Panel(
-        "The worst chain reaches the bound", "eps", "difference over the bound", scale="log x"
+        "Share of the bound that a chain reaches",
+        "epsilon",
+        "difference of values / bound",
+        scale="log x",
     )
     pays = np.zeros((2, 1, 2))
     pays[0] = 1.0

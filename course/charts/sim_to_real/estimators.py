@@ -53,18 +53,18 @@ def what_finds_the_numbers(
         seeds: logs of a point; MuJoCo gets two.
     """
     panel = Panel(
-        "Two seconds of angles",
+        "Error against noise, logs of 2 s",
         "noise [mrad]",
-        "error of the worst number [%]",
+        "error of the worst parameter [%]",
         scale="log",
-        lines=[("y", WANTED, "wanted")],
+        lines=[("y", WANTED, "1 %")],
     )
     priced = Panel(
-        "1 mrad, logs of 0.5 to 4 s",
-        "time [ms]",
-        "error of the worst number [%]",
+        "Error against time, 1 mrad, logs of 0.5 to 4 s",
+        "computing time [ms]",
+        "error of the worst parameter [%]",
         scale="log",
-        lines=[("y", WANTED, "wanted")],
+        lines=[("y", WANTED, "1 %")],
     )
     best: tuple[float, str, float] = (np.inf, "", 0.0)
     at_noise = [[estimators(record(noise=x, seed=s)) for s in range(seeds)] for x in noises]
@@ -116,13 +116,13 @@ def believed_error_bars(
     """
     for title, x, unit, scale, changes in (
         (
-            "Dry friction left out",
+            "Dry friction missing from the model",
             frictions,
             "friction of joint 1 [mN m]",
             1e3,
             [{"f1": f, "f2": 0.5 * f} for f in frictions],
         ),
-        ("Delay left out", delays, "delay [ms]", 1e3, [{"delay": d} for d in delays]),
+        ("Delay missing from the model", delays, "delay [ms]", 1e3, [{"delay": d} for d in delays]),
     ):
         fits = [
             [fit(arm, record("two sines", NOISE, s, **changed), GUESS, FREE) for s in range(seeds)]
@@ -141,13 +141,13 @@ def believed_error_bars(
         yield Panel(
             title,
             unit,
-            "of the worst number [%]",
+            "error of the worst parameter [%]",
             [
                 Series("error", at, wrong, "no anti-windup", note=f"{title.lower()}, {message}"),
                 Series("half-width claimed", at, claim, "course"),
             ],
             scale="log",
-            spans=[("x", at[first], at[-1], "residual not white")],
+            spans=[("x", at[first], at[-1], "alarm in most logs")],
         )
 
 
@@ -210,11 +210,16 @@ def learned_model(
         return error if error < 1e3 else np.inf
 
     panel = Panel(
-        "Learned, or written", "seconds of the twin", "error over 0.6 s [mrad]", scale="log"
+        "Predicting the twin: a learned model and two fitted arms",
+        "length of the log [s]",
+        "error of angles over 0.6 s [mrad]",
+        scale="log",
     )
     logged = [[twin.log(random_sines(t, s), [0.3, 1.2], s) for s in range(seeds)] for t in lengths]
     short = [t for t in lengths if t <= 10]
-    cases = {"learned": (lengths, [worth(rolled, [learned(x) for x in row]) for row in logged])}
+    cases = {
+        "learned model": (lengths, [worth(rolled, [learned(x) for x in row]) for row in logged])
+    }
     for label, out in (("our arm", ()), ("no friction, no delay", ("f1", "f2", "delay"))):
         fits = [[from_log(twin, t, s, out) for s in range(seeds)] for t in short]
         cases[label] = short, [worth(driven, row) for row in fits]

@@ -92,7 +92,7 @@ def below_the_limit_sticks(result):
     ask=(
         "In a sticking contact, a friction row of MuJoCo has the force f = (a_ref - a) / R with "
         "a_ref = -b v. In steady creep a = 0. What is the size of the creep speed v under the "
-        "friction force f?",
+        "friction force f? (The list may name a symbol that you do not need.)",
         "v = R*f/b",
         {
             "f/b": "The compliance R is missing: f is a force, b v is an acceleration.",
@@ -206,7 +206,7 @@ def more_friction_holds_the_glass(result):
 @claim(
     "A coarse friction pyramid makes grasped objects slip.",
     "A pyramid with four edges on the cone is weaker than the cone between its edges. At the "
-    "angle t to an edge it holds the cone's load divided by cos t + sin t, so at worst 1/sqrt(2) "
+    "angle t to an edge it holds the cone's load divided by cos(t) + sin(t), so at worst 1/sqrt(2) "
     "of it. Along an edge it is as strong as the cone. While an object slides, the pyramid also "
     "steers it: pushed off at {degrees:.1f} degrees to an edge, a block travels {stretched:.3f} "
     "times as far and stops in the direction {turned:.1f} degrees.",
@@ -238,7 +238,7 @@ def pyramid_slips(result):
     )
     result.statement_holds(
         slips(0.0),
-        only_if="the load is above the cone's divided by |cos t| + |sin t|, with t its angle to "
+        only_if="the load is above the cone's divided by |cos(t)| + |sin(t)|, with t its angle to "
         "an edge",
         inside=[slips(angle, 1.001 * share(angle)) for angle in between],
         outside=[slips(angle, 0.999 * share(angle)) for angle in between],
@@ -256,10 +256,10 @@ def pyramid_slips(result):
 @claim(
     "Limiting friction on each axis separately gives nearly Coulomb's friction.",
     "It gives a box around the cone, which is up to sqrt(2) times too strong between the axes. "
-    "Each axis brakes on its own. Pushed off at the angle t to an axis, a block travels sqrt(1 - "
-    "sin(2t)^2/2) times as far, in the direction atan(tan(t)^2). At {degrees:.1f} degrees that is "
-    "{short:.4f} times as far, in the direction {turned:.2f} degrees; at {half:.0f} degrees it is "
-    "{diagonal:.4f} times as far.",
+    "Each axis brakes on its own. Pushed off at the angle t to an axis, a block travels "
+    "sqrt(cos(t)^4 + sin(t)^4) times as far, in the direction atan(tan(t)^2). At {degrees:.1f} "
+    "degrees that is {short:.4f} times as far, in the direction {turned:.2f} degrees. At {half:.0f}"
+    " degrees it is {diagonal:.4f} times as far.",
 )
 def box_of_limits(result):
     from course.charts.contact.models import stopped
@@ -420,7 +420,7 @@ def condim_4_is_the_full_cone(result):
 
 @claim(
     "In MuJoCo, condim 1 is frictionless.",
-    "It is, whatever friction coefficient the geom has: a block that is pushed off keeps its "
+    "It is, whatever friction coefficient the shape has: a block that is pushed off keeps its "
     "speed to the last digit.",
 )
 def condim_1_is_frictionless(result):
@@ -441,9 +441,9 @@ def condim_1_is_frictionless(result):
 
 @claim(
     "A simulator's friction coefficient is 0.5 unless you set it.",
-    "That depends on the simulator. MuJoCo's default is {default:.1f}. If two geoms touch, the "
-    "larger coefficient counts, unless one geom has a higher priority: then that geom's "
-    "coefficient counts.",
+    "That depends on the simulator. MuJoCo's default is {default:.1f}. If two of its shapes touch, "
+    "the larger coefficient counts, unless one shape has a higher priority: then its coefficient "
+    "counts.",
 )
 def default_friction(result):
     import mujoco
@@ -507,7 +507,7 @@ def damping_makes_things_stick(result):
     remaining = result.measure("left", _hit(1.0, False), tolerance=1e-2)
     zetas = result.rng.uniform(1.05, 3.0, 8)
     result.statement = (
-        f"zeta = 1, clipped: {remaining:.4f} m/s; theory exp(-2) {spring_restitution(1.0):.4f}."
+        f"zeta = 1, clipped: {remaining:.4f} m/s; theory exp(-2) = {spring_restitution(1.0):.4f}."
     )
     result.statement_holds(
         bool(np.isnan(_hit(1.5, False))),

@@ -586,9 +586,9 @@ def circles_once_a_step(result):
     "{geometric_m_per_s:.0f} m/s for a ball of {ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} mm "
     "and a step of {step_ms:g} ms. But a soft contact gives way. Pushed past the middle of the "
     "wall, the ball comes out on the far side. In MuJoCo's critically damped default this starts "
-    "at about e (r + w/2) / timeconst = {soft_m_per_s:.2f} m/s, where e is Euler's number and "
-    "timeconst the time constant (section 2); measured at three steps, at "
-    "{smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s.",
+    "at a speed of about e (r + w/2)/T, here {soft_m_per_s:.2f} m/s, where e is Euler's number and "
+    "T the time constant (section 2); measured at three steps, at {smallest_m_per_s:.2f} to "
+    "{largest_m_per_s:.2f} m/s.",
 )
 def soft_wall(result):
     from course.charts.contact.geometry import RADIUS, WALL, checked, in_mujoco

@@ -14,7 +14,8 @@ SYMBOLS = {
 
 
 @claim(
-    "A command that is held for a sample is late by half a sample.",
+    "For motions that are slow compared with the sample rate, a command that is held for a sample "
+    "acts as if it were half a sample late.",
     "For a pure inertia the phase lag is exactly that. With friction it is {off_rad:.1e} rad "
     "away at {turn:g} rad per sample, the worst of {draws:.0f} random joints. At {fast:g} "
     "rad per sample, near the highest frequency there is, it is {fast_rad:.1f} rad away for "

@@ -291,8 +291,8 @@ def adaptive_sum_can_only_fall(result):
         grown <= 1.0,
         only_if="dt times the adaptation gain times |Y|^2 stays below the damping during the whole "
         "motion, not only at its start",
-        inside=[good for good, way, _ in draws if way < 1.0],
-        outside=[good for good, way, _ in draws if not way < 1.0],
+        inside=[good for good, measure, _ in draws if measure < 1.0],
+        outside=[good for good, measure, _ in draws if not measure < 1.0],
     )
     result.correction_holds(
         # What |Y| is at the start decides nothing.

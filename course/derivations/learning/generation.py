@@ -160,8 +160,11 @@ def held_out_error(result):
 @claim(
     "A diffusion policy samples one mode or the other, never a point between them.",
     "The sampler is a continuous map from normal noise to actions. Noise between two starting "
-    "points that lead left and right has to end somewhere between. Of first chunks {ten:.1%} "
-    "lead into the obstacle with ten sampler steps, {fifty:.1%} with {most:.0f}; of a mixture, "
+    "points that lead left and right has to end somewhere between, so the share between the modes "
+    "is not zero. How large it is depends on the network and on the number of steps. Of first "
+    "chunks {ten:.1%} lead into the obstacle with ten sampler steps, {fifty:.1%} with {most:.0f}; "
+    "an exact denoiser leaves far fewer (next claims), so most of them are this network's error. "
+    "Of a mixture, "
     "which selects one component, {mixture:.2%}. The shares of the sides are right: {left:.0%} "
     "pass left, and {shown:.0%} did in the data.",
 )
@@ -407,7 +410,7 @@ def ensembling_averages(result):
     "{formula}. With disturbances of {size} m the stored mixture passes in {two:.1%} of the "
     "runs if it observes every second step, and in {eight:.1%} at every eighth; undisturbed in "
     "{quiet_two:.1%} and {quiet_eight:.1%}. Observing at every step is slightly worse than at "
-    "every second one, {each:.1%}, because some runs change sides in front of the obstacle.",
+    "every second one, {each:.1%}; that some runs change sides may be a part of the reason.",
     ask=(
         "Each step adds an independent disturbance of standard deviation s. How far off is the "
         "state after k steps without a correction (root mean square)?",

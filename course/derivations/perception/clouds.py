@@ -86,8 +86,8 @@ def voxels_remove_small_parts(result):
 @claim(
     "Requiring 50 neighbours is a good setting of DBSCAN for voxels of 5 mm and an eps of 20 mm.",
     "A face along the grid has about {formula} voxels within eps, and {flat:.0f} in its "
-    "interior. So 50 is a borderline value. Of a face of {large_mm:.0f} mm, {kept:.0%} of the "
-    "voxels end up in clusters, and with more points per voxel {dense:.0%}. Of a tilted face, "
+    "interior. So {least:.0f} is a borderline value. Of a face of {large_mm:.0f} mm, {kept:.0%} of "
+    "the voxels end up in clusters, and with more points per voxel {dense:.0%}. Of a tilted face, "
     "which has {tilted:.0f} neighbours, all do, and of a part of {small_mm:.0f} mm none. A "
     "third of the formula finds them all.",
     ask=(
@@ -113,7 +113,9 @@ def fifty_neighbours(result):
         z = y * np.sin(tilt) + 0.0017
         return voxel_mean([x, y * np.cos(tilt), z], 0.005, [-1e-9] * 3)[0]
 
-    def retained(cloud, least=50):
+    required = int(result.input("least", 50))
+
+    def retained(cloud, least=required):
         return np.mean(dbscan(cloud, 0.02, least)[0] >= 0)
 
     side, part = result.input("large_mm", 200) / 1000, result.input("small_mm", 30) / 1000
@@ -227,16 +229,20 @@ def draws_find_the_plane(result):
 @claim(
     "For a tilted table and a stereo camera, a linear fit of inverse depth is more accurate "
     "than a fit to the points.",
-    "With {noise} px of noise its angle is {ratio:.1f} times more accurate, because the noise "
-    "of a stereo sensor is uniform in 1 / z. It also avoids the offset of {offset_mm:.2f} mm "
-    "that the fit to the points has. If the table faces the camera, both are equally accurate. "
-    "With noise that is uniform in z the order is reversed: the ratio is {other:.2f}.",
+    "A camera of {wide:.0f} by {high:.0f} pixels with a baseline of {base_mm:.0f} mm and {noise} "
+    "px of noise measures the table's angle {ratio:.1f} times more accurately this way, because "
+    "the noise of a stereo sensor is uniform in 1 / z. It also avoids an offset of "
+    "{offset_mm:.2f} mm that the fit to the points has. If the table faces the camera, both are "
+    "equally accurate. With noise that is uniform in z the order is reversed: the ratio is "
+    "{other:.2f}.",
 )
 def inverse_depth_is_better(result):
     from course import perception as see
     from course.rigid_body.quaternion import exp, rotate
 
-    eye, sensor = see.Camera.symmetric(160, 120, 1.0), see.Sensor(0.05, result.input("noise", 0.3))
+    size = int(result.input("wide", 160)), int(result.input("high", 120))
+    eye, base = see.Camera.symmetric(*size, 1.0), result.input("base_mm", 50) / 1000
+    sensor = see.Sensor(base, result.input("noise", 0.3))
 
     def times(sensor, tilts, even=0.0):
         """Return the angle error over that of the linear fit, and both mean offsets [m]."""

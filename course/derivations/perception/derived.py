@@ -18,18 +18,18 @@ SYMBOLS = {
 
 
 @claim(
-    "Noise that is even in disparity leaves the mean depth where it is.",
-    "A depth bends as 1 / d: the mean is {formula} too far, {bias_mm:.1f} mm at {far:.0f} m with "
-    "{noise} px, and no number of pictures removes it. The mean of 1 / z has no such error.",
+    "Noise that is symmetric in the disparity leaves the mean depth unchanged.",
+    "1 / d is curved, so the mean depth is {formula} too far: {bias_mm:.1f} mm at {far:.0f} m with "
+    "{noise} px. Averaging more images doesn't remove it. The mean of 1 / z has no such error.",
     ask=(
-        "Depth is f B / d, and the disparity d has a small even error of standard deviation s. To "
-        "second order, by how much is the mean depth at z too far?",
+        "Depth is f B / d. The disparity d has a small error, symmetric about zero, with standard "
+        "deviation s. To second order, by how much is the mean depth at z too large?",
         "e = z^3*s^2/(f*B)^2",
         {
-            "z^2*s/(f*B)": "That is the standard deviation: the first order, which is even.",
+            "z^2*s/(f*B)": "That is the standard deviation, the first order. Its mean is zero.",
             "z^3*s^2/(2*(f*B)^2)": "The second derivative of f B / d is 2 f B / d^3; half of it "
             "times the variance.",
-            "z^2*s^2/(f*B)": "Check the unit: metres are wanted.",
+            "z^2*s^2/(f*B)": "Check the unit: the result must be in metres.",
         },
     ),
 )
@@ -51,16 +51,17 @@ def depth_bias(result):
 
 @claim(
     "The range on the data sheet says how far away a part may lie.",
-    "Its height says it. Seen from above, a part of {height_mm:.0f} mm is {k:.0f} standard "
-    "deviations high at {formula}, {far:.2f} m for a sensor that measures up to {range:.0f} m.",
+    "The part's height does. Seen from above, a part of {height_mm:.0f} mm is as high as {k:.0f} "
+    "standard deviations of the noise at {formula}: {far:.2f} m for a sensor with a range of "
+    "{range:.0f} m.",
     ask=(
-        "From above, a part of height h counts as above the table where it is k standard "
-        "deviations of a depth higher. How far may the table be?",
+        "Seen from above, a part of height h counts as found if h is at least k standard "
+        "deviations of a depth at the table's distance z. What is the largest z?",
         "z = sqrt(h*f*B/(k*s))",
         {
             "h*f*B/(k*s)": "Noise grows with the square of the distance: a root.",
             "sqrt(k*s/(h*f*B))": "The wrong way up: a higher part is found farther away.",
-            "sqrt(h*f*B/s)": "Of k standard deviations, not of one.",
+            "sqrt(h*f*B/s)": "That is for one standard deviation, not k.",
         },
     ),
 )
@@ -93,11 +94,12 @@ def farthest_part(result):
 
 @claim(
     "The more points are touched, the smaller is the residual of a calibration.",
-    "It grows, to sigma: per coordinate it is {formula}, {few:.2f} sigma for {n:.0f} points and "
-    "{many:.2f} for {most:.0f}. What falls is the error of the camera's place.",
+    "The residual grows towards sigma: per coordinate it is {formula}, {few:.2f} sigma for {n:.0f} "
+    "points and {many:.2f} sigma for {most:.0f}. What becomes smaller is the error of the camera's "
+    "position.",
     ask=(
-        "A rigid motion is fitted to N points, each coordinate with an error of sigma. Root mean "
-        "square residual of a coordinate?",
+        "A rigid motion is fitted to N points, each coordinate with an error of standard deviation "
+        "sigma. What is the root mean square residual of a coordinate?",
         "r = sigma*sqrt(1 - 2/N)",
         {
             "sigma*sqrt(1 - 6/N)": "Six numbers are fitted to 3 N coordinates.",

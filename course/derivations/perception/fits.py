@@ -129,7 +129,7 @@ def picture_to_picture(result):
     "Next to its twin, a part is placed up to {off_mm:.0f} mm from either of them, at a "
     "see-through share of {through:.3f}: the two form one block, and every position inside it "
     "is covered. What the pose leaves over reveals it. The pose explains {agrees:.0%} of the "
-    "block, and {alone:.0%} or more of a part that stands alone. Below {least:.0%} it is not "
+    "block, but {alone:.0%} of a part that stands alone. Below {least:.0%} it is not "
     "reported as found. The same applies to a pose with an unobserved shift, or with a border "
     "that is off its outline. A gap remains: a part {longer_mm:.0f} mm longer than the model is "
     "reported as found in {near:.0%} of the images, and one {far_mm:.0f} mm longer in "
@@ -250,9 +250,10 @@ def dbscan_has_no_order(result):
 
 
 @claim(
-    "A learned start is as good as the network says.",
-    "It says nothing: to the mirror image of its part it gives a turn as it does to its own. After "
-    "ICP the picture looks through {refuted:.0%} of these poses, and through {own:.0%} of its own.",
+    "A network that was trained to turn one part rejects the part's mirror image.",
+    "It returns a turn for the mirror image as it does for its own part. After ICP, the "
+    "see-through test refutes {refuted:.0%} of these poses, and {own:.0%} of those of its own "
+    "part.",
 )
 def network_knows_its_part(result):
     from course.charts.perception import learned

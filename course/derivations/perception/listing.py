@@ -135,8 +135,9 @@ def ransac_takes_the_table(result):
 
 @claim(
     "The extent of an axis-aligned box around a cluster is the object's size.",
-    "Of a part of {long:.0f} x {wide:.0f} mm turned by phi it is {formula} along x: at {turn} rad "
-    "{measured:.0f} mm, though no side is as long. Lay the part's own shape onto the points.",
+    "A part of {long:.0f} x {wide:.0f} mm that is turned by phi has the extent {formula} along x: "
+    "{measured:.0f} mm at {turn} rad, which is longer than any of its sides. Fit the part's own "
+    "shape to the points instead.",
     ask=(
         "A rectangle L x W is turned by phi, less than a right angle. Extent along x?",
         "L*cos(phi) + W*sin(phi)",
@@ -180,11 +181,12 @@ def extent_is_size(result):
 
 
 @claim(
-    "A pipeline that takes 100 ms keeps up with a camera of 30 images per second.",
-    "One worker delivers {rate:.0f} poses per second. Several workers that take turns deliver "
-    "all {camera:.0f}, but each pose is as old as before: at {speed:.0f} mm/s the part has "
-    "moved on by {late_mm:.0f} mm. A prediction to the time of use removes this error, not a "
-    "higher rate: {left_mm:.1f} mm remain.",
+    "One worker that takes 100 ms for an image processes all images of a camera that takes 30 per "
+    "second.",
+    "It delivers {rate:.0f} poses per second and drops the other images. Several workers in turn "
+    "deliver all {camera:.0f}, but each pose is as old as before: at {speed:.0f} mm/s the part "
+    "has moved on by {late_mm:.0f} mm. A higher rate doesn't remove this error. A prediction to "
+    "the time of use does: {left_mm:.1f} mm remain.",
 )
 def pipeline_keeps_up(result):
     from course.perception import Tracker
@@ -216,12 +218,14 @@ def pipeline_keeps_up(result):
 
 @claim(
     "A pose error of 2 mm is good enough to grasp.",
-    "Fingers of width b lose {formula} of the play on a side to an error e and a turn t of a part "
-    "of width W. Of {play} mm on each side, {error_mm} mm and {turn_deg} degrees leave enough for "
-    "fingers of {narrow:.0f} mm, and not of {wide:.0f} mm.",
+    "For a part longer than the fingers are wide, an error e and a turn t use up {formula} of the "
+    "gap on one side. With a gap of {play} mm on each side, an error of {error_mm} mm and "
+    "{turn_deg} degrees leave enough for fingers that are {narrow:.0f} mm wide, but not for "
+    "{wide:.0f} mm.",
     ask=(
-        "Two parallel fingers of width b close over a part of width W, which lies e to the side "
-        "and is turned by t. By how much has each to stand off from W/2?",
+        "Two parallel fingers, b wide along the part, close on a part of width W that is longer "
+        "than b. The part lies e to the side and is turned by t about the fingers' middle. How "
+        "much farther than W/2 from the middle must each finger start?",
         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)",
         {
             "e": "A turned part is wider between the fingers.",

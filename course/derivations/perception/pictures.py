@@ -16,9 +16,9 @@ SYMBOLS = {
 
 
 @claim(
-    "A depth camera's noise is one number: below a millimetre, or 1 to 3 mm.",
-    "It is {formula}, which depends on the distance: the same sensor has {low:.2f} mm at {near} "
-    "m, {middle:.1f} mm at {mid} m and {high:.0f} mm at {far} m. Each of the quoted numbers is "
+    'One number on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise.',
+    "The noise is {formula}, which depends on the distance: the same sensor has {low:.2f} mm at "
+    "{near} m, {middle:.1f} mm at {mid} m and {high:.0f} mm at {far} m. Each quoted number is "
     "right at some distance.",
     ask=(
         "Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
@@ -95,9 +95,9 @@ def averaging_removes_all(result):
 )
 def pixels_are_independent(result):
     def ratio(n, window, count=150, step=0.0):
-        seen = walls(1.0, result.rng, count, n, window=window, step=step)
+        depth = walls(1.0, result.rng, count, n, window=window, step=step)
         # Averaged as disparity, in which the noise is added.
-        means = (30.0 / seen).mean(axis=(1, 2))
+        means = (30.0 / depth).mean(axis=(1, 2))
         return np.std(means) / 0.1 * n
 
     side, window = int(result.input("side", 48)), int(result.input("window", 5))
@@ -118,11 +118,13 @@ def pixels_are_independent(result):
 
 @claim(
     "Half a pixel in the principal point does not matter.",
-    "It moves all by {formula}, {shift_mm:.2f} mm at {far:.2f} m, and no test inside sees it: the "
-    "residual is {same:.3f} times the right one's, and the pose says that it is known to "
-    "{told_mm:.3f} mm. With pixel centres at whole numbers the middle of W columns is (W - 1)/2.",
+    "It moves every point by {formula}, which is {shift_mm:.2f} mm at {far:.2f} m, and no test of "
+    "the pipeline notices it. The residual is {same:.3f} times the right one's, and the "
+    "covariance claims an accuracy of {told_mm:.3f} mm. With pixel centres at integers, the "
+    "middle of W columns is (W - 1)/2.",
     ask=(
-        "The principal point is taken half a pixel off. How far is a point at z off sideways?",
+        "A program uses a principal point that is half a pixel off. By how much does a point at "
+        "the depth z move sideways?",
         "e = z/(2*f)",
         {
             "1/(2*f)": "That is the angle: times the distance.",
@@ -158,13 +160,13 @@ def half_a_pixel(result):
 
 @claim(
     "A calibration is as good as its residual says.",
-    "Three touched points up to {wide} m apart leave a residual of {three_mm:.2f} mm and an error "
-    "of {far_mm:.1f} mm at {away} m above them; more points raise the residual and lower the "
-    "error. It is {formula} at the points' middle, and grows beyond them with the distance over "
-    "their extent.",
+    "Three touched points up to {wide} m apart, each known to {sigma_mm:.0f} mm, leave a residual "
+    "of {three_mm:.2f} mm and an error of {far_mm:.1f} mm at {away} m above them. More points "
+    "raise the residual and lower the error. The error is {formula} at the points' middle, and "
+    "grows outside of them with the distance divided by their extent.",
     ask=(
-        "A rigid fit to N points, each coordinate known to sigma: root mean square error at their "
-        "middle?",
+        "A rigid motion is fitted to N touched points, each coordinate with a standard deviation "
+        "sigma. What is the root mean square position error at the points' middle?",
         "e = sigma*sqrt(3/N)",
         {
             "sigma/sqrt(N)": "That is one coordinate; the error has three.",
@@ -182,7 +184,7 @@ def calibration_residual(result):
     sigma, N = sympy.symbols("sigma N", positive=True)
     result.formula = sympy.sqrt(3 * sigma**2 * N / N**2)  # of a mean of N, three coordinates
     at, seen_at, report = np.array([[0, 0], [0, 0], [0, result.input("away", 0.6)]]), [], []
-    wide = result.input("wide", 0.3)
+    wide, error = result.input("wide", 0.3), result.input("sigma_mm", 1) / 1000
     for n in (3, 30):
         points = result.rng.uniform(-0.5, 0.5, (3, n)) * [[wide], [0.7 * wide], [0.1 * wide]]
         if n == 3:  # a thin triangle, drawn by chance, has any error
@@ -190,13 +192,13 @@ def calibration_residual(result):
         points -= points.mean(axis=1, keepdims=True)
         both, squares = np.hstack((points, at)), np.zeros(n + 2)
         for _ in range(1000):
-            wrong = 1e-3 * result.rng.standard_normal((3, n))
+            wrong = error * result.rng.standard_normal((3, n))
             R, p = rigid_fit(points, points + wrong)
             shown = np.hstack((wrong, np.zeros((3, 2))))
             squares += np.sum((R @ both + p[:, None] - both - shown) ** 2, axis=0) / 1000
         seen_at.append(np.sqrt([np.mean(squares[:n]), *squares[n:]]))
-        middle = float(result.formula.subs({sigma: 1e-3, N: n}))
-        report.append([*target_error(points, at, 1e-3), middle])
+        middle = float(result.formula.subs({sigma: error, N: n}))
+        report.append([*target_error(points, at, error), middle])
     (three, near, far), (count, _, less) = 1000 * np.array(seen_at)
     result.measure("three_mm", three, 0.05)
     result.measure("far_mm", far, 0.05)

@@ -168,7 +168,7 @@ def mass_without_set_const(result):
         return data.subtree_com[1].copy(), exact
 
     (old, exact), (new, _) = centre(False), centre(True)
-    off = result.measure("centre_mm", 1000.0 * np.linalg.norm(old - exact), 1e-6)
+    offset = result.measure("centre_mm", 1000.0 * np.linalg.norm(old - exact), 1e-6)
     change = result.measure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
     ratio = result.measure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
     result.statement = (
@@ -194,7 +194,7 @@ def mass_without_set_const(result):
         abs(ratio - 1.0) > 0.1,
         # The control: an unchanged mass must change nothing.
         moved(depth, 1.0) == 0.0,
-        off > 10.0,
+        offset > 10.0,
         np.linalg.norm(new - exact) < 1e-12,
     )
 
@@ -267,16 +267,16 @@ def set_const_compiles(result):
 
     def hung(length, down):
         """Return which arrays differ from those of the compiled model, and both rests [m]."""
-        kept = mujoco.MjModel.from_xml_string(_HUNG.format(z=0.5, length=length))
-        kept.body_pos[1, 2] -= down
-        mujoco.mj_setConst(kept, mujoco.MjData(kept))
+        stale = mujoco.MjModel.from_xml_string(_HUNG.format(z=0.5, length=length))
+        stale.body_pos[1, 2] -= down
+        mujoco.mj_setConst(stale, mujoco.MjData(stale))
         anew = mujoco.MjModel.from_xml_string(_HUNG.format(z=0.5 - down, length=length))
         rests = []
-        for one in (kept, anew):
+        for one in (stale, anew):
             data = mujoco.MjData(one)
             mujoco.mj_step(one, data, nstep=4000)
             rests.append(data.xpos[1, 2])
-        return different(kept, anew), rests
+        return different(stale, anew), rests
 
     # All arrays of the model, not a list of our own: what a changed position may touch.
     down = result.input("moved_mm", 200.0) / 1000.0

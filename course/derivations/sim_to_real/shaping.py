@@ -131,8 +131,8 @@ def time_is_an_end(result):
     "closer.",
     "Of {n:.0f} random pairs of paths, {flipped:.0f} have another best path when minus the "
     "distance is paid at each step. Paid as a difference of potentials, the short path stays the "
-    "best in all of them. A long path that passes near the goal is cheaper than a short one that "
-    "begins with a detour.",
+    "best in all of them. A longer path that soon comes near the goal can cost less than a "
+    "shorter one that stays far away until its last steps.",
 )
 def two_routes(result):
     from course.sim_to_real import Process, shaped, value_iteration

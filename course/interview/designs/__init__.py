@@ -39,7 +39,8 @@ LEVELS = ("missing", "named", "quantified", "defended")
 WORDS = 900  # of a model answer: two pages
 
 _MIND = re.compile(
-    r"\bchang\w* my mind\b|\bunless\b|\bI(?:'d| would) (?:switch|go back|drop|give up)\b", re.I
+    r"\bchang\w* my mind\b|\bunless\b|\bI(?:'d| would) (?:switch|go back|fall back|drop|give up)\b",
+    re.I,
 )
 # Sentences, from the one with the word on, in which its number and its doubt are looked for.
 _NUMBER_WITHIN, _MIND_WITHIN = 2, 6

@@ -9,6 +9,10 @@ one wrong number in it, so that the listing is the same whichever was drawn.
 
 What a figure rules out is computed: the probe is run on other machines of every cause, and a cause
 is out if the figure is further from its figures than the probe's noise.
+
+Each case offers all causes but one, and `NONE`, which is right where the one that is not offered is
+at work. So none of the answers is likelier than another, and a list that has been learned by heart
+is no help.
 """
 
 from __future__ import annotations
@@ -27,7 +31,9 @@ import numpy as np
 from course import check
 
 HERE = Path(__file__).parent
-NAMES = ("explodes", "policy", "touch", "gap")
+NAMES = ("explodes", "policy", "touch", "gap", "late", "sure")
+NONE = "none_of_these"
+NONE_WORDS = "The cause is not in this list: the probes rule all of it out."
 REFERENCE = tuple(range(2**30, 2**30 + 6))  # seeds of the other machines, which no case has
 
 
@@ -87,7 +93,8 @@ class Scenario:
         price: (cause, seed, repair) -> what the repair costs, in `price_words`.
         price_words: what the price is; 1 is what the machine without a fault costs.
         affordable: the highest price that is no new fault.
-        path: how many probes the model answer has.
+        path: how many probes tell all causes apart, in the order of the model answer.
+        on_model: name of a probe -> its figure on the model, where there is one to compare with.
     """
 
     name: str
@@ -106,6 +113,7 @@ class Scenario:
     price_words: str
     affordable: float
     path: int
+    on_model: Callable[[str], float] | None = None
 
     def cause(self, name: str) -> Cause:
         """Return the cause of that name; ValueError for another."""
@@ -186,13 +194,19 @@ def tells_apart(name: str, probe: str, one: str, other: str) -> bool:
     return high < lower or higher < low
 
 
+def nominal(name: str, probe: str) -> float | None:
+    """Return the figure of a probe on the model, None where the scenario has no model."""
+    one = scenario(name)
+    return None if one.on_model is None else float(one.on_model(probe))
+
+
 @cache
 def model_path(name: str) -> tuple[str, ...]:
-    """Return the probes of the model answer, the same for every cause.
+    """Return the probes that tell all causes apart, in the order of the model answer.
 
-    Greedy: next comes the probe that tells the most pairs of causes apart for its minutes. A pair
-    counts half for every probe before that told it apart: one figure is no proof, and a second
-    witness is worth something.
+    The model answer stops as soon as one cause is left. Greedy: next comes the probe that tells the
+    most pairs of causes apart for its minutes. A pair counts half for every probe before that told
+    it apart: one figure is no proof, and a second witness is worth something.
     """
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
@@ -209,40 +223,77 @@ def model_path(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Finding:
-    """One probe that was run: its figure, what it cost, and all that was spent so far."""
+    """One probe that was run.
+
+    Attributes:
+        probe, figure, unit: what came out.
+        minutes, spent: what it cost, and all that was spent so far.
+        model: the same figure on the model, None where there is none.
+    """
 
     probe: str
     figure: float
     unit: str
     minutes: int
     spent: int
+    model: float | None = None
+
+    @property
+    def result(self) -> str:
+        """The figure with its unit, beside that of the model."""
+        beside = "" if self.model is None else f", on the model {_number(self.model, self.unit)}"
+        return f"{_number(self.figure, self.unit)}{beside}"
 
     def __str__(self) -> str:
-        return f"{self.probe}: {_number(self.figure, self.unit)} ({self.spent} min spent)"
+        return f"{self.probe}: {self.result} ({self.spent} min spent)"
 
     def _repr_markdown_(self) -> str:
-        return f"**{self.probe}**: {_number(self.figure, self.unit)} *({self.spent} min spent)*"
+        return f"**{self.probe}**: {self.result} *({self.spent} min spent)*"
+
+
+@dataclass(frozen=True)
+class Range:
+    """The figures of a probe that a cause explains, from `low` to `high`."""
+
+    cause: str
+    low: float
+    high: float
+
+    def explains(self, value: float) -> bool:
+        """Return whether a figure lies in the range."""
+        return self.low <= value <= self.high
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of evidence: a probe, its figure, the causes that it rules out and what is left."""
+    """A line of evidence.
+
+    Attributes:
+        probe, figure, unit: what came out.
+        ruled_out, remaining: the causes that the figure rules out, and those that are left.
+        ranges: what the probe would have shown under each cause.
+    """
 
     probe: str
     figure: float
     unit: str
     ruled_out: tuple[str, ...]
     remaining: tuple[str, ...]
+    ranges: tuple[Range, ...] = ()
 
 
-def evidence(name: str, findings: list[Finding]) -> tuple[Row, ...]:
-    """Return what findings say one after the other."""
-    remaining = tuple(one.name for one in scenario(name).causes)
+def evidence(
+    name: str, findings: list[Finding], causes: tuple[Cause, ...] | None = None
+) -> tuple[Row, ...]:
+    """Return what findings say one after the other, of some causes or of all."""
+    names = [one.name for one in (scenario(name).causes if causes is None else causes)]
+    remaining = tuple(names)
     rows = []
     for one in findings:
-        out = ruled_out(name, one.probe, one.figure)
+        ranges = tuple(Range(cause, *expected(name, one.probe, cause)) for cause in names)
+        out = tuple(r.cause for r in ranges if not r.explains(one.figure))
         remaining = tuple(cause for cause in remaining if cause not in out)
-        rows.append(Row(one.probe, one.figure, one.unit, out, remaining))
+        rows.append(Row(one.probe, one.figure, one.unit, out, remaining, ranges))
     return tuple(rows)
 
 
@@ -262,6 +313,11 @@ def drawn(name: str, seed: int) -> Case:
     return Case(scenario(name).name, check.count("seed", seed))
 
 
+def _run_for_all(case: Case, probe: str) -> float:
+    """Run a probe for every cause, whichever is at work, so that its time gives nothing away."""
+    return sum(figure(case.name, probe, one.name, case.seed) for one in scenario(case.name).causes)
+
+
 def _sealed(case: Case, act: Callable[[str, int], float]) -> float:
     """Return what `act` returns for the sampled cause.
 
@@ -277,10 +333,22 @@ def _sealed(case: Case, act: Callable[[str, int], float]) -> float:
     raise RuntimeError(f"{case}: the program ended with {stopped.__name__}")
 
 
-def _cause(case: Case) -> str:
+def _drawn_causes(case: Case) -> tuple[str, str]:
+    """Return the cause that is at work and the one that is not offered; they may be the same."""
     causes = scenario(case.name).causes
     draw = np.random.default_rng([zlib.crc32(case.name.encode()), case.seed])
-    return causes[int(draw.integers(len(causes)))].name
+    first, other = (causes[int(draw.integers(len(causes)))].name for _ in range(2))
+    return first, other
+
+
+def _cause(case: Case) -> str:
+    return _drawn_causes(case)[0]
+
+
+def offered(case: Case) -> tuple[Cause, ...]:
+    """Return the causes that can be named, besides `NONE`."""
+    missing = _drawn_causes(case)[1]
+    return tuple(one for one in scenario(case.name).causes if one.name != missing)
 
 
 @dataclass(frozen=True)
@@ -299,12 +367,13 @@ class Verdict:
     """The answer to a diagnosis; the cause is told here and nowhere before.
 
     Attributes:
-        case, diagnosis: the draw, and the cause that was named.
+        case, diagnosis: the draw, and the cause that was named, or `NONE`.
         cause: the one that was drawn.
         before: the figure of the symptom.
         tried, popular: the repair that was named, and the one that many try first.
         rows, minutes: the evidence of the probes that were run, and what they cost.
-        model, model_minutes: the same of the model answer.
+        model, model_minutes: the same of the model answer, which stops when one cause is left.
+        answer: what had to be named: the cause, or `NONE` where it was not offered.
     """
 
     case: Case
@@ -317,16 +386,18 @@ class Verdict:
     minutes: int
     model: tuple[Row, ...]
     model_minutes: int
+    answer: str
 
     @property
     def right(self) -> bool:
-        """True if the cause was named."""
-        return self.diagnosis == self.cause
+        """True if the cause was named, or `NONE` where it was not offered."""
+        return self.diagnosis == self.answer
 
     @property
     def supported(self) -> bool:
-        """True if the cause was named and the probes left no other."""
-        return self.right and bool(self.rows) and self.rows[-1].remaining == (self.cause,)
+        """True if the answer was right and the probes left no other."""
+        left = () if self.answer == NONE else (self.answer,)
+        return self.right and bool(self.rows) and self.rows[-1].remaining == left
 
     @property
     def cured(self) -> bool:
@@ -342,15 +413,15 @@ class Verdict:
         """Return the verdict in words."""
         one = scenario(self.case.name)
         named = "Right" if self.right else f"Not {self.diagnosis}"
-        message = [f"{named}: it is {self.cause}. {one.cause(self.cause).words}"]
+        what = f"none of these, but {self.cause}" if self.answer == NONE else self.cause
+        message = [f"{named}: it is {what}. {one.cause(self.cause).words}"]
         if not self.right:
             against = [row.probe for row in self.rows if self.diagnosis in row.ruled_out]
             message += [f"{', '.join(against)} had ruled {self.diagnosis} out."] if against else []
-        remaining = (
-            self.rows[-1].remaining if self.rows else tuple(cause.name for cause in one.causes)
-        )
+        names = tuple(cause.name for cause in offered(self.case))
+        remaining = self.rows[-1].remaining if self.rows else names
         message.append(
-            f"Your {self.minutes} minutes of probes leave {' or '.join(remaining) or 'none'}."
+            f"Your {self.minutes} minutes of probes leave {' or '.join(remaining) or NONE}."
         )
         message.append(self._of(self.tried, "Your repair"))
         if self.popular.repair != self.tried.repair:
@@ -377,16 +448,32 @@ class Verdict:
 
 
 def table(rows: tuple[Row, ...]) -> str:
-    """Return evidence as a table in Markdown."""
-    lines = ["| probe | figure | rules out | left |", "|---|---:|---|---|"]
+    """Return evidence as a table in Markdown: the range of each cause, in bold where it fits."""
+    lines = ["| probe | figure | what each cause explains | left |", "|---|---:|---|---|"]
     for row in rows:
-        out, remaining = (", ".join(names) or "none" for names in (row.ruled_out, row.remaining))
-        lines.append(f"| {row.probe} | {_number(row.figure, row.unit)} | {out} | {remaining} |")
+        ranges = [
+            f"{'**' * r.explains(row.figure)}{r.cause} {span(r)}{'**' * r.explains(row.figure)}"
+            for r in row.ranges
+        ]
+        remaining = ", ".join(row.remaining) or "none"
+        lines.append(
+            f"| {row.probe} | {_number(row.figure, row.unit)} | {'<br>'.join(ranges)} "
+            f"| {remaining} |"
+        )
     return "\n".join(lines)
 
 
+def span(one: Range) -> str:
+    """Return a range in words, with three digits."""
+    return f"{_plain(one.low, 3)} to {_plain(one.high, 3)}"
+
+
+def _plain(value: float, digits: int = 4) -> str:
+    return f"{0.0 if abs(value) < 1e-12 else value:.{digits}g}"
+
+
 def _number(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".rstrip()
+    return f"{_plain(value)} {unit}".rstrip()
 
 
 @dataclass
@@ -408,9 +495,11 @@ class Diagnosis:
             ValueError: for a name that is no probe of the scenario.
         """
         one = scenario(self.case.name).a_probe(name)
+        _sealed(self.case, lambda c, s: _run_for_all(self.case, name))
         value = _sealed(self.case, lambda c, s: figure(self.case.name, name, c, s))
+        model = nominal(self.case.name, name)
         self.findings.append(
-            Finding(name, value, one.unit, one.minutes, self.minutes + one.minutes)
+            Finding(name, value, one.unit, one.minutes, self.minutes + one.minutes, model)
         )
         return self.findings[-1]
 
@@ -421,22 +510,28 @@ class Diagnosis:
             ValueError: for a name that is no cause or repair of the scenario.
         """
         one = scenario(self.case.name)
-        one.cause(cause), one.repair(repair)
-        path = model_path(one.name)
+        names = [each.name for each in offered(self.case)]
+        check.one_of("cause", cause, [*names, NONE])
+        one.repair(repair)
+        drawn_cause = _cause(self.case)
         model = Diagnosis(self.case)
-        for name in path:
+        for name in model_path(one.name):
             model.probe(name)
+            if len(evidence(one.name, model.findings)[-1].remaining) <= 1:
+                break
+        causes = offered(self.case)
         return Verdict(
             self.case,
             cause,
-            _cause(self.case),
+            drawn_cause,
             _sealed(self.case, lambda c, s: symptom(one.name, None, c, s)),
             self._tried(repair),
             self._tried(one.popular),
-            evidence(one.name, self.findings),
+            evidence(one.name, self.findings, causes),
             self.minutes,
-            evidence(one.name, model.findings),
+            evidence(one.name, model.findings, causes),
             model.minutes,
+            drawn_cause if drawn_cause in names else NONE,
         )
 
     def _tried(self, repair: str) -> Tried:
@@ -451,8 +546,9 @@ class Diagnosis:
         probes = "\n".join(f"| {p.name} | {p.what} | {p.minutes} |" for p in one.probes)
         named = [
             "\n".join(f"* `{entry.name}`: {entry.words}" for entry in entries)
-            for entries in (one.causes, one.repairs)
+            for entries in (offered(self.case), one.repairs)
         ]
+        named[0] += f"\n* `{NONE}`: {NONE_WORDS}"
         return Page(
             f"**{one.title}**\n\n{one.prompt}\n\n<details><summary>The program</summary>\n\n"
             f"```python\n{one.listing()}```\n\n</details>\n\n| probe | what is done | minutes |\n"

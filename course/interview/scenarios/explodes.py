@@ -160,10 +160,10 @@ SCENARIO = Scenario(
     title="It explodes after about a thousand steps",
     prompt="A slide on a rail rests between two elastic stops. A brake and friction should take "
     "away what little motion it has at the start. Instead it swings out further and further, and "
-    "after about a thousand steps it is lost. A run lasts three times as long, and what is never "
-    "lost counts as lost at its end. The program is what you may read; the numbers of the "
-    "machine are on a computer that you can only run things on. What is it, and what do you "
-    "change?",
+    "after about a thousand steps it is lost. A run lasts three times as long; if the slide is not "
+    "lost by then, the end of the run is entered, so a ratio of times is at most about three. You "
+    "may read the program; the parameters of the machine are on a computer on which you can only "
+    "run things. What is it, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,
@@ -199,7 +199,7 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "halve_step",
-            "half the step: time until it is lost, by that before",
+            "half the step: ratio of the times until it is lost",
             "",
             3,
             later(halved),
@@ -207,7 +207,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "double_mass",
-            "twice the mass: time until it is lost, by that before",
+            "twice the mass: ratio of the times until it is lost",
             "",
             3,
             later(lambda one: replace(one, mass=2 * one.mass)),
@@ -215,7 +215,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "start_closer",
-            "a tenth of the start: time until it is lost, by that before",
+            "a tenth of the start: ratio of the times until it is lost",
             "",
             2,
             later(lambda one: replace(one, start=one.start / 10)),
@@ -223,7 +223,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "brake_off",
-            "no brake: time until it is lost, by that before",
+            "no brake: ratio of the times until it is lost",
             "",
             3,
             later(lambda one: replace(one, damping=0.0)),
@@ -231,7 +231,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "friction_off",
-            "no friction: time until it is lost, by that before",
+            "no friction: ratio of the times until it is lost",
             "",
             3,
             later(lambda one: replace(one, friction=0.0)),
@@ -280,7 +280,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "push_by_hand",
-            "force at a fixed depth, by that of the stop that was ordered",
+            "ratio of the force at a fixed depth to that of the ordered stop",
             "",
             8,
             hooke,

@@ -9,6 +9,8 @@ from course.interview.scenarios.programs import gap as planner
 from course.interview.scenarios.programs.gap import SIZE, Array, Mask, Room, clear, free
 
 HALF, DOOR, WALL = 0.3, 1.1, 4.0  # half a carriage, width of the door, its place along x [m]
+REACH = 4.0  # longest edge [m]
+SHORT = 0.45  # of it, where it is too short [m]
 TRIALS = 10  # roadmaps that are drawn for a symptom
 NOWHERE = np.empty((0, 2))
 
@@ -18,26 +20,56 @@ def door_middle(seed: int) -> Array:
     return np.array([WALL, np.random.default_rng([8, seed]).uniform(1.8, 2.3)])
 
 
+def ghosts(goal: Array) -> Array:
+    """Return four thin boxes around the goal, (4, 4), which leave room for the carriage in it."""
+    out, thick = 0.6, 0.05
+    x, y = goal
+    return np.array(
+        [
+            [x - out, y - out, x - out + thick, y + out],
+            [x + out - thick, y - out, x + out, y + out],
+            [x - out, y - out, x + out, y - out + thick],
+            [x - out, y + out - thick, x + out, y + out],
+        ]
+    )
+
+
 def room(cause: str, seed: int) -> Room:
     """Return the room of a seed that has a fault."""
     draw = np.random.default_rng([9, seed])
     middle = door_middle(seed)[1]
     half_door = 0.5 * (0.61 if cause == "improbable" else DOOR)
     goal = np.array([7.0, 3.05 if cause == "goal_inside" else 2.5]) + [draw.uniform(-0.3, 0.3), 0.0]
-    return Room(
-        boxes=np.array([
-            [-0.1, -0.1, 0.0, 4.1], [8.0, -0.1, 8.1, 4.1], [-0.1, -0.1, 8.1, 0.0],
-            [-0.1, 4.0, 8.1, 4.1], [3.95, -0.1, 4.05, middle - half_door],
-            [3.95, middle + half_door, 4.05, 4.1], [1.4, 2.6, 2.2, 3.0], [5.6, 0.7, 6.2, 1.2],
+    start = draw.uniform(0.7, 1.1, 2)
+    boxes = np.array(
+        [
+            [-0.1, -0.1, 0.0, 4.1],
+            [8.0, -0.1, 8.1, 4.1],
+            [-0.1, -0.1, 8.1, 0.0],
+            [-0.1, 4.0, 8.1, 4.1],
+            [3.95, -0.1, 4.05, middle - half_door],
+            [3.95, middle + half_door, 4.05, 4.1],
+            [1.4, 2.6, 2.2, 3.0],
+            [5.6, 0.7, 6.2, 1.2],
             [6.3, 3.3, 7.7, 3.6],
-        ]),
+        ]
+    )
+    if cause == "stale_map":
+        boxes = np.vstack((boxes, [WALL - 0.1, middle - 0.2, WALL + 0.1, middle + 0.2]))
+    if cause == "ghost_walls":
+        boxes = np.vstack((boxes, ghosts(goal)))
+    if cause == "start_inside":
+        start[1] = 0.9 * HALF
+    return Room(
+        boxes=boxes,
         grown=HALF if cause == "inflated_twice" else 0.0,
         half=HALF,
         first=0.0,
         last=4.0 if cause == "edge_check" else 1.0,
-        start=draw.uniform(0.7, 1.1, 2),
+        start=start,
         goal=goal,
         samples=60,
+        reach=SHORT if cause == "short_edges" else REACH,
         hints=NOWHERE,
     )  # fmt: skip
 
@@ -53,6 +85,17 @@ def repaired(cause: str, seed: int, repair: str | None) -> Room:
         return replace(one, last=1.0)
     if repair == "stand_off":
         return replace(one, goal=np.minimum(one.goal, [np.inf, 2.9]))
+    if repair == "clear_map":
+        stale = np.all(np.abs(one.boxes[:, :2] - door_middle(seed)) < 0.25, axis=1)
+        return replace(one, boxes=one.boxes[~stale])
+    if repair == "drive_out":
+        return replace(one, start=np.maximum(one.start, [0.0, 1.2 * HALF]))
+    if repair == "filter_map":
+        near = np.all(np.abs((one.boxes[:, :2] + one.boxes[:, 2:]) / 2.0 - one.goal) < 0.65, axis=1)
+        thin = np.min(one.boxes[:, 2:] - one.boxes[:, :2], axis=1) < 0.06
+        return replace(one, boxes=one.boxes[~(near & thin)])
+    if repair == "longer_edges":
+        return replace(one, reach=REACH)
     if repair == "more_samples":
         return replace(one, samples=3 * one.samples)
     return one
@@ -88,14 +131,6 @@ def goal_free(cause: str, seed: int) -> float:
     """Return whether the goal is free to the planner."""
     one = room(cause, seed)
     return float(free(one, one.goal[None])[0])
-
-
-def path_points(cause: str, seed: int) -> float:
-    """Return the share of a path by hand that the planner's check of points refuses."""
-    one = room(cause, seed)
-    path, share = hand_path(one, seed), np.linspace(0.0, 1.0, 500)[:, None, None]
-    points = path[:-1] + share * np.diff(path, axis=0)
-    return float(np.mean(~free(one, points.reshape(-1, 2))))
 
 
 def path_edges(cause: str, seed: int) -> float:
@@ -181,6 +216,12 @@ def wide_door(cause: str, seed: int) -> float:
     return failures(replace(one, boxes=np.delete(one.boxes, [4, 5], axis=0)), seed)
 
 
+def start_free(cause: str, seed: int) -> float:
+    """Return whether the start is free to the planner."""
+    one = room(cause, seed)
+    return float(free(one, one.start[None])[0])
+
+
 def triple(cause: str, seed: int) -> float:
     """Count how many of three roadmaps with three times the points find no path."""
     return failures(repaired(cause, seed, "more_samples"), seed, 3)
@@ -222,17 +263,32 @@ SCENARIO = Scenario(
             "what no middle may enter.",
             "stand_off",
         ),
+        Cause(
+            "stale_map",
+            "The map still has a box in the door that was carried away long ago.",
+            "clear_map",
+        ),
+        Cause(
+            "start_inside",
+            "The carriage stands nearer to a wall than half of it, as the planner measures: the "
+            "start is inside what no middle may enter.",
+            "drive_out",
+        ),
+        Cause(
+            "ghost_walls",
+            "Reflections at the goal stand in the map as walls around it.",
+            "filter_map",
+        ),
+        Cause(
+            "short_edges",
+            "The longest edge that the roadmap tries is shorter than most distances between its "
+            "points, so it falls into pieces.",
+            "longer_edges",
+        ),
     ),
     probes=(
         Probe("ask_goal", "whether the goal is free to the planner", "", 2, goal_free, 0.1),
-        Probe(
-            "hand_path_points",
-            "share of a path by hand through the door that the check of points refuses",
-            "",
-            8,
-            path_points,
-            0.01,
-        ),
+        Probe("ask_start", "whether the start is free to the planner", "", 2, start_free, 0.1),
         Probe(
             "hand_path_edges",
             "how many of its three edges the check of edges refuses",
@@ -306,11 +362,15 @@ SCENARIO = Scenario(
         Repair("guide", "The roadmap takes three points on the door's axis besides."),
         Repair("clip_edges", "An edge is checked from its beginning to its end."),
         Repair("stand_off", "The goal is the nearest place in front of the shelf that is free."),
+        Repair("clear_map", "The map is taken anew: what is not there any more is removed."),
+        Repair("drive_out", "The carriage is driven off the wall before it plans."),
+        Repair("filter_map", "Thin boxes that only one sensor has seen are left out of the map."),
+        Repair("longer_edges", "Edges of up to half the room are tried."),
         Repair("more_samples", "Three times the points."),
     ),
     popular="more_samples",
     price=price,
     price_words="pairs of points to look at, by those before",
     affordable=2.0,
-    path=5,
+    path=7,
 )

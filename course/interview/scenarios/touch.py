@@ -127,7 +127,7 @@ def price(cause: str, seed: int, repair: str) -> float:
 
 
 def calmer(change: Change) -> Run:
-    """Return the probe that changes the machine: its swing by that before."""
+    """Return the probe that changes the machine: its swing over that before."""
 
     def run(cause: str, seed: int) -> float:
         one = machine(cause, seed)
@@ -205,7 +205,7 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "hold_command",
-            "a constant command instead of the loop: swing, by that before",
+            "a constant command instead of the loop: ratio of the swings, after to before",
             "",
             2,
             calmer(lambda one: replace(one, gain=0.0, integral=0.0)),
@@ -213,7 +213,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "quarter_gain",
-            "a quarter of the force gain: swing, by that before",
+            "a quarter of the force gain: ratio of the swings, after to before",
             "",
             2,
             calmer(REPAIRS["soften"]),
@@ -221,7 +221,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "soft_plate",
-            "a plate with a tenth of the stiffness: swing, by that before",
+            "a plate with a tenth of the stiffness: ratio of the swings, after to before",
             "",
             3,
             calmer(REPAIRS["pad"]),
@@ -229,7 +229,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "gentle_start",
-            "from a hundredth of the height: swing, by that before",
+            "from a hundredth of the height: ratio of the swings, after to before",
             "",
             3,
             calmer(lambda one: replace(one, start=one.start / 100)),
@@ -237,7 +237,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "integral_off",
-            "no integral: swing, by that before",
+            "no integral: ratio of the swings, after to before",
             "",
             3,
             calmer(lambda one: replace(one, integral=0.0)),
@@ -245,7 +245,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "double_drive",
-            "a drive with twice the limit: swing, by that before",
+            "a drive with twice the limit: ratio of the swings, after to before",
             "",
             4,
             calmer(lambda one: replace(one, limit=2 * one.limit)),
@@ -272,7 +272,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "fixed_rate",
-            "the loop on a clock that is never late: swing, by that before",
+            "the loop on a clock that is never late: ratio of the swings, after to before",
             "",
             8,
             calmer(even),

@@ -75,10 +75,11 @@ def step(controls, dt, model, body, force):
     # The velocity without contact: the hand as a spring and damper, explicit, and gravity.
     vx = body[2] + dt / MASS * (HAND * (hand[0] - body[0]) - HOLD * body[2])
     vy = body[3] + dt / MASS * (HAND * (hand[1] - body[1]) - HOLD * body[3]) - dt * GRAVITY
-    # Penalty: relative velocity in the contact frame, normal first, then a spring, damper and
-    # regularised friction.
+    # The contact frame is the normal (nx, ny) and the tangent (ny, -nx), which points to the right
+    # on the floor. Penalty: relative velocity in this frame, then a spring, damper and regularised
+    # friction.
     if model == 0:
-        u = np.array([nx * body[2] + ny * body[3], nx * body[3] - ny * body[2]])
+        u = np.array([nx * body[2] + ny * body[3], ny * body[2] - nx * body[3]])
         damper = 2.0 * controls["zeta"] * math.sqrt(controls["stiffness"] * MASS)
         penalty_force(
             -gap,
@@ -96,7 +97,7 @@ def step(controls, dt, model, body, force):
         # While apart, the gap may be closed within the step (speculative contact); an overlap is
         # undone by a share of its depth per step (Baumgarte stabilisation).
         allowed = gap / dt if gap > 0.0 else RECOVERY * gap / dt
-        w = np.array([nx * vx + ny * vy + allowed, mu * (nx * vy - ny * vx)])
+        w = np.array([nx * vx + ny * vy + allowed, mu * (ny * vx - nx * vy)])
         g = np.zeros(2)
         # One projected Gauss-Seidel sweep is exact here, as the rows of a single contact at the
         # centre of mass are independent.
@@ -104,8 +105,8 @@ def step(controls, dt, model, body, force):
         force[0], force[1] = g[0] / dt, mu * g[1] / dt
     # Semi-implicit Euler: force in the contact frame (n, t) back to x and y, then the new velocity
     # moves the body.
-    body[2] = vx + dt / MASS * (nx * force[0] - ny * force[1])
-    body[3] = vy + dt / MASS * (ny * force[0] + nx * force[1])
+    body[2] = vx + dt / MASS * (nx * force[0] + ny * force[1])
+    body[3] = vy + dt / MASS * (ny * force[0] - nx * force[1])
     body[0] += dt * body[2]
     body[1] += dt * body[3]
 
@@ -225,8 +226,8 @@ def _scene(pen, state, controls):
                 pen,
                 x,
                 y,
-                x + scale * (nx * fn - ny * ft),
-                y + scale * (ny * fn + nx * ft),
+                x + scale * (nx * fn + ny * ft),
+                y + scale * (ny * fn - nx * ft),
                 _INKS[k],
                 3.0,
             )
@@ -350,7 +351,8 @@ READOUTS = {
         "Contact force perpendicular to the surface: first the penalty model, then the constraint."
     ),
     "tangential force": (
-        "Friction force along the surface: first the penalty model, then the constraint."
+        "Friction force along the surface, on the floor positive to the right: first the penalty "
+        "model, then the constraint."
     ),
     "normal": "Components of the unit normal at the contact of the constraint model.",
     "contact": "Apart, sticking or sliding: first the penalty model, then the constraint.",

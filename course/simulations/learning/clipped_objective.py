@@ -132,7 +132,8 @@ def frame(pen, state, controls):
     draw.key(pen, 7.2, 4.75, _LOWER, draw.PURPLE, 3.0)
     ratio, advantage, clip = state["ratio"], controls["advantage"], controls["clip"]
     value, slope = clipped(ratio, advantage, clip)
-    draw.reading(pen, _NOW, ratio, 2)
+    # Three digits: just above 1 + ε the slope is 0, at 1 + ε itself it is still A.
+    draw.reading(pen, _NOW, ratio, 3)
     draw.reading(pen, _OBJECTIVE, value, draw.SIGNED + 2)
     draw.reading(pen, _WITHOUT, ratio * advantage, draw.SIGNED + 2)
     draw.reading(pen, _SLOPE, slope, draw.SIGNED + 2)

@@ -94,12 +94,12 @@ word, colour = draw.words_table(), draw.colours_table()
 _GREEN = colour("#c3e3d3")[0]
 _STEP, _SIDE, _ROAD = word("step", "off the path [m]", "runs of the cloned policy")
 _COST, _GROWTH = word("wrong steps", "mean number of wrong steps")
-_BAND_KEY, _RUN_KEY, _MEASURED_KEY, _EXPECTED_KEY, _SQUARE_KEY, _LINE_KEY = word(
-    "demonstrated band", "runs", "measured", "expected", "½ ε T²", "ε T (DAgger)"
+_BAND_KEY, _RUN_KEY, _OFF_KEY, _MEASURED_KEY, _EXPECTED_KEY, _SQUARE_KEY, _LINE_KEY = word(
+    "demonstrated band", "on the path", "off it", "measured", "expected", "½ ε T²", "ε T (recovers)"
 )
 _NOW, _LOST, _EXPECTED, _MEASURED, _SQUARE, _LINEAR = word(
     "step now", "runs off the band", "expected at T", "measured at T", "½ ε T², worst case",
-    "ε T, DAgger",
+    "ε T, recovers",
 )  # fmt: skip
 _PERCENT = word(" %")[0]
 _LEFT, _RIGHT = (0.8, 4.9, 0.8, 4.05), (5.85, 8.85, 0.8, 4.05)
@@ -142,7 +142,7 @@ def _growth(pen, state, controls):
     draw.curve(pen, times, 0.5 * inside * times * times, draw.RED, 2.0, 0.9, 6.0, 4.0)
     draw.curve(pen, times, inside * times, draw.GREEN, 2.5)
     draw.curve(pen, times, expected, draw.INK, 1.6, 0.8, 5.0, 4.0)
-    draw.curve(pen, times[: now + 1], state["cost"][: now + 1].copy(), draw.BLUE, 2.5)
+    draw.curve(pen, times[: now + 1], state["cost"][: now + 1].copy(), draw.PURPLE, 2.5)
     draw.window(pen)
 
 
@@ -150,12 +150,13 @@ def frame(pen, state, controls):
     """Draw the runs, the growth of their cost, and the numbers."""
     _runs(pen, state, controls)
     _growth(pen, state, controls)
-    draw.key(pen, 0.8, 4.72, _BAND_KEY, _GREEN, 6.0)
-    draw.key(pen, 2.8, 4.72, _RUN_KEY, draw.BLUE, 2.0)
-    draw.key(pen, 3.8, 4.72, _MEASURED_KEY, draw.BLUE, 2.5)
-    draw.key(pen, 5.05, 4.72, _EXPECTED_KEY, draw.INK, 1.6, 0.8, 5.0, 4.0)
-    draw.key(pen, 6.25, 4.72, _SQUARE_KEY, draw.RED, 2.0, 0.9, 6.0, 4.0)
-    draw.key(pen, 7.35, 4.72, _LINE_KEY, draw.GREEN, 2.5)
+    draw.key(pen, 0.1, 4.72, _BAND_KEY, _GREEN, 6.0)
+    draw.key(pen, 1.95, 4.72, _RUN_KEY, draw.BLUE, 2.0)
+    draw.key(pen, 3.2, 4.72, _OFF_KEY, draw.ORANGE, 2.0)
+    draw.key(pen, 4.05, 4.72, _MEASURED_KEY, draw.PURPLE, 2.5)
+    draw.key(pen, 5.3, 4.72, _EXPECTED_KEY, draw.INK, 1.6, 0.8, 5.0, 4.0)
+    draw.key(pen, 6.5, 4.72, _SQUARE_KEY, draw.RED, 2.0, 0.9, 6.0, 4.0)
+    draw.key(pen, 7.5, 4.72, _LINE_KEY, draw.GREEN, 2.5)
     steps, now, inside = controls["steps"], int(state["now"]), rates_of(controls)[0]
     draw.reading(pen, _NOW, now, 0)
     draw.reading(pen, _LOST, 100.0 * state["rate"][now], 0, _PERCENT)
@@ -190,7 +191,7 @@ READOUTS = {
     "expected at T": "Expected number of wrong steps of a run, from the two error rates.",
     "measured at T": "Mean number of wrong steps of the 1000 runs at their end.",
     "½ ε T², worst case": "Square law for a policy that never returns; good while ε T is small.",
-    "ε T, DAgger": "Expected wrong steps if the error rate is the same on and off the path.",
+    "ε T, recovers": "Expected wrong steps if the error rate is the same on and off the path.",
 }
 
 PAPER = draw.Paper(TITLE, word, colour, room=30_000)

@@ -66,8 +66,8 @@ _X, _Y, _HEAD, _ROBOT, _COMPUTED = word(
 _REAL, _SIM, _A_DAY, _STEPS, _BROKEN, _DAYS, _WEEK = word(
     "on the robot",
     "in simulation",
-    "tries a day there",
-    "tries a day here",
+    "tries a day, robot",
+    "tries a day, simulated",
     "damages expected",
     " days",
     "a week",
@@ -140,8 +140,8 @@ READOUTS = {
         "Time that the experiments take on the real robot, resets and repairs included."
     ),
     "in simulation": "Time that the same number of experiments takes in the simulator.",
-    "tries a day there": "Experiments that one day on the real robot allows.",
-    "tries a day here": "Experiments that one day of computing allows.",
+    "tries a day, robot": "Experiments that one day on the real robot allows.",
+    "tries a day, simulated": "Experiments that one day of computing allows.",
     "damages expected": "Expected number of experiments that damage the robot.",
 }
 

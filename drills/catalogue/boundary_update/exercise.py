@@ -9,6 +9,8 @@ from drills.case_judge import WHOLE, Case, coarse, judge_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
 
 Array = NDArray[np.float64]
+# Successes of 20 whose mean is at no threshold: 10 and 16 would be decided by rounding.
+CLEAR = [wins for wins in range(21) if wins not in (10, 16)]
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
@@ -43,10 +45,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
         ranges("both ends pay", "simple", [(19, 18)]), ranges("neither", "simple", [(3, 6)]),
         ranges("between", "simple", [(12, 14)]),
         ranges("ends apart", "core", [(19, 4), (2, 17), (13, 19)]),
-        *(ranges("several", "core", [tuple(rng.integers(0, 21, 2).tolist()) for _ in range(6)])
+        *(ranges("several", "core", [tuple(rng.choice(CLEAR, 2).tolist()) for _ in range(6)])
           for _ in range(4)),
         ranges("near the calibrated value", "core", [(3, 2), (19, 1), (5, 18)], near=0.1),
-        ranges("at a threshold", "edge", [(16, 10), (10, 16)]),
+        # A mean of sixteenths is exact, however it is summed up.
+        ranges("at a threshold", "edge", [(12, 8), (8, 12)], m=16, shares=(0.5, 0.75)),
         ranges("closed", "edge", [(2, 19), (18, 3)], near=0.0),
         ranges("one episode", "edge", [(1, 0), (0, 1)], m=1), Case(whole, WHOLE, "edge"),
     ]  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from course.simulations import declaration as told
+from tests.budget import PROVE
 from tests.conftest import chromium
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -129,7 +130,8 @@ STRUCK = """() => {
 @pytest.mark.parametrize("name", told.names())
 def test_words_are_whole_and_free_of_legends(browser: Any, tmp_path: Path, name: str) -> None:
     page = opened(browser, tmp_path, name, 1280, before=DRAWN)
-    for wide in sorted(WIDTHS, reverse=True):
+    # The widest and the narrowest; those between them in the long tier.
+    for wide in sorted(WIDTHS if PROVE else (WIDTHS[0], WIDTHS[-1]), reverse=True):
         page.set_viewport_size({"width": wide, "height": 800})
         page.evaluate(FRAME)
         assert page.evaluate(CLIPPED) == [], wide

@@ -20,6 +20,7 @@ class Room:
         first, last: where on an edge a check begins and ends, as shares of its length.
         start, goal: of the carriage's middle, (2,) [m].
         samples: points of the roadmap, besides start and goal.
+        reach: longest edge [m].
         hints: (k, 2), points that it takes besides [m].
     """
 
@@ -31,11 +32,11 @@ class Room:
     start: Array
     goal: Array
     samples: int
+    reach: float
     hints: Array
 
 
 SIZE = np.array([8.0, 4.0])  # m
-REACH = 4.0  # longest edge [m]
 
 
 def walls(room: Room) -> tuple[Array, Array]:
@@ -66,7 +67,7 @@ def roadmap(room: Room, rng: np.random.Generator) -> tuple[Array, NDArray[np.int
     points = np.concatenate((rng.uniform(0.0, SIZE, (room.samples, 2)), room.hints))
     points = np.concatenate(([room.start, room.goal], points[free(room, points)]))
     one, other = np.triu_indices(len(points), 1)
-    near = np.hypot(*(points[other] - points[one]).T) < REACH
+    near = np.hypot(*(points[other] - points[one]).T) < room.reach
     one, other = one[near], other[near]
     joined = clear(room, points[one], points[other])
     return points, np.column_stack((one[joined], other[joined]))

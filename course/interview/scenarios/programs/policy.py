@@ -19,6 +19,8 @@ class Robot:
         drag: torque per speed [N m s/rad].
         friction: torque of the dry joint [N m].
         stiffness, damping: of a key, from its surface on [N m/rad, N m s/rad].
+        limit: of the drive's torque [N m].
+        zero: what the encoder reads at the angle 0 [rad].
         delay: steps from a command to its torque.
         mean, std: of the observations, by which the observer scales them.
     """
@@ -28,6 +30,8 @@ class Robot:
     friction: Number
     stiffness: Number
     damping: float
+    limit: float
+    zero: float
     delay: int | NDArray[np.int64]
     mean: Array
     std: Array
@@ -76,7 +80,7 @@ def train(model: Robot, bandwidth: float) -> Array:
 
 def torque(robot: Robot, weights: Array, target: Array, q: Array, v: Array) -> Array:
     """Return the torque that the policy commands on a robot [N m]."""
-    scaled = (observe(target, q, v) - robot.mean) / robot.std
+    scaled = (observe(target, q + robot.zero, v) - robot.mean) / robot.std
     return np.minimum(np.maximum(weights[:-1] @ scaled + weights[-1], -LIMIT), LIMIT)
 
 
@@ -91,6 +95,7 @@ def move(
     for i in range(steps):
         queue[i + len(waiting)] = log.commanded[i] = ask(i, q, v)
         given = queue[i + len(waiting) - robot.delay, arms]
+        given = np.minimum(np.maximum(given, -robot.limit), robot.limit)
         depth = q - SURFACE
         key = (depth > 0.0) * np.maximum(robot.stiffness * depth + robot.damping * v, 0.0)
         v = v + STEP / robot.inertia * (given - key - robot.drag * v)
