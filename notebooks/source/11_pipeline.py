@@ -425,12 +425,12 @@ table(head, *rows)
 # Perception dominates because this chapter's noise is large, 50 mm in each frame. Close to a part it is a few
 # millimetres, and then the camera's bias and the lag of the arm lead the list.
 #
-# The formulas agree with the experiment
-# to about a tenth of each root mean square error. For perception, a tenth is more in mm² than the shares of age and
-# control together. So the table shows that no cause of perception's size is missing, but a missing cause as small as
-# the lag could hide in this gap. Not on the list at all: a constant offset between the clocks of camera and controller,
-# a hand-eye calibration that depends on the position, static friction, backlash. The column *predicted* comes from a
-# function that knows only a PD law and a pipelined camera, and raises an error for anything else.
+# The formulas agree with the experiment to about a tenth of each root mean square error. For perception, a tenth is
+# more in mm² than the shares of age and control together. So the table shows that no cause of perception's size is
+# missing, but a missing cause as small as the lag could hide in this gap. Not on the list at all: a constant offset
+# between the clocks of camera and controller, a hand-eye calibration that depends on the position, static friction,
+# backlash. The column *predicted* comes from a function that knows only a PD law and a pipelined camera, and raises an
+# error for anything else.
 
 # %%
 more_claims("root_sum_square")
@@ -1120,9 +1120,11 @@ table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, 
 # = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward paid per step is a price of
 # time: scale it with the step. A reward paid once, for reaching the goal, stays. A limit on the number of steps becomes
 # a limit in seconds. In the last row reward and discount are converted, but the limit was left at 30 steps: 0.03 s, so
-# the goal is never reached, and walking until the end costs less than the fee. What no conversion can fix: during a
-# short step any action changes little, so a learner needs more data to see which one is better. The next claim is about
-# the walker's task; in a simulator, the finer physics changes the motion as well.
+# the goal is never reached, and walking until the end costs less than the fee.
+#
+# What no conversion can fix: during a short step any action changes little, so a learner needs more data to see which
+# one is better. The next claim is about the walker's task; in a simulator, the finer physics changes the motion as
+# well.
 
 # %%
 show("repeated_actions")
