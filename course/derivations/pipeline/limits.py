@@ -330,8 +330,8 @@ def wanders(gain, *late):
     " it converges.",
     "With fresh images it does. If all images are n frames late, the gain must stay below "
     "{formula}: {one:.2f} for one frame, {four:.2f} for four. With delays that "
-    "switched between two values, the limit of the longer one was enough in all our tests. For "
-    "delays that vary in any other way that is no guarantee.",
+    "switched between two values, the limit of the longer one was enough in all our tests. A "
+    "delay that varies in another way can need a smaller gain still.",
     ask=(
         "In each frame, a fraction g of the error seen n frames earlier is corrected. Below "
         "which g does it settle?",
