@@ -1,4 +1,11 @@
-"""Reject bad input in one wording: "NAME must be RULE, got VALUE"."""
+"""Reject bad input in one wording: "NAME must be RULE, got VALUE".
+
+Examples:
+    >>> from course.check import positive
+    >>> positive("mass", -1.0, unit="kg")
+    Traceback (most recent call last):
+    ValueError: mass must be a positive finite number [kg], got -1.0
+"""
 
 from collections.abc import Iterable
 from typing import Any, TypeVar

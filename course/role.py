@@ -10,6 +10,13 @@ The chapter's algorithms, and the functions of their steps:
 - Data age of a chain in closed form (Davare et al., 2007): `age`, link by link in `_links`.
 - The chain event by event: `simulate`, with `read` for queues and `serve` for stages that are busy.
 - Greedy improvement of a chain: `spend` ranks single changes by the time that they save per core.
+
+Examples:
+    >>> from course import role
+    >>> camera = role.Stage("camera", execution=0.010, period=0.030)
+    >>> control = role.Stage("control", execution=0.001, period=0.002)
+    >>> print(f"{1e3 * role.age([camera, control]).mean:.1f} ms")  # C1 + C2 + (T1 + T2) / 2
+    27.0 ms
 """
 
 import math

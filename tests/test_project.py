@@ -723,6 +723,11 @@ def test_the_readme_counts_what_moves_on_the_site() -> None:
     assert first in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+def test_the_readme_says_how_long_the_course_takes() -> None:
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert front.hours() in text
+
+
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
 

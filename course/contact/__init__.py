@@ -25,6 +25,13 @@ The chapter's algorithms, and the functions of their steps:
 - Semismooth Newton on the natural map (Alart and Curnier, 1991): `models.natural_map`, and the line
   search in `_round_cone`.
 - Conservative advancement (Mirtich, 1996): `sweep.time_of_impact`.
+
+Examples:
+    >>> from course import contact
+    >>> ball, marble = contact.sphere(1.0), contact.sphere(0.5)  # radii [m]
+    >>> result = contact.distance(ball, [0, 0, 0, 1, 0, 0, 0], marble, [2, 0, 0, 1, 0, 0, 0])
+    >>> print(result.distance, result.point_a)  # m
+    0.5 [1. 0. 0.]
 """
 
 from course.contact.broad import SweepAndPrune, brute_force, overlapping_pairs, uniform_grid

@@ -13,6 +13,12 @@ The chapter's algorithms, and the functions of their steps:
 - Adaptive control (Slotine and Li, 1987): `laws.Adaptive.parts`.
 - Operational space and hybrid control (Khatib, 1987; Raibert and Craig, 1981): `laws.hybrid`.
 - PID with anti-windup (Astrom and Hagglund, 2006): `pid._update`, its rate in `_advance_rate`.
+
+Examples:
+    >>> from course import control
+    >>> regulator = control.lqr([[1.0]], [[1.0]], [[1.0]], [[1.0]])  # x' = x + u, both cost 1
+    >>> print(regulator.P.round(4))  # of this scalar the golden ratio
+    [[1.618]]
 """
 
 from course.control.identify import JointModel, Log, diagnose, identify

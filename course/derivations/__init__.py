@@ -57,6 +57,12 @@ How one is written (`course/derivations/rigid_body/time_step.py` holds examples)
 
 Checks import what they need (SymPy, MuJoCo, the chapters) when they run: importing this package
 costs nothing.
+
+Examples:
+    >>> from course import derivations
+    >>> claim = derivations.claims()[0]
+    >>> claim.id, claim.chapter
+    ('chain_age', 0)
 """
 
 import ast

@@ -4,6 +4,11 @@ A question is a Markdown file in `questions/TOPIC/`: what is known of it in a he
 two lines of `+++`, then a part `## In a minute` and a part `## In full`. Numbers are not typed: a
 field such as `{claim.figure:.3g}` is filled when it is shown (`course.interview.fields`), so the
 answer moves with the measurement.
+
+Examples:
+    >>> from course import interview
+    >>> len(interview.questions("contact")) >= 12
+    True
 """
 
 import re

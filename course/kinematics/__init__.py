@@ -14,6 +14,14 @@ The chapter's algorithms, and the functions of their steps:
   the loop, `step` and `_marquardt` its steps, `_held` the joint limits.
 - Geometric Jacobian (Whitney, 1972): `motion.place` does the forward kinematics, `columns` the
   Jacobian.
+
+Examples:
+    >>> from course import kinematics
+    >>> arm = kinematics.planar((1.0, 0.7))  # links [m]
+    >>> print(kinematics.tip(arm, [0.0, 0.0])[:3])
+    [1.7 0.  0. ]
+    >>> print(kinematics.manipulability(kinematics.jacobian(arm, [0.3, 0.0])[:2]).round(9))
+    0.0
 """
 
 from course.kinematics.chain import Chain, compose, invert, panda, planar, random_chain, turn_to

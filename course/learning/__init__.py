@@ -11,6 +11,15 @@ The chapter's algorithms, and the functions of their steps:
 
 The public names of the chapter; each lives in the file of its section. `PointReach`, the task on
 which PPO learns, is an environment like others: `course.vector_env`.
+
+Examples:
+    >>> import numpy as np
+    >>> from course import learning
+    >>> ended = np.array([[False], [False], [True]])
+    >>> ones, zeros = np.ones((3, 1)), np.zeros((3, 1))
+    >>> advantages = learning.gae(ones, zeros, zeros, ended, np.zeros_like(ended), 0.9, 1.0)
+    >>> print(advantages.ravel())  # 1 + 0.9 + 0.81, 1 + 0.9, 1
+    [2.71 1.9  1.  ]
 """
 
 from course.learning.chunk import Coded, Commit, Delayed, Ensemble, Executor, chunk_policy

@@ -18,6 +18,13 @@ The chapter's algorithms, and the functions of their steps:
   bounds their response times.
 - Matching and reliable delivery of DDS (OMG, 2015): `qos.compatible`, `bus._match`, and
   `bus._Match.send` and `_again`.
+
+Examples:
+    >>> from course import middleware
+    >>> print(middleware.response_times([1.0, 2.0, 3.0], [4.0, 8.0, 16.0]))
+    [1. 3. 7.]
+    >>> print(f"{middleware.liu_layland(2):.4f}")  # 2 (sqrt(2) - 1)
+    0.8284
 """
 
 from course.middleware.bus import ActionClient, Bus, Event, Future, Group, Link, Node, Sample

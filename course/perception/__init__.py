@@ -15,6 +15,12 @@ The chapter's algorithms, and the functions of their steps:
 - Absolute orientation (Kabsch, 1978; Umeyama, 1991): `registration.rigid_fit`, whose core is
   `_rotation`.
 - Hand-eye calibration (Park and Martin, 1994): `calibrate.hand_eye`.
+
+Examples:
+    >>> from course import perception
+    >>> import math
+    >>> math.ceil(perception.draws_needed(share=0.5, confidence=0.99))  # of RANSAC for a plane
+    35
 """
 
 from course.perception.calibrate import Calibration, HandEye, camera_to_base, hand_eye, target_error

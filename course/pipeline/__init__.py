@@ -17,6 +17,14 @@ The chapter's algorithms, and the functions of their steps:
 - Error budget over all subsets (Shapley, 1953): `budget.budget`; `predicted` is its closed form.
 - Rare failures by cross-entropy importance sampling (Rubinstein and Kroese, 2004):
   `rare.cross_entropy`, its weights in `_estimate`.
+
+Examples:
+    >>> from course import pipeline
+    >>> settings = pipeline.repair(pipeline.Settings(), "age")
+    >>> sorted(settings.ideal)
+    ['age']
+    >>> len(pipeline.subsets())  # of five stages
+    32
 """
 
 from course.pipeline.run import Record, Run, errors, run, run_many, successes, tip_of

@@ -32,6 +32,15 @@ from the query (world, start, the goal's box, budget, rng, `options` to pop from
 `STATE_CHECKS`, `EDGE_CHECKS`), calls `query.report_progress(...)` between chunks of work, and
 returns `query.answer(status, path, nodes=..., edges=...)` with the path's states as rows.
 `samplers.draw`, `neighbours.nearest` and `within` are for any compiled loop.
+
+Examples:
+    >>> from course import planning
+    >>> room = planning.plane([[0, 0], [1, 1]], discs=[[0.5, 0.5, 0.2]])  # corners; x, y, radius
+    >>> planning.state_free(room, [0.1, 0.1]), planning.edge_free(room, [0, 0], [1, 1])
+    (True, False)
+    >>> path = planning.plan(room, [0.1, 0.1], [0.9, 0.9], method="rrt_connect", rng=0).path
+    >>> bool(planning.length(path) > 2**0.5 * 0.8)  # around the disc is farther than straight on
+    True
 """
 
 from course.planning import scenes

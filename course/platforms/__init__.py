@@ -16,6 +16,12 @@ The chapter's algorithms, and the functions of their steps:
   `own.Touching._step`: free velocity, contacts, impulses, positions.
 - Friction cones of the engines: `theory.stop` is where a block comes to rest for each section.
 - Grasp limit by bisection: `measures.grasp_limit`, against `theory.grasp_threshold`.
+
+Examples:
+    >>> from course import platforms
+    >>> engine = platforms.Own()  # the course's own code, as one of the simulators
+    >>> isinstance(engine, platforms.Engine)
+    True
 """
 
 from course.platforms.contract import (

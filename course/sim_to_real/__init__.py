@@ -11,6 +11,13 @@ The chapter's algorithms, and the functions of their steps:
 - Automatic domain randomisation (OpenAI, 2019): `tune.automatic`, whose search is `improve`, the
   cross-entropy method.
 - Shapley values (Shapley, 1953): `transfer.attribution`.
+
+Examples:
+    >>> from course import sim_to_real
+    >>> world = sim_to_real.grid(4)  # 4 by 4 cells, the prize in the last corner
+    >>> solution = sim_to_real.value_iteration(world)
+    >>> print(f"{solution.value[0]:.4f}")  # six steps away, the prize comes with the last: 0.95^5
+    0.7738
 """
 
 from course.sim_to_real.identify import (

@@ -4,15 +4,20 @@ Nothing is run and nothing fetched; what is written depends on the committed fil
 builds are the same to the byte.
 """
 
+import filecmp
 import functools
-import html.parser
+import hashlib
+import html
+import importlib.metadata
 import io
+import json
 import os
 import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -21,12 +26,14 @@ import nbformat
 
 from course import CHAPTERS, cards
 from course.check import invalid
+from course.measure.figure import write
 from course.simulations import declaration
-from course.site import charts, notebooks, reference
+from course.site import charts, modules, notebooks, reference
 
 HERE = Path(__file__).parent
 WORK = notebooks.ROOT / "build" / "site"
 TARGET = notebooks.ROOT / "site"
+SCRIPTS = notebooks.ROOT / "build" / "simulations"
 # What a reader finds beside the chapters, in the order of the side bar.
 BESIDE = ("claims", "charts", "cards", "questions", "glossary")
 DOORS = tuple(notebooks.TEXTS)
@@ -51,7 +58,7 @@ def _contents() -> str:
         for caption, pages in (
             ("Chapters", chapters),
             ("Beside them", BESIDE),
-            ("Practise, use the code", DOORS),
+            ("Practise, use the code", (*DOORS, "reference")),
         )
     )
 
@@ -81,7 +88,7 @@ def pages(folder: Path) -> dict[str, notebooks.Page]:
     made = {"index": notebooks.page(folder / "index.ipynb")}
     for chapter in CHAPTERS:
         path = folder / Path(chapter.notebook).name
-        made[path.stem] = notebooks.page(path, cards.vocabulary(chapter.topic))
+        made[path.stem] = notebooks.page(path, cards.vocabulary(chapter.topic), chapter)
     if faults := [fault for page in made.values() for fault in page.faults]:
         raise Unbuildable(faults)
     return made
@@ -127,6 +134,10 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
         nbformat.write(page.notebook, folder / f"{name}.ipynb")
     for name, text in texts.items():
         (folder / f"{name}.md").write_text(text, encoding="utf-8")
+    for group in modules.GROUPS:
+        text = modules.page(group, anchors)
+        (folder / f"{group.page}.rst").write_text(text, encoding="utf-8")
+    (folder / "reference.rst").write_text(modules.index(), encoding="utf-8")
     wide = folder / notebooks.CHARTS
     wide.mkdir()
     for picture in (notebooks.ROOT / "docs" / "charts").glob("*.png"):
@@ -144,17 +155,53 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
     (static / "live.js").write_text(declaration.script(), encoding="utf-8")
 
 
+def script(name: str) -> dict[str, str]:
+    """Return the files of a simulation, by what follows its name: its script, and its recording."""
+    files = {".js": declaration.bundle(name)}
+    if not declaration.is_live(name):
+        files[".film.js"] = declaration.film(name)
+    return files
+
+
+def _stored_script(name: str, key: str) -> dict[str, str]:
+    """Return the files of a simulation, from the cache where nothing in the code has changed."""
+    path = SCRIPTS / f"{name}-{key}.json"
+    if not path.is_file():
+        for old in SCRIPTS.glob(f"{name}-{'[0-9a-f]' * 16}.json"):
+            old.unlink(missing_ok=True)
+        write(path, json.dumps(script(name)))
+    result: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
+    return result
+
+
+def _code() -> str:
+    """Return a hash of all that a simulation can be made of: the code and the compiled modules."""
+    state = hashlib.sha256()
+    for folder, _, names in sorted(os.walk(notebooks.ROOT / "course")):
+        for name in sorted(names):
+            if name.endswith((".py", ".wasm", ".js", ".npz", ".toml")) or (
+                name.endswith(".json") and "simulations" in folder
+            ):
+                state.update(name.encode() + Path(folder, name).read_bytes())
+    return state.hexdigest()[:16]
+
+
 @contextmanager
-def scripts(names: Iterable[str]) -> Iterator[Iterator[tuple[str, str]]]:
-    """Return each simulation's script, (name, text), made in parallel with the other work.
+def scripts(names: Iterable[str]) -> Iterator[Iterator[tuple[str, dict[str, str]]]]:
+    """Return each simulation's files, (name, files), made in parallel with the other work.
 
     Args:
         names: of the simulations.
     """
-    # What is recorded takes long, so it comes first.
-    ordered = sorted(set(names), key=lambda name: (declaration.is_live(name), name))
+    key = _code()
+    ordered = sorted(set(names))
+    # Only what is missing goes to the workers.
+    missing = [name for name in ordered if not (SCRIPTS / f"{name}-{key}.json").is_file()]
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        yield zip(ordered, pool.map(declaration.bundle, ordered), strict=True)
+        made = dict(
+            zip(missing, pool.map(_stored_script, missing, [key] * len(missing)), strict=True)
+        )
+        yield ((name, made.get(name) or _stored_script(name, key)) for name in ordered)
 
 
 def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) -> None:
@@ -174,43 +221,51 @@ def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) ->
     # A fixed date makes the build reproducible.
     os.environ["SOURCE_DATE_EPOCH"] = "0"
     report = io.StringIO()
-    settings = {"html_static_path": [str(source / "_static")], "course_simulations": simulations}
+    settings = {
+        "html_static_path": [str(source / "_static")],
+        "html_search_scorer": str(HERE / "scorer.js"),
+        "course_simulations": simulations,
+    }
     with patch_docutils(HERE), docutils_namespace():
-        app = Sphinx(
-            source, HERE, out, out.with_name("doctrees"), "html", settings, None, report, True
-        )
+        app = Sphinx(source, HERE, out, out.with_name("doctrees"), "html", settings, None, report)
         app.build()
     # Every warning of Sphinx is a fault: a site with broken formulas is not published.
     if faults := report.getvalue().replace(f"{source}{os.sep}", "").splitlines():
         raise Unbuildable(faults)
 
 
-class _Read(html.parser.HTMLParser):
+_TAG = re.compile(r"<([a-zA-Z][\w-]*)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*)>")
+_ATTRIBUTE = re.compile(r"([\w-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_ADDRESSES = ("src", "srcset", "href")
+
+
+@dataclass
+class _Read:
     """What a page can be entered at, what it leads to, and what it loads."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.anchors: set[str] = set()
-        self.links: list[str] = []
-        self.loaded: list[str] = []
-
-    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        report = {name: value or "" for name, value in attributes}
-        self.anchors.add(report.get("id", ""))
-        address = report.get("src") or report.get("srcset") or report.get("href") or ""
-        if not address:
-            return
-        # What the browser loads by itself must be local; links may lead elsewhere.
-        loads = tag in ("img", "script", "iframe", "source") or (
-            tag == "link" and report.get("rel") in ("stylesheet", "icon", "preload")
-        )
-        (self.loaded if loads else self.links).append(address)
+    anchors: set[str] = field(default_factory=set)
+    links: list[str] = field(default_factory=list)
+    loaded: list[str] = field(default_factory=list)
 
 
 def read(page: Path) -> _Read:
     """Return the addresses that an HTML page links to and loads."""
     result = _Read()
-    result.feed(page.read_text(encoding="utf-8"))
+    for tag, text in _TAG.findall(page.read_text(encoding="utf-8")):
+        if "=" not in text:
+            continue
+        report = {
+            name: html.unescape(one or other) for name, one, other in _ATTRIBUTE.findall(text)
+        }
+        result.anchors.add(report.get("id", ""))
+        address = next((report[name] for name in _ADDRESSES if report.get(name)), "")
+        if not address:
+            continue
+        # What the browser loads by itself must be local; links may lead elsewhere.
+        loads = tag in ("img", "script", "iframe", "source") or (
+            tag == "link" and report.get("rel") in ("stylesheet", "icon", "preload")
+        )
+        (result.loaded if loads else result.links).append(address)
     return result
 
 
@@ -246,7 +301,8 @@ def build(
     Args:
         target: the folder that it becomes; one that is there is replaced if it holds a site.
         folder: of the notebooks.
-        work: what is needed on the way; emptied.
+        work: what is needed on the way. It is kept: the next build makes only the pages anew whose
+            sources have changed, or all of them if something changed that every page shows.
 
     Raises:
         Unbuildable: with a sentence for each reason; `target` is left as it was.
@@ -255,32 +311,96 @@ def build(
     # Refuse to delete a folder that is not a site of ours.
     if target.exists() and any(target.iterdir()) and not (target / "searchindex.js").is_file():
         raise invalid("target", str(target), "an empty folder, or one with a site")
-    shutil.rmtree(work, ignore_errors=True)
-    source, out = work / "source", work / "html"
-    source.mkdir(parents=True)
     made = pages(folder)
-    write_sources(source, made)
+    fresh = work / "fresh"
+    shutil.rmtree(fresh, ignore_errors=True)
+    fresh.mkdir(parents=True)
+    write_sources(fresh, made)
+    on_page = {name: page.simulations for name, page in made.items()}
+    # Pages that did not change are not made again, unless something changed that all of them show.
+    key = _shared(fresh, on_page)
+    noted = work / "key"
+    source, kept = work / "source", work / "html"
+    if not noted.is_file() or noted.read_text(encoding="utf-8") != key:
+        for part in (source, kept, work / "doctrees"):
+            shutil.rmtree(part, ignore_errors=True)
+    noted.unlink(missing_ok=True)  # until the build has ended well
+    renew(fresh, source)
     shown = sorted(path.stem for path in (source / notebooks.CHARTS).glob("*.png"))
     # Simulations and charts are made in other processes while Sphinx runs.
     with (
-        scripts(name for page in made.values() for name in page.simulations) as simulations,
+        scripts(name for names in on_page.values() for name in names) as simulations,
         charts.pictures(shown) as narrow,
     ):
-        sphinx(source, out, {name: page.simulations for name, page in made.items()})
+        sphinx(source, kept, on_page)
+        out = work.resolve() / "site"
+        shutil.rmtree(out, ignore_errors=True)
+        shutil.copytree(kept, out)
         (out / "_static" / "charts").mkdir()
         for name, text in narrow:
             (out / "_static" / "charts" / f"{name}.svg").write_text(text, encoding="utf-8")
         (out / "_static" / "simulations").mkdir()
-        for name, text in simulations:
-            place = out / "_static" / "simulations"
-            (place / f"{name}.js").write_text(text, encoding="utf-8")
-            if not declaration.is_live(name):
-                (place / f"{name}.film.js").write_text(declaration.film(name), encoding="utf-8")
+        for name, files in simulations:
+            for ending, text in files.items():
+                place = out / "_static" / "simulations" / f"{name}{ending}"
+                place.write_text(text, encoding="utf-8")
     for name in _LEFT_OUT:
         (out / name).unlink(missing_ok=True)
     (out / "_sources").rmdir()
+    faults, loaded = broken(out), _loaded(out)
     # Only a site without faults replaces the one that is there.
-    if faults := broken(out):
+    if faults:
         raise Unbuildable(faults)
+    for pictures in (out / "_images", out / notebooks.PICTURES):
+        for picture in pictures.iterdir():
+            if picture not in loaded:
+                picture.unlink()  # of an earlier version of a page
+    noted.write_text(key, encoding="utf-8")
     shutil.rmtree(target, ignore_errors=True)
     shutil.move(out, target)
+
+
+def renew(fresh: Path, source: Path) -> None:
+    """Bring a folder up to date with another, whose files it takes; equal files are left alone."""
+    new = {path.relative_to(fresh) for path in fresh.rglob("*") if path.is_file()}
+    if source.is_dir():
+        for path in [path for path in source.rglob("*") if path.is_file()]:
+            if path.relative_to(source) not in new:
+                path.unlink()
+    for name in sorted(new):
+        old = source / name
+        if not (old.is_file() and filecmp.cmp(fresh / name, old, shallow=False)):
+            old.parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(fresh / name, old)
+    shutil.rmtree(fresh)
+
+
+def _shared(source: Path, simulations: Mapping[str, Sequence[str]]) -> str:
+    """Return a hash of what every page depends on: looks, side bar, titles, names of the code."""
+    state = hashlib.sha256()
+    for package in ("sphinx", "furo", "myst-nb", "docutils"):
+        state.update(importlib.metadata.version(package).encode())
+    for path in (*sorted(HERE.glob("*.*")), *sorted((source / "_static").glob("*.*"))):
+        state.update(path.read_bytes())
+    for path in sorted(source.glob("*.*")):
+        state.update(f"{path.name}: {_title(path)}\n".encode())
+    state.update(repr(sorted(simulations.items())).encode())
+    state.update(repr(sorted(modules.addresses().items())).encode())
+    return state.hexdigest()
+
+
+def _title(source: Path) -> str:
+    """Return the title of a page: the first heading of what Sphinx reads."""
+    text = source.read_text(encoding="utf-8")
+    found = None if source.suffix == ".rst" else re.search(r"^\W*# (.+)$", text, re.M)
+    return found[1] if found else text.partition("\n")[0]
+
+
+def _loaded(site: Path) -> set[Path]:
+    """Return the files that the pages of a site show or link to."""
+    return {
+        (page.parent / unquote(urlsplit(address).path)).resolve()
+        for page in site.glob("*.html")
+        for address in [*read(page).loaded, *read(page).links]
+        if not urlsplit(address).scheme
+    }

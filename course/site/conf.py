@@ -1,8 +1,16 @@
 """How Sphinx makes the pages; `course.site.build` writes what it reads, and calls it."""
 
+from course.site.extension import linkcode_resolve as linkcode_resolve
+
 project = html_title = "Robotics Simulation & Software"
 author = ""
-extensions = ["myst_nb", "course.site.extension"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.linkcode",
+    "course.site.extension",
+]
 root_doc = "index"
 language = "en"
 
@@ -15,6 +23,12 @@ myst_enable_extensions = ["dollarmath"]
 # The notebooks are written for a reader that knows none of these.
 myst_disable_syntax = ["myst_block_break", "myst_line_comment", "myst_role", "myst_target"]
 smartquotes = False
+# The reference (modules.py): signatures with short types, attributes of a class as one list.
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+napoleon_use_ivar = True
+napoleon_attr_annotations = False  # the signature has them
+napoleon_numpy_docstring = False
 myst_update_mathjax = False
 suppress_warnings = ["myst.header", "toc.not_included"]
 

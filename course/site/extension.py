@@ -1,16 +1,29 @@
 """What Sphinx is taught: formulas as MathML, pictures that wait, the scripts of a page."""
 
+import functools
+import inspect
 import re
-from typing import Any
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any, Final
 
 from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util import logging
+from sphinx.util.typing import stringify_annotation
 
+from course import CHAPTERS
+from course.site import modules
 from course.site.formulas import in_html, mathml
-from course.site.notebooks import CHARTS, PICTURES
+from course.site.notebooks import CHARTS, PICTURES, ROOT
 
+_MODES: Final = ("smart", "fully-qualified-except-typing")
+_ARRAY = re.compile(
+    r"~?numpy\.ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?numpy\.dtype\[~?(?:\w+\.)*(\w+)\]\]"
+)
 _TABLE = re.compile(r"<table\b")
 _CHART = re.compile(rf"{CHARTS}/(\w+)\.png")
 _NARROW = (
@@ -66,6 +79,9 @@ class Page(SphinxPostTransform):
                 # Wide tables scroll by themselves, so that the page does not on a phone.
                 text = _TABLE.sub(r'<div class="table-wrapper">\g<0>', text)
                 raw.children[:] = [nodes.Text(text.replace("</table>", "</table></div>"))]
+        for example in self.document.findall(nodes.doctest_block):
+            example["language"] = "pycon"
+        self._link_code()
         for image in list(self.document.findall(nodes.image)):
             image["loading"] = "lazy"
             if _FILM.fullmatch(image["uri"]):
@@ -84,6 +100,19 @@ class Page(SphinxPostTransform):
                 title = section.next_node(nodes.title) if section else None
                 image["alt"] = f"Figure: {title.astext()}" if title else "Figure"
 
+    def _link_code(self) -> None:
+        """Let inline code of a chapter lead to the reference, where it names something public."""
+        chapter = next((c for c in CHAPTERS if Path(c.notebook).stem == self.env.docname), None)
+        if chapter is None:
+            return
+        for literal in list(self.document.findall(nodes.literal)):
+            linked = isinstance(literal.parent, nodes.reference)
+            target = "" if linked else modules.address(literal.astext(), chapter)
+            if target:
+                link = nodes.reference("", "", refuri=target, internal=True)
+                literal.replace_self(link)
+                link += literal
+
 
 def _scripts(
     app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: nodes.document
@@ -98,8 +127,71 @@ def _scripts(
         app.add_js_file("live.js", loading_method="defer", priority=900)
 
 
-def _wide(app: Sphinx, _doctree: nodes.document) -> None:
-    """Give the home page the whole width: it has no contents of its own beside it."""
+def linkcode_resolve(_domain: str, info: dict[str, str]) -> str | None:
+    """Return where the source of an object is: in the repository that pyproject.toml names."""
+    thing: Any = sys.modules.get(info["module"])
+    try:
+        for part in info["fullname"].split("."):
+            thing = inspect.unwrap(getattr(thing, part))
+        thing = getattr(thing, "py_func", thing)  # of what Numba compiled
+        file, (_, line) = inspect.getsourcefile(thing), inspect.getsourcelines(thing)
+    except (AttributeError, TypeError, OSError):  # data have no source of their own
+        return None
+    if file is None or not Path(file).is_relative_to(ROOT):
+        return None
+    return f"{_repository()}/blob/main/{Path(file).relative_to(ROOT).as_posix()}#L{line}"
+
+
+@functools.cache
+def _repository() -> str:
+    """Return the address of the repository, which a fork sets in one place."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    return str(settings["project"]["urls"]["Repository"]).rstrip("/")
+
+
+def _docstring(
+    _app: Sphinx, _what: str, _name: str, _thing: Any, _options: Any, lines: Any
+) -> None:
+    """Turn a docstring into reStructuredText before Napoleon reads its sections."""
+    lines[:] = modules.prepared(lines)
+
+
+@functools.cache
+def _array_like() -> tuple[str, ...]:
+    """Return NumPy's ArrayLike as Sphinx spells it out."""
+    from numpy.typing import ArrayLike
+
+    return tuple(stringify_annotation(ArrayLike, mode) for mode in _MODES)
+
+
+def _signature(
+    _app: Sphinx, _what: str, _name: str, _thing: Any, _options: Any, given: Any, returned: Any
+) -> tuple[str | None, str | None]:
+    """Write the types of a signature as the source does: ArrayLike, NDArray[float64]."""
+
+    def named(text: str | None) -> str | None:
+        for long in _array_like():
+            text = text and text.replace(long, "ArrayLike")
+        return text and _ARRAY.sub(r"NDArray[\1]", text)
+
+    return named(given), named(returned)
+
+
+def _skip(
+    _app: Sphinx, _what: str, _name: str, thing: Any, skip: bool, _options: Any
+) -> bool | None:
+    """Leave out the fields of a NamedTuple, which its docstring explains as attributes."""
+    return True if (inspect.getdoc(thing) or "").startswith("Alias for field number") else None
+
+
+def _read(app: Sphinx, doctree: nodes.document) -> None:
+    """Let names mean what they mean where they stand; give the home page the whole width.
+
+    Sphinx would let the name of an attribute lead to any class that has one of that name.
+    """
+    for name in doctree.findall(addnodes.pending_xref):
+        if name.get("refdomain") == "py":
+            name.attributes.pop("refspecific", None)
     if app.env.docname == app.config.root_doc:
         app.env.metadata[app.env.docname]["hide-toc"] = ""
 
@@ -109,6 +201,9 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_config_value("course_simulations", {}, "html")
     app.add_html_math_renderer("mathml", (_visit_math, None), (_visit_math_block, None))
     app.add_post_transform(Page)
-    app.connect("doctree-read", _wide)
+    app.connect("autodoc-process-docstring", _docstring, priority=400)
+    app.connect("autodoc-process-signature", _signature)
+    app.connect("autodoc-skip-member", _skip)
+    app.connect("doctree-read", _read)
     app.connect("html-page-context", _scripts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -20,15 +20,22 @@ import nbformat
 from nbformat import NotebookNode
 from PIL import Image
 
+from course import Chapter
 from course.simulations import LIVE_TAG, declaration
 from course.simulations.model import Model
+from course.site import modules
 
 ROOT = Path(__file__).resolve().parents[2]
 # Folders of what a page shows, beside it.
 PICTURES, CHARTS = "_static/pictures", "charts"
 # The moving picture of the README and the home page, and the texts of the project that are pages.
 FILM = ROOT / "docs" / "film.png"
-TEXTS = {"drills": ROOT / "drills" / "README.md", "modules": ROOT / "docs" / "howto" / "modules.md"}
+TEXTS = {
+    "drills": ROOT / "drills" / "README.md",
+    "modules": ROOT / "docs" / "howto" / "modules.md",
+    "environments": ROOT / "docs" / "howto" / "vector_env.md",
+    "drills_in_ci": ROOT / "docs" / "howto" / "drills_in_ci.md",
+}
 _FILM = re.compile(r"!\[[^\]]+\]\(attachment:([\w.]+)\.png\)\n*")
 _LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 _FENCE = re.compile(r"^```.*?^```|`[^`\n]+`", re.S | re.M)
@@ -269,12 +276,29 @@ def _defined(page: Page, terms: Sequence[str]) -> None:
                 break
 
 
-def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
+def _used(page: Page, chapter: Chapter) -> None:
+    """Put an anchor where the text first names each public function or class of its module."""
+    for cell in page.notebook.cells:
+        if cell.cell_type != "markdown":
+            continue
+        quiet = [
+            match.span() for match in re.finditer(r"^```.*?^```|^\|.*?$", cell.source, re.S | re.M)
+        ]
+        for at, name in reversed(list(modules.mentioned(cell.source, chapter))):
+            anchor = f"code-{name}"
+            if anchor in page.anchors or any(start <= at < end for start, end in quiet):
+                continue
+            page.anchors.add(anchor)
+            cell.source = f'{cell.source[:at]}<span id="{anchor}"></span>{cell.source[at:]}'
+
+
+def page(path: Path, vocabulary: Sequence[str] = (), chapter: Chapter | None = None) -> Page:
     """Return the page of a committed notebook.
 
     Args:
         path: of the notebook; its links are those of a file in the folder `notebooks`.
         vocabulary: terms that can be entered at.
+        chapter: whose module's names can be entered at; None for the home page.
 
     Returns:
         The page; where it has faults, the site cannot be built.
@@ -321,4 +345,6 @@ def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
         cells.append(cell)
     notebook.cells = cells
     _defined(made, vocabulary)
+    if chapter is not None:
+        _used(made, chapter)
     return made

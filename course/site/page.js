@@ -164,6 +164,113 @@
     doors.before(make("p", { className: "course-go-on" }, "Go on where you were: ", link));
   }
 
+  // --- The page of all claims ----------------------------------------------------------------------
+
+  const SHOWN = 20; // claims on one page of the list
+  const VERDICTS = { "": "Every verdict", holds: "True", false: "False", "holds only if": "True only if" };
+
+  // Filters, pages and a quiz. Without this script the page shows all claims below each other.
+  function browse(claims) {
+    let [start, quiz] = [0, false];
+    const opened = new Set(); // claims whose verdict the reader asked for while verdicts are hidden
+    const select = (label, options) => {
+      const menu = make("select", {}, ...options.map(([value, textContent]) =>
+        make("option", { value, textContent })));
+      menu.setAttribute("aria-label", label);
+      menu.addEventListener("change", () => ((start = 0), list()));
+      return menu;
+    };
+    const heads = [...document.querySelectorAll("article section > h2")];
+    const titles = heads.map((h) => h.firstChild.textContent);
+    const chapter = select("Chapter", [["", "Every chapter"],
+      ...titles.map((title) => [title.split(" ")[0], title])]);
+    const verdict = select("Verdict", Object.entries(VERDICTS));
+    const hide = make("input", { type: "checkbox" });
+    hide.addEventListener("change", () => (opened.clear(), list()));
+    const ask = make("button", { type: "button", textContent: "Quiz me" });
+    ask.addEventListener("click", () => {
+      // Ten claims of the chosen chapter in random order, verdicts hidden.
+      quiz = !quiz;
+      [hide.checked, start] = [quiz || hide.checked, 0];
+      if (quiz) {
+        verdict.value = "";
+        opened.clear();
+        order = fitting().map((e) => [Math.random(), e]).sort(([a], [b]) => a - b);
+        order = order.slice(0, 10).map(([, e]) => e);
+        [right, given] = [0, 0];
+      }
+      list();
+    });
+    let [order, right, given] = [[], 0, 0];
+    const count = make("span");
+    count.setAttribute("role", "status");
+    const step = (words, by) => {
+      const button = make("button", { type: "button", textContent: words });
+      button.addEventListener("click", () => {
+        start += by;
+        list();
+        bar.scrollIntoView({ block: "start" });
+      });
+      return button;
+    };
+    const [before, after] = [step("Previous", -SHOWN), step("Next", SHOWN)];
+    const bar = make("div", { className: "course-browse" },
+      chapter, verdict, make("label", {}, hide, " hide the verdict"), ask, count, before, after);
+    claims[0].closest("section").before(bar);
+    const fitting = () => claims.filter(({ dataset }) =>
+      (!chapter.value || dataset.chapter === chapter.value)
+      && (!verdict.value || dataset.verdict === verdict.value));
+
+    // While verdicts are hidden a claim has three answers; one click opens its verdict.
+    for (const claim of claims) {
+      const answers = make("p", { className: "course-guess" });
+      for (const [value, textContent] of Object.entries(VERDICTS).slice(1)) {
+        const button = make("button", { type: "button", textContent });
+        button.addEventListener("click", () => {
+          given += 1;
+          right += value === claim.dataset.verdict;
+          opened.add(claim);
+          list();
+        });
+        answers.append(button);
+      }
+      claim.querySelector(".course-verdict").before(answers);
+    }
+    function list() {
+      const chosen = quiz ? order : fitting();
+      start = Math.min(Math.max(start, 0), Math.max(0, chosen.length - 1));
+      start -= start % SHOWN;
+      const visible = new Set(chosen.slice(start, start + SHOWN));
+      for (const claim of claims) {
+        claim.hidden = !visible.has(claim);
+        const open = !hide.checked || opened.has(claim);
+        claim.querySelector(".course-verdict").hidden = !open;
+        claim.querySelector(".course-guess").hidden = open;
+      }
+      for (const head of heads)
+        head.hidden = ![...head.parentElement.querySelectorAll(".course-claim")].some((e) => !e.hidden);
+      ask.textContent = quiz ? "End the quiz" : "Quiz me";
+      chapter.disabled = verdict.disabled = quiz;
+      const end = Math.min(start + SHOWN, chosen.length);
+      count.textContent = quiz ? `${right} right of ${given} answered, ${chosen.length} claims`
+        : `${chosen.length ? start + 1 : 0} to ${end} of ${chosen.length} claims`;
+      before.disabled = start === 0;
+      after.disabled = end >= chosen.length;
+    }
+    // A link to one claim shows the page of the list that it is on.
+    const enter = () => {
+      const aim = claims.find((claim) => claim.id === decodeURIComponent(location.hash.slice(1)));
+      if (aim) {
+        [chapter.value, verdict.value, quiz] = ["", "", false];
+        start = claims.indexOf(aim);
+      }
+      list();
+      aim?.scrollIntoView();
+    };
+    addEventListener("hashchange", enter);
+    enter();
+  }
+
   // --- Pictures ----------------------------------------------------------------------------------
 
   const picture = make("img", { alt: "The enlarged picture" });
@@ -194,6 +301,8 @@
     for (const card of cards) listen(card);
     if (here.length) countHere();
     for (const place of document.querySelectorAll(".course-scores")) countChapters(place);
+    const claims = [...document.querySelectorAll(".course-claim[data-verdict]")];
+    if (claims.length) browse(claims);
     const doors = document.querySelector(".course-doors");
     if (doors) goOn(doors);
     if (chapterHere) {

@@ -76,12 +76,16 @@ def claims(anchors: Anchors, shown: Mapping[str, str]) -> str:
         parts += [f"## {_title(chapter)}"] if mine else []
         for claim in mine:
             verdict, corrected = _verdict(claim, shown)
+            settled = derivations.recorded(claim.id, claim.file).finding.verdict.value
             where = _link(chapter, f"claim-{claim.id}", anchors, f"chapter {chapter.number}")
             source = f" · {html.escape(claim.source)}" if claim.source else ""
             parts += [
-                f'<div class="course-claim" id="{claim.id}">',
-                f"“{cards.tex(claim.claim)}” **{verdict}**",
-                corrected,
+                f'<div class="course-claim" id="{claim.id}" data-chapter="{chapter.number}" '
+                f'data-verdict="{settled}">',
+                f"“{cards.tex(claim.claim)}”",
+                '<div class="course-verdict">',
+                f"**{verdict}** {corrected}",
+                "</div>",
                 f'<p class="course-source"><code>{claim.id}</code> · {where}{source}</p>',
                 "</div>",
             ]

@@ -36,6 +36,17 @@ The chapter's algorithms, and the functions of their steps:
   `arrays.ArrayVectorEnv.step` for arrays.
 - Shared memory between processes: `processes._Shared` lays out the arrays, `_work` is the worker.
 - Time-optimal reaching of a point mass: `point.plan` is the exact truth of `PointReach`.
+
+Examples:
+    >>> import numpy as np
+    >>> from course.vector_env import PointReachVector
+    >>> envs = PointReachVector(num_envs=3)
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations.shape
+    (3, 4)
+    >>> observations, rewards, terminations, truncations, infos = envs.step(np.zeros((3, 2)))
+    >>> print(terminations)
+    [False False False]
 """
 
 import gymnasium

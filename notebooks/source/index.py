@@ -57,6 +57,12 @@ ticks()
 # Each chapter explains a concept, shows where it sits in a robot's software, opens the code that implements
 # it, and shows how it fails and what is new. It ends with exercises and with the questions of an interview.
 #
+# ## How to
+#
+# - [Use a chapter's module in your own project](../docs/howto/modules.md)
+# - [Write a vector environment of your own](../docs/howto/vector_env.md)
+# - [Grade drills in continuous integration](../docs/howto/drills_in_ci.md)
+#
 # ## Boxes in the text
 #
 # <div class="alert alert-block alert-info">

@@ -248,6 +248,27 @@ def test_the_search_finds_words_where_they_are(browser: "Browser", addresses: li
         assert reader.wrong == []
 
 
+def test_the_search_finds_first_what_is_taught(browser: "Browser", addresses: list[str]) -> None:
+    """A chapter before the gallery of charts, and the glossary among the first five."""
+    with Reader(browser, addresses[0]) as reader:
+        for word in ("quaternion", "latency", "friction", "impedance"):
+            page = reader.open(f"search.html?q={word}")
+            page.wait_for_selector("#search-results .search li a")
+            page.wait_for_function(
+                "/finished|found/i.test(document.querySelector('.search-summary').textContent)"
+            )
+            hits = page.eval_on_selector_all(
+                "#search-results .search li a",
+                "all => all.map(a => new URL(a.href).pathname.split('/').at(-1))",
+            )
+            chapters = [k for k, hit in enumerate(hits) if hit[:2].isdigit()]
+            assert chapters and chapters[0] < min(
+                5, *[k for k, hit in enumerate(hits) if hit == "charts.html"], 99
+            ), (word, hits[:8])
+            assert "glossary.html" in hits[:5], (word, hits[:8])
+        assert reader.wrong == []
+
+
 def test_what_is_folded_unfolds_and_the_side_bar_opens(
     browser: "Browser", addresses: list[str]
 ) -> None:

@@ -138,6 +138,73 @@ def test_what_others_have_stored_does_no_harm(page: Any, stored: str) -> None:
     assert said(page, "contact.mug") == ""
 
 
+def claim(number: int) -> str:
+    verdict = ("holds", "false", "holds only if")[number % 3]
+    return f"""<div class="course-claim" id="c{number}" data-chapter="{number // 30}"
+data-verdict="{verdict}"><p>Claim {number}</p>
+<div class="course-verdict">It is {verdict}.</div></div>"""
+
+
+CLAIMS = "".join(
+    f"<section id='s{k}'><h2>{k} · Chapter</h2>{''.join(map(claim, range(30 * k, 30 * k + 30)))}"
+    "</section>"
+    for k in range(2)
+)
+
+
+@pytest.fixture
+def claims(page: Any, tmp_path: Path) -> Any:
+    text = f"<!doctype html><article><section><h1>All</h1>{CLAIMS}</section></article>"
+    style = '<link rel="stylesheet" href="course.css"><script src="page.js" defer></script>'
+    (tmp_path / "claims.html").write_text(f'<meta charset="utf-8">{text}{style}', "utf-8")
+    page.goto((tmp_path / "claims.html").as_uri())
+    return page
+
+
+def visible(page: Any) -> list[str]:
+    shown = page.locator(".course-claim:visible > p:first-child")
+    return [text.removeprefix("Claim ") for text in shown.all_inner_texts()]
+
+
+def test_claims_come_in_pages_by_chapter_and_verdict(claims: Any) -> None:
+    assert visible(claims) == [str(k) for k in range(20)]
+    claims.get_by_role("button", name="Next").click()
+    assert visible(claims) == [str(k) for k in range(20, 40)]
+    claims.get_by_label("Chapter").select_option("1")
+    claims.get_by_label("Verdict", exact=True).select_option("false")
+    assert visible(claims) == [str(k) for k in range(30, 60) if k % 3 == 1]
+    assert claims.locator("h2:visible").all_inner_texts() == ["1 · Chapter"]
+    assert claims.get_by_role("status").inner_text() == "1 to 10 of 10 claims"
+    assert claims.get_by_role("button", name="Next").is_disabled()
+    claims.evaluate("location.hash = '#c59'")
+    claims.wait_for_function("() => !document.querySelector('#c59').hidden")
+    assert "59" in visible(claims) and "0" not in visible(claims)
+
+
+def test_the_verdict_is_hidden_until_it_is_guessed(claims: Any) -> None:
+    assert claims.locator(".course-verdict:visible").count() == 20
+    claims.get_by_label("hide the verdict").check()
+    assert claims.locator(".course-verdict:visible").count() == 0
+    claims.locator("#c1").get_by_role("button", name="False").click()
+    assert claims.locator(".course-verdict:visible").all_inner_texts() == ["It is false."]
+
+
+def test_a_quiz_asks_ten_claims_and_counts(claims: Any) -> None:
+    claims.get_by_label("Chapter").select_option("0")
+    claims.get_by_role("button", name="Quiz me").click()
+    asked = visible(claims)
+    assert len(asked) == 10 == len(set(asked)) and all(int(k) < 30 for k in asked)
+    right = 0
+    for name in asked:
+        place = claims.locator(f"#c{name}")
+        place.get_by_role("button", name="True", exact=True).click()
+        right += int(name) % 3 == 0
+    words = f"{right} right of 10 answered, 10 claims"
+    assert claims.get_by_role("status").inner_text() == words
+    claims.get_by_role("button", name="End the quiz").click()
+    assert len(visible(claims)) == 20
+
+
 def test_a_picture_is_enlarged_and_closed_with_the_keyboard(page: Any) -> None:
     dialog, chart = page.locator("dialog"), page.locator("article a.course-enlarge")
     assert chart.count() == 1, "a simulation is not enlarged"
