@@ -138,19 +138,17 @@ plt.show()
 # %% [markdown]
 # * *Perception* here is the **stand-in** of chapter 7: a model with two parameters instead of rendered images. Each
 #   frame reports the true position plus a constant **bias** and a fresh random **noise**. A Kalman filter smooths the
-#   reports: it estimates position and velocity of the target, and in its settled state it is the alpha-beta filter of
-#   the claims in section 2. Here its velocity is not used to predict the target to the present. Section 6 checks that
+#   reports, but does not predict the target to the present. Section 6 checks that
 #   this model is good enough.
 # * *Planning* is RRT-Connect from chapter 5, followed by shortcuts and a timing.
 # * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$. Here $r$ is the reference angle of a
 #   joint, $q$ its actual angle. The joint's own friction adds $-c\,\dot q$.
-#   The $k_p$ term acts like a spring between arm and reference.
 # * *Physics* integrates the arm with semi-implicit Euler steps.
 #
 # The four stages do not take turns. One scheduler with a resolution of a microsecond calls each of them at its own
 # rate, and each has its own random-number generator. A message from one stage to the next carries five fields: the
-# value, its covariance, the coordinate frame, the **stamp of capture** (the time at which the underlying image was
-# taken), and the time of arrival. If a stage drops one of these fields, no later stage can recover it.
+# value, its covariance, the coordinate frame, the **stamp of capture** (when the image was taken), and the time of
+# arrival. If a stage drops one of these fields, no later stage can recover it.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -172,26 +170,25 @@ table(
 )
 
 # %% [markdown]
-# The first frame is captured at time 0, but it arrives only after the camera's processing time. The planner then starts
-# at once. From then on the camera delivers an estimate many times a second, and the controller runs between any two of
-# them. How many plans a run makes depends on its seed: noise
-# makes some runs plan again.
+# The first frame arrives only after the camera's processing time, and the planner starts at once. From then on the
+# camera delivers an estimate many times a second, and the controller runs between any two of them. How many plans a run
+# makes depends on its seed: noise makes some runs plan again.
 #
 # ### Time: how old is the data that the arm acts on?
 #
 # Suppose a part moves along a belt at 100 mm/s, and the camera needs 100 ms for each image. The arm aims at where the
 # part *was*. **Latency** is the time that one stage takes, here those 100 ms. The **age** of the data is the time from
 # taking the image to acting on it: all latencies plus all waiting on the way to the motor. A result arrives one latency
-# $L$ after its image and then serves until the next one arrives, one period $T$ later. During that time it gets older.
-# If nothing predicts the target's motion, the arm aims behind the target by
+# $L$ after its image and then serves until the next one arrives, one period $T$ later. If nothing predicts the target's
+# motion, the arm aims behind the target by
 #
 # $$
 # \text{error} = \text{speed} \times \text{age}, \qquad \text{age between } L \text{ and } L + T .
 # $$
 #
 # **A worked example.** A camera with $L$ = 100 ms and $T$ = 20 ms: the age rises from 100 to 120 ms and falls back. At
-# 100 mm/s the arm aims 10 to 12 mm behind the target. A controller with a period of its own adds one more wait, here up
-# to 2 ms: the table below includes it.
+# 100 mm/s the arm aims 10 to 12 mm behind the target. The controller's period adds up to 2 ms, which the table below
+# includes.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.2), layout="constrained")
@@ -440,20 +437,20 @@ more_claims("root_sum_square")
 #
 # You change the filter, run the robot ten times before and ten times after, and the success rate rises from 8 to 9. Is
 # the filter better? Ten runs cannot say: the two results differ by a single run. Each rate is uncertain, and their
-# difference is more uncertain than either. Even a hundred runs of each may be too few:
-
-# %%
-show("ninety_or_ninety_five")
-
-# %% [markdown]
+# difference is more uncertain than either. Even a hundred runs of each may be too few; the fold-out below has the
+# numbers.
+#
 # In a simulator you can remove most of that uncertainty. Give both variants the same seeds: the same noise in the same
-# frames. The part of the noise's effect that both share then cancels when you subtract. These are **common random
-# numbers**. They work only if each stage has its own random-number generator. With one generator for all, a stage that
+# frames. The part of the noise's effect that both share then cancels when you subtract. These are
+# **common random numbers**. They work only if each stage has its own random-number generator. With one generator for all, a stage that
 # draws one number fewer shifts the numbers of every stage after it, and the two variants no longer face the same noise.
 # Neither kind of seeds favours a variant. What differs is the number of runs that you need to see a difference.
 
 # %%
 show("same_seeds")
+
+# %%
+more_claims("ninety_or_ninety_five")
 
 # %% [markdown]
 # ## 3 · Design: contracts at the interfaces
@@ -1423,7 +1420,11 @@ table(["proposal", "actual scatter", "reported error", "too low by three reporte
 # away. If every repeat finds only the larger region, all of them agree, with small errors, and all are 30 % too low. So
 # add plain samples: they find every region in proportion to its probability. Run enough of them to expect at least ten
 # failures, and check that the two rates agree and that the failures look alike.
-#
+
+# %%
+show("rare_and_sure")
+
+# %% [markdown]
 # If the failures lie in one direction only, it helps to keep the width of the proposal at least as large as that of the
 # real disturbances. A **defensive mixture**, which draws a tenth of the runs from the original distribution, did not
 # help here. With two failure regions, neither the minimum width nor the mixture helps. On the arm itself, with six
@@ -1467,9 +1468,6 @@ table(["proposal", "seed", "failure rate", "95 % interval", "effective number"],
 for runs in (100, 1000, 10_000):
     unfiltered = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
     print(f"0 of {runs} runs failed: up to {unfiltered.high:.2%} of all may fail")
-
-# %%
-more_claims("rare_and_sure")
 
 # %% [markdown]
 # ### Tune it end to end?
