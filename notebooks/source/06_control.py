@@ -681,10 +681,11 @@ plt.show()
 
 # %% [markdown]
 # The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward is even
-# ahead of computed torque here, which @WHY@. But feedforward assumes that the arm is on its planned motion; after a
-# disturbance, its PD part has to bring the arm back alone. Computed torque uses the measured state. Put its torque into
-# the equation of motion. The velocity terms and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$
-# is $\ddot q_d$.)
+# ahead of computed torque here: its spring at the elbow is stiffer, and the held torque of computed torque lags behind
+# the measured motion. (The preview below removes that lag.) But feedforward assumes that the arm is on its planned
+# motion; after a disturbance, its PD part has to bring the arm back alone. Computed torque uses the measured state. Put
+# its torque into the equation of motion. The velocity terms and gravity cancel, and $M$ remains on both sides. (On the
+# card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
