@@ -629,8 +629,9 @@ print(f"three equal poles in the formula: {s:.1f} 1/s; slowest poles of the samp
 print(", ".join(f"{pole:.1f}" for pole in slowest))
 
 # %% [markdown]
-# The chart repeats this over a wide range of delays. The three rules are the upper curves, the equal poles the one at
-# the bottom:
+# The small approximation splits the three equal poles a little. All other poles of the sampled loop decay several times
+# faster. The chart repeats the test over a wide range of delays. The three rules are the upper curves, the equal poles
+# the one at the bottom:
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 #
@@ -1026,7 +1027,7 @@ _ = left.plot([1.15, 2.0], [-0.35, -0.35], color="0.3")
 _ = left.plot([0.0, 0.0], [-0.8, 0.8], color="0.3", lw=3)
 left.add_patch(plt.Rectangle((2.0, -0.7), 1.0, 1.4, fc="#cfe3f2", ec="0.3"))
 _ = left.annotate(
-    "", (3.1, 0.0), (4.1, 0.0), arrowprops={"arrowstyle": "-|>", "color": "C1", "lw": 2}
+    "", (4.1, 0.0), (3.1, 0.0), arrowprops={"arrowstyle": "-|>", "color": "C1", "lw": 2}
 )
 for x, y, text in ((2.5, 0, "M"), (1.0, 0.6, "K"), (1.0, -0.95, "B"), (3.9, 0.2, "external F")):
     _ = left.text(x, y, text, ha="center")
