@@ -144,10 +144,10 @@ Image(film.getvalue(), format="png")
 # our code and in MuJoCo. Drake's and PyBullet's blocks are drawn on the floor, because they were in the air for less
 # than 1 % of the braking (section 3).
 #
-# Three faults are visible. **MuJoCo's block hops**: its convex contact throws a sliding block upwards, and it was set
-# stiffer here than it comes, so it hops higher. **Towers sag**: a soft contact yields under load, and the lowest one
-# carries the most. **Parts creep**: a part sinks through a grip that should hold it, slowly and steadily, or it falls.
-# The rest of the chapter measures each fault, explains it, and says which setting causes it.
+# Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards. The contact
+# was set stiffer here than it comes, so the block hops higher. **Towers sag**: a soft contact yields under load, and
+# the lowest one carries the most. **Parts creep**: a part sinks through a grip that should hold it, slowly and
+# steadily, or it falls. The rest of the chapter measures each fault, explains it, and says which setting causes it.
 #
 # ## How this chapter works
 #
@@ -749,7 +749,9 @@ more_claims("headless_renders")
 # Genesis](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst)</td></tr> </table>
 #
 # (XPBD moves positions directly until constraints hold; VBD and FEM simulate meshes that deform; MPM and SPH simulate
-# material as particles. IPC is a contact method that keeps meshes from passing through each other.)
+# material as particles. IPC is a contact method that keeps meshes from passing through each other. JAX compiles array
+# programs in Python for GPUs; RTX is NVIDIA's renderer. A rate that is announced for such an engine counts the steps
+# of all its worlds, in a scene that the authors chose.)
 
 # %%
 predict("millions_a_second")
@@ -758,8 +760,8 @@ predict("millions_a_second")
 # **USD** (Universal Scene Description) is not a simulator. It is Pixar's open format for large scenes. Files can be
 # stacked in layers, so that one file changes another without editing it. Its extension
 # [UsdPhysics](https://docs.omniverse.nvidia.com/kit/docs/pxr-usd-api/latest/pxr/UsdPhysics.html) adds mass, collision
-# shapes, joints, limits, drives and the root of an articulation. Settings of a single solver, such as PhysX's
-# iteration counts, need further extensions.
+# shapes, joints, limits, drives (motors of joints) and the root of an articulation (a robot's links and joints).
+# Settings of a single solver, such as PhysX's iteration counts, need further extensions.
 #
 # **Converting** is where models break. The three formats don't have the same vocabulary:
 #
@@ -1355,8 +1357,8 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Isaac Sim is slow.* Profile before you cut (its handbook, 2026, recommends Tracy). Is it physics,
-# rendering or Python? Halve the number of cameras, then the physics rate, one at a time.
+# **Debugging tip.** *Isaac Sim is slow.* Profile before you cut (its handbook, 2026, recommends the profiler Tracy).
+# Is it physics, rendering or Python? Halve the number of cameras, then the physics rate, one at a time.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1604,8 +1606,8 @@ for (name, settings), one in reach.items():
 #
 # Now take the importer's bug of 2026: the joints' damping $d$ is lost on the way into the simulator. The controller
 # still believes in it and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like
-# *negative* damping. The controller's own damping is $2\,\omega M \dot q$, where $\omega$ is its bandwidth and $M$
-# the mass matrix.
+# *negative* damping. The controller's own damping is $2\,\omega M \dot q$, where $\omega$ is its bandwidth (the rate
+# at which errors decay) and $M$ the mass matrix.
 #
 # With $q$ as the deviation from the target, $M\ddot q + (2\,\omega M - d)\,\dot q + \omega^2 M q = 0$. The arm is
 # unstable as soon as an eigenvalue of $M$ is below $d/(2\,\omega)$. The cell runs this reach for 3 s on an arm
@@ -1679,9 +1681,8 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # </details>
 #
 # Three formulas that you can derive. The page has parts of them: an answer above describes how the two pyramids
-# steer, and section 7 has the law of creep. In the third question, MuJoCo's compliance of friction is written out:
-# $r$ is `impratio`, $d$ the impedance of the contact (near 1 is hard), and $w$ the inverse mass that the contact
-# feels. The gate opens when all are right.
+# steer, and section 7 has the law of creep. $D$ is the stopping distance by Coulomb's law; an impedance $d$ near 1
+# means a hard contact. The gate opens when all are right.
 
 # %%
 checkpoint("platforms", pyramid_inscribed="", pyramid_box="", creep_not_friction="")
