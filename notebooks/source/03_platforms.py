@@ -414,7 +414,8 @@ show("defaults_differ")
 # Which default is to blame? Start from the fair settings and take one change back at a time. The chart shows how much
 # the error grows when one setting returns to its default. One of the settings is the shape of the **friction cone**,
 # the set of contact forces that friction allows. By Coulomb's law it is round. MuJoCo's default is a pyramid inside
-# it, whose flat sides make the problem simpler. A bar to the left means that the engine's default is better than the
+# it, whose flat sides make the constraints linear. (It isn't cheaper here: in every scene with contact, a step of
+# MuJoCo as shipped costs more than a fair one.) A bar to the left means that the engine's default is better than the
 # fair setting.
 #
 # ![Error without one change divided by the error with all, by engine and scene](../docs/charts/platform_effects.png)
@@ -1065,8 +1066,9 @@ print_figures("platform_braking", "own code", "MuJoCo, as", "PyBullet, as")
 # %% [markdown]
 # Along an axis, engines with fair settings lie nearly on one line: where the block stops is an error of the scheme.
 # (How it gets there differs, because MuJoCo's block hops; and PyBullet leaves the line at the longest step.) The
-# large difference on a braking block in section 1's first claim is no contradiction. It compares *errors* of about a
-# millimetre, for a block that is launched between two axes and stops after about 41 cm.
+# large difference on a braking block in section 1's first claim is no contradiction. It compares *errors* at 1 ms,
+# for a block that is launched 0.3 rad off an axis. They are all at most a millimetre of 41 cm, and MuJoCo's is the
+# smallest.
 #
 # The large deviations come from defaults. A negative share in the printed lines means too far. PyBullet *multiplies*
 # the coefficients of both bodies, so its block slides nearly twice as far. Drake as shipped stops far too early. Its
