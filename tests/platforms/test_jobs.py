@@ -63,7 +63,7 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
     assert text == pick and all(row in why for row in result.deciding)
     # The named limit turns it, and each measured row that it needs can take the pick away.
     needs, cost = jobs.JOBS[job]
-    assert result.turn and f"{result.turn.row} {result.turn.limit:.2g}" in why
+    assert result.turn and f"{result.turn.limit:.2g} for {result.turn.row}" in why
     turned = [
         Need(n.row, result.turn.limit, n.sense) if n.row == result.turn.row else n for n in needs
     ]
