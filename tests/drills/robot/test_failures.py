@@ -21,7 +21,7 @@ def run(**texts: str) -> Played:
 
 
 @pytest.mark.parametrize(
-    ("text", "kind", "says"),
+    ("text", "kind", "message"),
     (
         (TORQUE + "    return [1 / 0, 2]\n", "raised", "ZeroDivisionError"),
         (TORQUE + "    raise SystemExit(3)\n", "raised", "SystemExit"),
