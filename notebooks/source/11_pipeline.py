@@ -442,9 +442,10 @@ more_claims("root_sum_square")
 #
 # In a simulator you can remove most of that uncertainty. Give both variants the same seeds: the same noise in the same
 # frames. The part of the noise's effect that both share then cancels when you subtract. These are
-# **common random numbers**. They work only if each stage has its own random-number generator. With one generator for all, a stage that
-# draws one number fewer shifts the numbers of every stage after it, and the two variants no longer face the same noise.
-# Neither kind of seeds favours a variant. What differs is the number of runs that you need to see a difference.
+# **common random numbers**. They work only if each stage has its own random-number generator. With one
+# generator for all, a stage that draws one number fewer shifts the numbers of every stage after it, and the two
+# variants no longer face the same noise. Neither kind of seeds favours a variant. What differs is the number of runs
+# that you need to see a difference.
 
 # %%
 show("same_seeds")
