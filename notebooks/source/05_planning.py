@@ -298,7 +298,7 @@ more_claims("rrt_loop")
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.0), layout="constrained")
-axes[0].add_patch(plt.Rectangle((5.2, 0), 0.5, 10, color=ROSE))
+axes[0].add_patch(plt.Rectangle((4.75, 0), 0.5, 10, color=ROSE))
 _ = axes[0].plot([1, 9], [3, 7], color=GREY)
 _ = axes[0].plot(np.linspace(1, 9, 6), np.linspace(3, 7, 6), "o", color=GREEN)
 bare(axes[0], "six free points, one wall between")
@@ -308,7 +308,7 @@ high = 3.2 + np.sqrt(3.9**2 - 2.6**2)
 _ = axes[1].plot([0.5, 9.5], [high, high], color=GREY)
 _ = axes[1].plot([2.4, 7.6], [high, high], "o", color=GREEN)
 _ = axes[1].plot([5, 7.6, 5, 5], [3.2, high, high, 3.2], color="black", lw=1)
-for spot, word in (((5.8, 6.5), "s/2"), ((3.9, 4.6), "h"), ((6.5, 4.2), r"$\sqrt{h^2 + s^2/4}$")):
+for spot, word in (((5.8, 6.5), "s/2"), ((3.9, 4.6), "h"), ((5.85, 3.4), r"$\sqrt{h^2 + s^2/4}$")):
     _ = axes[1].text(*spot, word, fontsize=9)
 bare(axes[1], "enlarged disc (dashed): nothing missed")
 axes[2].add_patch(plt.Circle((6.0, 7.4), 2.2, color=ROSE))
@@ -696,6 +696,7 @@ for k, name in enumerate(("open", "tight")):
     )
     axis.view_init(18, -125)
     axis.set_box_aspect((1.05, 1.1, 1.1))
+    _ = axis.set(xlabel="x", ylabel="y", zlabel="z")
     axis.tick_params(labelsize=7)
 plt.show()
 
@@ -867,8 +868,9 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # A path says where, not when. **Time parameterisation** finds the fastest motion along a given path that respects the
 # velocity and acceleration limits of all joints. (For a joint, the page says *rate* for velocity.)
 #
-# Describe the path by its arc length $s$: $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its derivatives with
-# respect to $s$, and $\dot s$ is the speed along the path. The chain rule gives the joint accelerations:
+# Describe the path by its arc length, again called $s$: $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its
+# derivatives with respect to $s$, and $\dot s$ is the speed along the path. The chain rule gives the joint
+# accelerations:
 #
 # $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
 #
@@ -999,7 +1001,7 @@ plt.show()
 # | level | decides | takes | passes down |
 # |---|---|---|---|
 # | **Task planning** | *what*: pick up the cup, put it on the shelf | goals, objects | ↓ a grasp pose |
-# | **Motion planning** | *which way*: a collision-free path from here to there | a world, the present configuration, and one or more goal configurations (inverse kinematics of the grasp pose) | ↓ waypoints |
+# | **Motion planning** | *which way*: a collision-free path from here to there | a world, a start, goals from inverse kinematics | ↓ waypoints |
 # | **Trajectory generation** | *how fast*: smooth, within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
 # | **Control** | *how hard*: torques that follow the trajectory | a reference, a measurement | torques, at a kilohertz |
 #
@@ -1672,7 +1674,7 @@ plt.show()
 # <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples joint motions on a graphics
 # card at each control step and averages them</td> <td>only its costs, some of them learned</td></tr>
 # <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers free space with
-# convex regions; one convex program chooses the regions and the trajectory through them</td> <td>the regions, if they
+# convex regions; one convex optimisation chooses the regions and the trajectory through them</td> <td>the regions, if they
 # are free</td></tr>
 # <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations
 # at once on a graphics card, with a geometric planner for their first guesses</td> <td>its costs, with collision among
