@@ -522,8 +522,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
-# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead, so some
-# of its samples lie in open space:
+# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead. All of
+# its samples in open space are of this kind:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -1674,8 +1674,8 @@ plt.show()
 # <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples joint motions on a graphics
 # card at each control step and averages them</td> <td>only its costs, some of them learned</td></tr>
 # <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers free space with
-# convex regions; one convex optimisation chooses the regions and the trajectory through them</td> <td>the regions, if they
-# are free</td></tr>
+# convex regions; one convex optimisation chooses the regions and the trajectory through them</td> <td>the regions, if
+# they are free</td></tr>
 # <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations
 # at once on a graphics card, with a geometric planner for their first guesses</td> <td>its costs, with collision among
 # them</td></tr>
