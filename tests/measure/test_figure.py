@@ -327,12 +327,9 @@ def test_cases_stand_at_the_axis_and_zeros_at_the_edge_of_a_logarithmic_one():
     panel.series = [Series("one", (0, 1, 2), (5.0, 0.0, 3.0)), Series("two", (0, 1, 2), (1, 0, 0))]
     (ax,) = draw([panel], figure=Figure()).axes
     assert [label.get_text() for label in ax.get_xticklabels()] == ["a", "b", "c"]
-    triangles = [line for line in ax.lines if line.get_marker() == "v" and line.get_xdata().size]
+    triangles = [np.array(line.get_xydata()) for line in ax.lines if line.get_marker() == "v"]
     edges = {
-        float(y): line.get_xdata().tolist()
-        for line in triangles
-        for y in line.get_ydata()
-        if y < 0.2
+        float(y): points[:, 0].tolist() for points in triangles for y in points[:, 1] if y < 0.2
     }
     assert [*edges.values()] == [[1], [1, 2]]
     # The second curve's triangles don't hide the first one's.
