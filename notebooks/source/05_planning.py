@@ -443,7 +443,7 @@ for axis, method in zip(axes[1:], ("rrt", "rrt_connect"), strict=True):
     assert check_path(trap.world, grown.path, trap.start, trap.goal)
     obstacles(axis, trap.world)
     branches(axis, grown.nodes, grown.parents, BLUE, 0.6)
-    _ = axis.plot(*grown.path, color=GREEN, lw=2.5)
+    _ = axis.plot(*grown.path, color=GREEN, lw=1.5)
     ends(axis, trap.start, trap.goal)
     bare(axis, f"{'RRT' if method == 'rrt' else 'RRT-Connect'}: {grown.samples} samples")
 plt.show()
@@ -522,8 +522,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
-# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead. All of
-# its samples in open space are of this kind:
+# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead. Its
+# samples in open space are of this kind:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
