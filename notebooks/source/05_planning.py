@@ -1277,12 +1277,13 @@ plt.show()
 # ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# The bands are quartiles over 100 seeds; the band of this course's planner and that of OMPL overlap everywhere. In
-# three and four dimensions OMPL's median for the tube is two to three times ours, but that is chance: with other seeds
-# the two medians come close, and a rank test finds no difference. The slab is about as easy in seven dimensions as in
-# two. The tube gets harder by a large factor with each dimension. So count the directions in which your passage is
-# narrow, and remove some of them: plan first to a configuration in front of the slot in which the gripper is already
-# aligned with it, then move straight in.
+# The bands are quartiles over 100 seeds; the band of this course's planner and that of OMPL overlap everywhere. In three
+# and four dimensions OMPL's median for the tube is two to three times ours, but that is chance: with other seeds the
+# two medians come close, and a rank test finds no difference.
+#
+# The slab is about as easy in seven dimensions as in two. The tube gets harder by a large factor with each dimension.
+# So count the directions in which your passage is narrow, and remove some of them: plan first to a configuration in
+# front of the slot in which the gripper is already aligned with it, then move straight in.
 #
 # <div class="alert alert-block alert-danger">
 #
