@@ -119,8 +119,8 @@ def _tight():
     "same queries take {again:.0f}. But that is still far above the median of all runs, "
     "{all:.0f}. What makes a query hard is the way out of the compartment. The share of random "
     "steps of one radian that leave the worse end freely has a rank correlation of {out:.2f} with "
-    "the samples; the clearance there has {clear:.2f}. The half of the queries with the smaller share takes "
-    "{hard:.0f} samples in the median, the other half {easy:.0f}.",
+    "the samples; the clearance there has {clear:.2f}. The half of the queries with the smaller "
+    "share takes {hard:.0f} samples in the median, the other half {easy:.0f}.",
 )
 def slow_plans_are_slow_questions(result):
     from scipy import stats
