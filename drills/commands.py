@@ -228,8 +228,8 @@ def graded(
         costs = {cost.what: (cost.yours, cost.unit) for cost in report.costs}
 
         def enter(record: Record) -> None:
-            found = report.diagnosis or report.sentence
-            progress.note_attempt(record, report.passed, costs, found=found)
+            diagnosis = report.diagnosis or report.sentence
+            progress.note_attempt(record, report.passed, costs, found=diagnosis)
 
         session.record(card.name, enter)
     return report

@@ -320,9 +320,9 @@ def build(
     # Pages that did not change are not made again, unless something changed that all of them show.
     key = _shared(fresh, on_page)
     noted = work / "key"
-    source, kept = work / "source", work / "html"
+    source, built = work / "source", work / "html"
     if not noted.is_file() or noted.read_text(encoding="utf-8") != key:
-        for part in (source, kept, work / "doctrees"):
+        for part in (source, built, work / "doctrees"):
             shutil.rmtree(part, ignore_errors=True)
     noted.unlink(missing_ok=True)  # until the build has ended well
     renew(fresh, source)
@@ -332,10 +332,10 @@ def build(
         scripts(name for names in on_page.values() for name in names) as simulations,
         charts.pictures(shown) as narrow,
     ):
-        sphinx(source, kept, on_page)
+        sphinx(source, built, on_page)
         out = work.resolve() / "site"
         shutil.rmtree(out, ignore_errors=True)
-        shutil.copytree(kept, out)
+        shutil.copytree(built, out)
         (out / "_static" / "charts").mkdir()
         for name, text in narrow:
             (out / "_static" / "charts" / f"{name}.svg").write_text(text, encoding="utf-8")
@@ -392,8 +392,8 @@ def _shared(source: Path, simulations: Mapping[str, Sequence[str]]) -> str:
 def _title(source: Path) -> str:
     """Return the title of a page: the first heading of what Sphinx reads."""
     text = source.read_text(encoding="utf-8")
-    found = None if source.suffix == ".rst" else re.search(r"^\W*# (.+)$", text, re.M)
-    return found[1] if found else text.partition("\n")[0]
+    title_match = None if source.suffix == ".rst" else re.search(r"^\W*# (.+)$", text, re.M)
+    return title_match[1] if title_match else text.partition("\n")[0]
 
 
 def _loaded(site: Path) -> set[Path]:

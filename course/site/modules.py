@@ -82,9 +82,9 @@ def of_group(group: Group) -> tuple[str, ...]:
         result.append(name)
         if name not in ALONE:
             path = getattr(importlib.import_module(name), "__path__", ())
-            for found in pkgutil.walk_packages(path, f"{name}."):
-                if not any(part.startswith("_") for part in found.name.split(".")):
-                    result.append(found.name)
+            for module_info in pkgutil.walk_packages(path, f"{name}."):
+                if not any(part.startswith("_") for part in module_info.name.split(".")):
+                    result.append(module_info.name)
     return tuple(result)
 
 
@@ -122,8 +122,8 @@ def addresses() -> Mapping[str, str]:
         if chapter.ready:
             for name, full in public(chapter).items():
                 address = f"code_{chapter.topic}.html#{full}"
-                for way in (f"{chapter.topic}.{name}", f"{chapter.module}.{name}", full):
-                    result[way] = address
+                for alias in (f"{chapter.topic}.{name}", f"{chapter.module}.{name}", full):
+                    result[alias] = address
     return result
 
 

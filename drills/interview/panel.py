@@ -163,7 +163,7 @@ class Flashcards(ipywidgets.VBox):
             button.disabled = not self.turned
 
     def __repr__(self) -> str:
-        return f"{len(self._cards)} cards: run this cell to be asked"
+        return f"{len(self._cards)} cards, shown one at a time"
 
     def _repr_mimebundle_(self, **options: Any) -> Any:
         view = super()._repr_mimebundle_(**options)

@@ -406,8 +406,8 @@ class Talk:
                 item = items.get(entry.key)
                 if item and not entry.done:
                     kind = item.key.partition("/")[0]
-                    ways = {"drill": self.code, "scenario": self.debug}
-                    ways.get(kind, self.speak)(item, entry)
+                    runners = {"drill": self.code, "scenario": self.debug}
+                    runners.get(kind, self.speak)(item, entry)
                 elif item is None:
                     session.notices.append(f"The course no longer asks: {entry.title}")
                 entry.read = to_read(entry)
@@ -447,8 +447,10 @@ class Talk:
 
 def _too_long(length: int) -> str:
     """Return the sentence for a text that is refused behind so many characters."""
-    kept = f"The first {length:,} characters are kept, and this line is not."
-    return f"An answer has at most {LONGEST:,} characters. {kept if length else 'It is not kept.'}"
+    notice = f"The first {length:,} characters are kept, and this line is not."
+    return (
+        f"An answer has at most {LONGEST:,} characters. {notice if length else 'It is not kept.'}"
+    )
 
 
 def to_read(entry: Entry) -> str:

@@ -144,9 +144,9 @@ def clearance(lengths: tuple[float, float], posts: Array, q: Array) -> Array:
     for i, length in enumerate(lengths):
         unit = np.stack((np.cos(angle[:, i]), np.sin(angle[:, i])), axis=1)
         for x, y, radius in posts:
-            off = np.array([x, y]) - start
-            along = np.clip(np.sum(off * unit, axis=1), 0.0, length)
-            away = off - along[:, None] * unit
+            offset = np.array([x, y]) - start
+            along = np.clip(np.sum(offset * unit, axis=1), 0.0, length)
+            away = offset - along[:, None] * unit
             gap = np.minimum(gap, np.hypot(away[:, 0], away[:, 1]) - radius)
         start = start + length * unit
     return gap

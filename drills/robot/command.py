@@ -110,7 +110,7 @@ def _say_slot(session: Session, holder: Holder) -> None:
     terminal, name = session.terminal, holder.part.slot
     yours = holder.part.holder == YOURS
     mark = task_text.sign(SOLVED if yours else holder.state, terminal)
-    who = terminal.paint("yours      ", "good") if yours else "the course's"[:12]
+    label = terminal.paint("yours      ", "good") if yours else "the course's"[:12]
     if holder.missing:
         note = f"solved; put your answer into {name}.py"
     elif holder.changed:
@@ -119,7 +119,7 @@ def _say_slot(session: Session, holder: Holder) -> None:
         note = NAMED[name].does
     gap = " " if yours else ""
     session.say(
-        f"  {mark} {name:<20} {who}{gap} {holder.digest if yours else '':<8}  {note}".rstrip()
+        f"  {mark} {name:<20} {label}{gap} {holder.digest if yours else '':<8}  {note}".rstrip()
     )
 
 
@@ -186,8 +186,8 @@ def run(
     terminal = session.terminal
     session.say(terminal.paint(f"Level {number}: {one.title}", "head"))
     session.wrap(f"What usually breaks: {one.breaks}", "  ", "  ")
-    for stage, who in stage_holders(parts).items():
-        session.say(f"  {stage:<11} {who}")
+    for stage, counts in stage_holders(parts).items():
+        session.say(f"  {stage:<11} {counts}")
     played = play(parts, one, tasks, seed=seed, world=world, progress=_progress(session, "yours"))
     payload: dict[str, Any] = {"action": "run", "level": number, "tasks": tasks, "seed": seed}
     if played.failure is not None:
@@ -248,7 +248,7 @@ def _world(twin: bool) -> World:
     return imperfect_world()
 
 
-def _progress(session: Session, who: str) -> Any:
+def _progress(session: Session, robot: str) -> Any:
     """Return what draws the bar, where somebody is watching."""
     if session.terminal.json or sys.stderr is None or not sys.stderr.isatty():
         return None
@@ -257,7 +257,7 @@ def _progress(session: Session, who: str) -> Any:
         end = "\r" + " " * 60 + "\r" if done == of else ""
         text = bar(done, of, 30)
         text = text if session.terminal.unicode else text.replace("█", "#").replace("░", ".")
-        sys.stderr.write(f"\r  {who:<12} {text} {done}/{of}{end}")
+        sys.stderr.write(f"\r  {robot:<12} {text} {done}/{of}{end}")
         sys.stderr.flush()
 
     return draw
@@ -284,14 +284,14 @@ def _course(
     )  # fmt: skip
     summary = report.summarise(played)
 
-    def keep(new: Stored) -> None:
+    def update(new: Stored) -> None:
         # Of each level only the newest version stays.
         ours = f"{number}/"
         others = {k: v for k, v in new.course.items() if not k.startswith(ours)}
         same = {k: v for k, v in new.course.items() if k.startswith(ours) and _version() in k}
         new.course = {**others, **dict(list(same.items())[-4:]), key: summary.plain()}
 
-    _change(session, keep)
+    _change(session, update)
     return summary
 
 
@@ -470,8 +470,8 @@ def _remember(session: Session, entry: dict[str, Any], passed: bool, number: int
     def edit(new: Stored) -> None:
         new.runs.append(entry)
         if passed:
-            seen = {"at": entry["at"], "robot": entry["robot"], "seed": entry["seed"]}
-            new.passed.setdefault(str(number), seen)
+            row = {"at": entry["at"], "robot": entry["robot"], "seed": entry["seed"]}
+            new.passed.setdefault(str(number), row)
 
     _change(session, edit)
 
@@ -510,10 +510,10 @@ def _run_hidden(session: Session, stored: Stored, held: dict[str, Holder], tasks
     except OSError as error:
         raise Misuse(f"{workspace.shown(path)} can't be written: {error.strerror}.") from None
 
-    def keep(new: Stored) -> None:
+    def update(new: Stored) -> None:
         new.hidden["case"] = case
 
-    _change(session, keep)
+    _change(session, update)
     summary = report.summarise(played)
     session.say(f"  success {int(summary.success.sum())}/{summary.tasks}")
     for why, n in report.reasons(played)[:3]:
@@ -641,7 +641,7 @@ def film_(
     parts = chosen(session.work, held, choices, own)
     every = frozenset(range(tasks))
     progress_bar = _progress(session, "yours")
-    played = play(parts, level(number), tasks, seed=seed, keep=every, progress=progress_bar)
+    played = play(parts, level(number), tasks, seed=seed, filmed=every, progress=progress_bar)
     if played.failure is not None:
         return _stopped(session, played, parts, {"action": "film", "level": number})
     worst = film.lesson(played)

@@ -31,19 +31,19 @@ def with_fault(stages: Stages, stage: str, direction: float) -> Stages:
         stage: one of `drills.robot.slots.STAGES`.
         direction: of the error it causes, where it has one [rad].
     """
-    off = SIZE * np.array([math.cos(direction), math.sin(direction)])
+    offset = SIZE * np.array([math.cos(direction), math.sin(direction)])
 
     def perceive(image: Image) -> Sighting | None:
         sighting = stages.perceive(image)
-        return sighting and sighting._replace(position=sighting.position + off)
+        return sighting and sighting._replace(position=sighting.position + offset)
 
     def estimate(messages: Messages) -> Estimate:
         estimate = stages.estimate(messages)
-        return estimate._replace(position=estimate.position - off)
+        return estimate._replace(position=estimate.position - offset)
 
     def correct(correction: Correction) -> Array:
         # As if the second link were shorter than it is.
-        return 0.35 * stages.correct(correction._replace(error=correction.error - 0.5 * off))
+        return 0.35 * stages.correct(correction._replace(error=correction.error - 0.5 * offset))
 
     def plan(route: Route) -> Motion:
         motion = stages.plan(route)
@@ -60,7 +60,7 @@ def with_fault(stages: Stages, stage: str, direction: float) -> Stages:
 
     def control(command: Command) -> Array:
         return np.asarray(
-            stages.control(command) + np.array([3.0, -1.0]) * math.copysign(1.0, off[0])
+            stages.control(command) + np.array([3.0, -1.0]) * math.copysign(1.0, offset[0])
         )
 
     def release(part: Release) -> Array:

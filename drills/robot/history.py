@@ -30,7 +30,7 @@ def rows(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for run in runs:
         try:
             summary = report.restored(run)
-            own = sum(who == "yours" for who, _ in run["parts"].values())
+            own = sum(holder == "yours" for holder, _ in run["parts"].values())
         except (KeyError, TypeError, ValueError):
             continue
         low, middle, high = summary.quartiles()

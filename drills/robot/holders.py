@@ -98,7 +98,7 @@ def chosen(
     """
     parts = {name: holder.part for name, holder in defaults.items()}
     for choice in choices:
-        where, _, who = choice.partition("=")
+        where, _, holder = choice.partition("=")
         names = [slot.name for slot in SLOTS if where in (slot.name, slot.stage)]
         if not names:
             near = _near(where, [*STAGES, *NAMES])
@@ -106,7 +106,7 @@ def chosen(
                 f"There is no slot or stage {where!r}. {near}drills robot status lists them."
             )
         for name in names:
-            parts[name] = _part(work, name, who, whole=where in STAGES, default=parts[name])
+            parts[name] = _part(work, name, holder, whole=where in STAGES, default=parts[name])
     result = list(parts.values())
     for choice in own:
         function, _, file = choice.partition("=")
@@ -123,10 +123,10 @@ def chosen(
     return result
 
 
-def _part(work: Path, name: str, who: str, whole: bool, default: Part) -> Part:
-    if who == COURSE:
+def _part(work: Path, name: str, holder: str, whole: bool, default: Part) -> Part:
+    if holder == COURSE:
         return course_part(name)
-    if who == YOURS:
+    if holder == YOURS:
         own = own_part(work, name)
         if own is None and whole:
             return default  # of a stage, those that there are
@@ -135,13 +135,13 @@ def _part(work: Path, name: str, who: str, whole: bool, default: Part) -> Part:
         return own
     from drills.robot import libraries
 
-    part = libraries.part(name, who)
+    part = libraries.part(name, holder)
     if part is None and whole:
         return default
     if part is None:
         offers = libraries.offers(name)
         also = f", {', '.join(offers)}" if offers else ""
-        raise Misuse(f"Slot {name} can be held by: yours, course{also}. Not by {who!r}.")
+        raise Misuse(f"Slot {name} can be held by: yours, course{also}. Not by {holder!r}.")
     return part
 
 
@@ -160,5 +160,5 @@ def stage_holders(parts: list[Part]) -> dict[str, str]:
         for part in parts:
             if part.slot in NAMED and NAMED[part.slot].stage == stage:
                 count[part.holder] = count.get(part.holder, 0) + 1
-        result[stage] = ", ".join(f"{n} {who}" for who, n in count.items())
+        result[stage] = ", ".join(f"{n} {holder}" for holder, n in count.items())
     return result

@@ -80,10 +80,10 @@ class Robot:
         if fault is not None:
             self.stages = with_fault(self.stages, *fault)
 
-    def play(self, number: int, keep: bool = False) -> Outcome:
-        """Play task `number`; `keep` keeps its motion."""
+    def play(self, number: int, filmed: bool = False) -> Outcome:
+        """Play task `number`; `filmed` records its motion."""
         task = make_task(self.cell, self.level, self.seed, number)
-        return run_task(self.cell, self.world, self.level, self.stages, self.bench, task, keep)
+        return run_task(self.cell, self.world, self.level, self.stages, self.bench, task, filmed)
 
 
 def _own_function(bench: Bench, name: str) -> Callable[[Any], Any]:
@@ -128,9 +128,9 @@ def prepare(
     return None
 
 
-def play(number: int, keep: bool) -> Outcome:
+def play(number: int, filmed: bool) -> Outcome:
     """Play one task in the child."""
-    return _ROBOT[0].play(number, keep)
+    return _ROBOT[0].play(number, filmed)
 
 
 def trace(number: int, entering: Callable[[str, int, str], object]) -> Outcome:

@@ -63,10 +63,10 @@ class Arm:
     """The arm, its clock and its log during one task."""
 
     def __init__(
-        self, cell: Cell, world: World, stages: Stages, bench: Bench, task: Task, keep: bool
+        self, cell: Cell, world: World, stages: Stages, bench: Bench, task: Task, filmed: bool
     ) -> None:
         self.cell, self.world, self.stages, self.bench = cell, world, stages, bench
-        self.task, self.keep = task, keep
+        self.task, self.filmed = task, filmed
         self.q, self.v = np.array(cell.home), np.zeros(2)
         self.reference = np.array(cell.home)  # where the arm should be now
         self.ticks = 0
@@ -107,7 +107,7 @@ class Arm:
 
     def _watch(self, positions: Array) -> None:
         """Note the clearance of the motion, and stop at a collision."""
-        if self.keep:
+        if self.filmed:
             self.log.extend(positions[::4])
         gaps = scene.clearance(self.world.lengths, self.posts, positions[::2])
         self.closest = min(self.closest, float(np.min(gaps, initial=math.inf)))
@@ -219,7 +219,7 @@ def run_task(
     stages: Stages,
     bench: Bench,
     task: Task,
-    keep: bool = False,
+    filmed: bool = False,
 ) -> Outcome:
     """Play one task.
 
@@ -230,7 +230,7 @@ def run_task(
         stages: the robot.
         bench: its parts, for times, failures and broken promises.
         task: one part.
-        keep: whether to keep the motion for an animation.
+        filmed: whether to record the motion for an animation.
 
     Returns:
         Plain data: "success", "why" (empty for a success), "seconds" of the cycle, "error" of the
@@ -255,7 +255,7 @@ def run_task(
     }
     arm = None
     try:
-        arm = Arm(cell, world, stages, bench, task, keep)
+        arm = Arm(cell, world, stages, bench, task, filmed)
         _play(arm, level, outcome)
     except Stopped as stop:
         outcome["why"] = str(stop)

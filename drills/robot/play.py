@@ -70,7 +70,7 @@ def play(
     seed: int = 0,
     world: World | None = None,
     fault: tuple[str, float] | None = None,
-    keep: frozenset[int] = frozenset(),
+    filmed: frozenset[int] = frozenset(),
     progress: Progress | None = None,
 ) -> Played:
     """Play tasks 0 to n - 1 with a set of parts.
@@ -82,14 +82,14 @@ def play(
         seed: of all tasks.
         world: the arm as it is; exactly as the robot believes by default.
         fault: a stage with a hidden fault, and its direction.
-        keep: numbers of tasks whose motion is kept.
+        filmed: numbers of tasks whose motion is recorded.
         progress: called with the tasks done and their number.
 
     Returns:
         All outcomes; up to the failure where a part stops the run.
     """
     count("tasks", tasks, 1)
-    seen: list[Outcome] = []
+    outcomes: list[Outcome] = []
     stop, lock, remaining = threading.Event(), threading.Lock(), iter(range(tasks))
     source = inside.bundle()
     settings = _settings(parts, level, world or exact_world(), seed, fault)
@@ -101,16 +101,16 @@ def play(
             if failed is not None:
                 stop.set()
                 with lock:
-                    seen.append(_stopped(failed))
+                    outcomes.append(_stopped(failed))
                 return
             while not stop.is_set():
                 with lock:
                     number = next(remaining, None)
                 if number is None:
                     return
-                outcome = _one(child, source, settings, number, number in keep)
+                outcome = _one(child, source, settings, number, number in filmed)
                 with lock:
-                    seen.append(outcome)
+                    outcomes.append(outcome)
                 if outcome["failure"]:
                     stop.set()
                     return
@@ -124,10 +124,10 @@ def play(
                 for future in done:
                     future.result()
                 if progress is not None:
-                    progress(len(seen), tasks)
+                    progress(len(outcomes), tasks)
         finally:
             stop.set()
-    return gather(seen)
+    return gather(outcomes)
 
 
 def _settings(
@@ -157,10 +157,12 @@ def _prepare(child: Child, settings: tuple[Any, ...]) -> Failure | None:
     return None if answer is None else _failure(answer)
 
 
-def _one(child: Child, source: str, settings: tuple[Any, ...], number: int, keep: bool) -> Outcome:
+def _one(
+    child: Child, source: str, settings: tuple[Any, ...], number: int, filmed: bool
+) -> Outcome:
     """Play one task; where the child does not survive it, find out in which part it ended."""
     try:
-        outcome = child.given("play", number, keep)
+        outcome = child.given("play", number, filmed)
     except Ended as ended:
         return _stopped(_culprit(source, settings, number, ended))
     return _checked(outcome, number)
@@ -216,20 +218,20 @@ def _checked(outcome: Any, number: int) -> Outcome:
     return outcome
 
 
-def gather(seen: list[Outcome]) -> Played:
+def gather(outcomes: list[Outcome]) -> Played:
     """Return the outcomes of tasks as arrays, in the order of their numbers."""
-    seen = sorted(seen, key=lambda outcome: int(outcome["task"]))
-    breaches = [Breach(*row) for outcome in seen for row in outcome["breaches"]]
-    failures = [_failure(outcome["failure"]) for outcome in seen if outcome["failure"]]
+    outcomes = sorted(outcomes, key=lambda outcome: int(outcome["task"]))
+    breaches = [Breach(*row) for outcome in outcomes for row in outcome["breaches"]]
+    failures = [_failure(outcome["failure"]) for outcome in outcomes if outcome["failure"]]
 
     def column(name: str, *shape: int) -> Array:
-        rows = [np.asarray(outcome[name], dtype=float).reshape(shape) for outcome in seen]
-        return np.array(rows).reshape(len(seen), *shape)
+        rows = [np.asarray(outcome[name], dtype=float).reshape(shape) for outcome in outcomes]
+        return np.array(rows).reshape(len(outcomes), *shape)
 
     return Played(
         column("task"),
         column("success").astype(bool),
-        tuple(str(outcome["why"]) for outcome in seen),
+        tuple(str(outcome["why"]) for outcome in outcomes),
         column("seconds"),
         column("error", 2),
         column("grasp", 2),
@@ -239,7 +241,7 @@ def gather(seen: list[Outcome]) -> Played:
         column("signals", 12, 2),
         tuple(breaches),
         failures[0] if failures else None,
-        {int(o["task"]): np.array(o["log"]) for o in seen if o.get("log")},
+        {int(o["task"]): np.array(o["log"]) for o in outcomes if o.get("log")},
     )
 
 

@@ -225,7 +225,7 @@ def to_the_present(args: Args, result: Any) -> str:
     T = now - captured[newest]
     x, C = states[newest], covariances[newest]
     moved = float(np.max(np.abs(state[:2] - (x[:2] + T * x[2:]))))
-    kept = float(np.max(np.abs(state[2:] - x[2:])))
+    drift = float(np.max(np.abs(state[2:] - x[2:])))
     scale = float(np.max(np.abs(C))) + noise * (T + T**3) + 1e-15
     worst = float(np.max(np.abs(P - P.T)))
     for i in (0, 1):
@@ -236,7 +236,7 @@ def to_the_present(args: Args, result: Any) -> str:
         worst = max(worst, abs(P[i, i + 2] - cross))
     return _first(
         _off("the newest position moves on by age times velocity", moved, 1e-9, "m"),
-        _off("the velocity stays that of the newest message", kept, 1e-9, "m/s"),
+        _off("the velocity stays that of the newest message", drift, 1e-9, "m/s"),
         _off("the covariance grows by that of velocity and noise", worst / scale, 1e-9),
     )
 
@@ -332,9 +332,9 @@ def edge_check(args: Args, share: Any) -> str:
 
 
 def _touches(a: Array, b: Array, discs: Array) -> bool:
-    along, off = b - a, discs[:, :2] - a
-    share = np.clip(off @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
-    gap = off - share[:, None] * along
+    along, offset = b - a, discs[:, :2] - a
+    share = np.clip(offset @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    gap = offset - share[:, None] * along
     return bool(np.any(np.hypot(gap[:, 0], gap[:, 1]) < discs[:, 2] - 1e-9))
 
 
@@ -382,13 +382,13 @@ def rrt_connect_rule(args: Args, result: Any) -> str:
         nodes = np.array(tree)
         here = nodes[int(np.argmin(np.hypot(*(nodes - target).T)))]
         for _ in range(limit):
-            off = target - here
-            distance = math.hypot(*off)
-            there = target if distance <= step else here + step / distance * off
-            if _touches(here, there, discs):
+            rest = target - here
+            distance = math.hypot(*rest)
+            expected = target if distance <= step else here + step / distance * rest
+            if _touches(here, expected, discs):
                 return False
-            tree.append(there)
-            here = there
+            tree.append(expected)
+            here = expected
             if distance <= step:
                 return True
         return limit == 1
@@ -463,10 +463,10 @@ def trapezoid(args: Args, result: Any) -> str:
         _off("the joints stay on the straight line", max(straight, also), 1e-8, "rad"),
     ]
     late, early = times >= duration + 1e-12, times <= 0.0
-    for there, value, name in ((late, 1.0, "end"), (early, 0.0, "start")):
-        if there.any():
-            off = float(np.max(np.abs(s[there] - value)) + np.max(np.abs(ds[there])))
-            texts.append(_off(f"the arm rests at the {name}", off, 1e-7))
+    for mask, value, name in ((late, 1.0, "end"), (early, 0.0, "start")):
+        if mask.any():
+            deviation = float(np.max(np.abs(s[mask] - value)) + np.max(np.abs(ds[mask])))
+            texts.append(_off(f"the arm rests at the {name}", deviation, 1e-7))
     step = np.diff(times)
     if times.size > 2 and np.all(step > 0.0):
         # Position is the integral of the rate: exact on a ramp or a plateau, close on its corners.
@@ -560,15 +560,15 @@ def contact_step_rule(args: Args, result: Any) -> str:
         u -= math.copysign(min(abs(u), mu * push), u)
         w += push
         x, height = x + dt * u, height + dt * w
-    off = max(abs(float(result[0][0]) - x), abs(float(result[0][1]) - height))
-    return _off("the scheme's own position at the end", off, 1e-8, "m")
+    deviation = max(abs(float(result[0][0]) - x), abs(float(result[0][1]) - height))
+    return _off("the scheme's own position at the end", deviation, 1e-8, "m")
 
 
 def verlet(args: Args, result: Any) -> str:
     """Check the step against its own accelerations: the mean of both ends, and a Taylor series."""
     q, v, a, acceleration_of, dt = args
     new_q, new_v, new_a = result
-    there = acceleration_of(new_q)
+    new_acceleration = acceleration_of(new_q)
     scale = float(np.max(np.abs(a))) + 1.0
     return _first(
         _off(
@@ -579,11 +579,16 @@ def verlet(args: Args, result: Any) -> str:
         ),
         _off(
             "the velocity changes by the mean of both accelerations",
-            float(np.max(np.abs(new_v - v - 0.5 * dt * (a + there)))),
+            float(np.max(np.abs(new_v - v - 0.5 * dt * (a + new_acceleration)))),
             1e-9 * (1.0 + scale),
             "rad/s",
         ),
-        _off("the new acceleration", float(np.max(np.abs(new_a - there))), 1e-8 * scale, "rad/s^2"),
+        _off(
+            "the new acceleration",
+            float(np.max(np.abs(new_a - new_acceleration))),
+            1e-8 * scale,
+            "rad/s^2",
+        ),
     )
 
 

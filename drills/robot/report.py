@@ -49,10 +49,10 @@ class Summary(NamedTuple):
 
     def quartiles(self) -> tuple[float, float, float]:
         """Return the quartiles of the cycle time of the placed parts [s]; NaN if there are none."""
-        there = self.seconds[np.isfinite(self.seconds)]
-        if not there.size:
+        measured = self.seconds[np.isfinite(self.seconds)]
+        if not measured.size:
             return math.nan, math.nan, math.nan
-        low, middle, high = np.quantile(there, [0.25, 0.5, 0.75])
+        low, middle, high = np.quantile(measured, [0.25, 0.5, 0.75])
         return float(low), float(middle), float(high)
 
     def plain(self) -> dict[str, Any]:
@@ -76,8 +76,8 @@ def summarise(played: Played) -> Summary:
     """Return the numbers of a run."""
     n, ok = len(played.success), int(np.sum(played.success))
     low, high = wilson(ok, max(n, 1))
-    there = np.isfinite(played.budget).all(axis=(1, 2))
-    budget = played.budget[there] if there.any() else np.full((1, len(STAGES), 2), np.nan)
+    finite = np.isfinite(played.budget).all(axis=(1, 2))
+    budget = played.budget[finite] if finite.any() else np.full((1, len(STAGES), 2), np.nan)
     total = budget.sum(axis=1)
     return Summary(
         n,

@@ -345,8 +345,8 @@ def test_the_ladder_begins_with_the_hint_that_is_about_the_finding() -> None:
         Hint("It is slow.", "Sort them first."),
     ]
     assert task_text.ladder(hints, "") == hints == task_text.ladder(hints, "Something else.")
-    found = task_text.ladder(hints, "Each point itself is a neighbour too; yours does not count.")
-    assert found == [hints[1], hints[0], hints[2]]
+    ordered = task_text.ladder(hints, "Each point itself is a neighbour too; yours does not count.")
+    assert ordered == [hints[1], hints[0], hints[2]]
 
 
 def test_the_commands_to_begin_with_come_last(place: Place) -> None:

@@ -210,14 +210,14 @@ def changed_verdicts(name: str) -> list[str]:
     An error that the move explains is none, although it may be above the tolerance: this shows
     where rounding decides, not where an answer is less exact than the task asks for.
     """
-    found, text = card(name), card(name).solution_text()
+    entry_card, text = card(name), card(name).solution_text()
     variants = [text + NOISY]
-    if found.kind == "function" and name not in EXACT:
-        variants.append(text + MOVED.format(entry=found.entry))
+    if entry_card.kind == "function" and name not in EXACT:
+        variants.append(text + MOVED.format(entry=entry_card.entry))
     result = []
     for variant in variants:
         for seed in SEEDS:
-            report = attempt(found, variant, seed=seed, place=in_this_process).report
+            report = attempt(entry_card, variant, seed=seed, place=in_this_process).report
             assert report.passed or any(not check.passed for check in report.checks), report.problem
             for check in report.checks:
                 if check.passed:

@@ -94,7 +94,7 @@ def _chain(names: Names) -> None:
     points = names["joint_positions"](lengths, angles)
     jacobian = names["tip_jacobian"](lengths, angles)
     assert points.shape == (5, 4, 2) and jacobian.shape == (5, 2, 3)
-    for posture, found, slopes in zip(angles, points, jacobian, strict=True):
+    for posture, joints, slopes in zip(angles, points, jacobian, strict=True):
         frame, expected = np.eye(3), [np.zeros(2)]
         for length, q in zip(lengths, posture, strict=True):
             c, s = math.cos(q), math.sin(q)
@@ -102,7 +102,7 @@ def _chain(names: Names) -> None:
                 frame @ [[c, -s, 0], [s, c, 0], [0, 0, 1]] @ [[1, 0, length], [0, 1, 0], [0, 0, 1]]
             )
             expected.append(frame[:2, 2])
-        np.testing.assert_allclose(found, expected, atol=1e-14)
+        np.testing.assert_allclose(joints, expected, atol=1e-14)
         for k in range(3):
             step = 1e-6 * np.eye(3)[k]
             ends = [names["joint_positions"](lengths, posture + s * step)[-1] for s in (1, -1)]

@@ -86,13 +86,13 @@ def test_the_follow_up_names_the_weakest_line(levels: list[int], seed: int) -> N
     lines = ("Halves the step.", "Names friction.", "Logs energy at impacts.", "Ends with a test.")
     one = item("x", rubric=lines, follow_ups=("And now?", "And then?"))
     marks = [MARKS[level] for level in levels]
-    weakest, asked = rehearsal.follow_up(one, marks, seed)
-    assert (weakest, asked) == rehearsal.follow_up(one, marks, seed)
+    weakest, question = rehearsal.follow_up(one, marks, seed)
+    assert (weakest, question) == rehearsal.follow_up(one, marks, seed)
     if min(levels) == 3:
-        assert weakest == "" and asked in one.follow_ups
+        assert weakest == "" and question in one.follow_ups
     else:
         assert levels[lines.index(weakest)] == min(levels)
-        assert asked == f"{weakest} {rehearsal.PUSH[MARKS[min(levels)]]}"
+        assert question == f"{weakest} {rehearsal.PUSH[MARKS[min(levels)]]}"
     with pytest.raises(ValueError, match="must be 4 of missing"):
         rehearsal.follow_up(one, ["named"])
 

@@ -393,17 +393,17 @@ def test_no_card_or_question_shows_tex_in_a_terminal(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("COLUMNS", "80")
     terminal = Terminal()
     shown = [entry for entry in deck() if entry.kind == "question"]
-    found = 0
+    formulas = 0
     for entry in shown:
         text = f"{sides(entry).front}\n\n{sides(entry).back}"
-        found += "$" in text
+        formulas += "$" in text
         lines = markdown_lines(text, terminal)
         code = re.findall(r"`([^`]*)`", text)
         written = to_ascii("\n".join(lines))
         for line in code:
             written = written.replace(line, "")
         assert "$" not in written and "\\" not in written, entry.key
-    assert found > 20
+    assert formulas > 20
 
 
 def test_the_end_of_input_keeps_what_was_said_and_a_wrong_rating_is_asked_again(

@@ -63,8 +63,8 @@ def test_a_stage_without_a_fault_finds_any_box(seed: int) -> None:
     box = scene.box.copy()
     box[:3, :3] = Rotation.random(random_state=seed % 2**31).as_matrix()
     box[:3, 3] += rng.uniform(-0.05, 0.05, 3)
-    found, residual = stage.estimate(sure.STAGE, sure.CAMERA, replace(scene, box=box))
-    assert np.abs(found - box).max() < 1e-9 and residual < 1e-9
+    estimate, residual = stage.estimate(sure.STAGE, sure.CAMERA, replace(scene, box=box))
+    assert np.abs(estimate - box).max() < 1e-9 and residual < 1e-9
 
 
 @pytest.mark.parametrize("seed", range(4))

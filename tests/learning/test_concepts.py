@@ -427,7 +427,8 @@ def played(controls, periods):
     """Ages of the observations in periods, None without an action, by playing the loop."""
     length, waits = int(controls["length"]), controls["mode"] == action_chunks.WAITS
     executed, delay = min(int(controls["executed"]), length), 0
-    while delay * 20.0 < controls["latency"] - 1e-6:
+    # Up to a part in 1e9 of a period, a latency counts as whole periods.
+    while delay * 20.0 < controls["latency"] - 2e-8:
         delay += 1
     result: list[int | None] = [None] * periods
     ready = 0

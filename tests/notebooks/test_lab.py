@@ -15,6 +15,7 @@ import pytest
 from nbformat.sign import NotebookNotary
 
 from course.simulations import LIVE_TAG, declaration
+from course.simulations.kinematics import arm
 from drills import progress
 from drills.chapters import ROOT
 from tools import lab
@@ -78,7 +79,7 @@ def test_the_home_page_has_a_simulation_that_runs_without_a_kernel(project: Path
     wasm = base64.b64encode(declaration.module("kinematics.arm").read_bytes()).decode()
     assert wasm in html and "course-live" in declaration.script()
     assert html.count("<script>") == html.count("</script>") == 2
-    assert data["image/png"] in html and data["text/plain"].startswith("A two-link arm")
+    assert data["image/png"] in html and data["text/plain"].startswith(arm.TITLE)
 
 
 def test_what_is_recorded_runs_nowhere_by_itself() -> None:

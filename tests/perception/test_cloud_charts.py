@@ -27,7 +27,7 @@ def test_a_part_is_lost_where_the_tolerance_reaches_it():
     limit = lost["3 sigma(z)"].y
     careful = lost["3 sigma, 12"].y
     assert all(0.9 * k < h < 4.0 * k for h, k in zip(careful, limit, strict=True))
-    assert lost["10 mm"].y[0] >= 0.02 > lost["4 mm"].y[0]
+    assert lost["10 mm, 50"].y[0] >= 0.02 > lost["4 mm"].y[0]
     # Within the noise the table itself falls into clusters.
     assert false["4 mm"].y[1] > 5.0 and max(false["3 sigma"].y) < 1.0
     stages = clouds.counts(0.008, 0.5, 0.01, 50, 0.005, 0.02, np.random.default_rng(0))

@@ -244,8 +244,10 @@ def test_the_home_page_counts_the_cards_of_every_chapter(site: Path) -> None:
     assert len(rows) == len(CHAPTERS)
     for row, name in zip(rows, CHAPTER_PAGES, strict=True):
         cards_there = soup(site / f"{name}.html").select(".card[data-card]")
-        asked = {card["data-card"] for card in cards_there if card.select("details[data-answer]")}
-        assert set(row["data-cards"].split()) == asked, name
+        questions = {
+            card["data-card"] for card in cards_there if card.select("details[data-answer]")
+        }
+        assert set(row["data-cards"].split()) == questions, name
         assert row.a["href"] == f"{name}.html"
         for card in cards_there:
             right = [each["data-right"] for each in card.select("details[data-answer]")]

@@ -55,11 +55,11 @@ SHOWN = [group for group in modules.GROUPS if group.page != "code_oracles"]
 
 @pytest.mark.parametrize("group", SHOWN, ids=lambda group: group.page)
 def test_a_page_has_an_example(group: modules.Group) -> None:
-    found = doctest.DocTestFinder()
+    finder = doctest.DocTestFinder()
     tests = [
         test
         for name in modules.of_group(group)
-        for test in found.find(importlib.import_module(name), name)
+        for test in finder.find(importlib.import_module(name), name)
         if test.examples
     ]
     assert tests
@@ -102,9 +102,9 @@ def soup(page: Path) -> Any:
 def test_a_page_documents_its_modules(site: Path, group: modules.Group) -> None:
     """Each module, and each public function and class with a docstring, with its source."""
     page = soup(site / f"{group.page}.html")
-    there = {tag["id"] for tag in page.select("[id]")}
+    anchors = {tag["id"] for tag in page.select("[id]")}
     for name in modules.of_group(group):
-        assert f"module-{name}" in there, name
+        assert f"module-{name}" in anchors, name
         module = importlib.import_module(name)
         if hasattr(module, "__path__") and name not in modules.ALONE:
             continue
@@ -112,7 +112,7 @@ def test_a_page_documents_its_modules(site: Path, group: modules.Group) -> None:
         for key, thing in ((key, vars(module)[key]) for key in names):
             mine = getattr(thing, "__module__", None) == name and callable(thing)
             if mine and not key.startswith("_") and thing.__doc__ and thing.__name__ == key:
-                assert f"{name}.{key}" in there, key
+                assert f"{name}.{key}" in anchors, key
     addresses = [a["href"] for a in page.select("a.reference.external[href*='/blob/main/']")]
     assert addresses
     for address in addresses:

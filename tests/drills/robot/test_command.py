@@ -129,7 +129,7 @@ def plan(route):
 
 
 def test_misuse_says_what_to_do(place: Place) -> None:
-    for arguments, says in (
+    for arguments, message in (
         (["--part", "lqrr=course"], "Did you mean lqr?"),
         (["--part", "lqr=ompl"], "can be held by: yours, course, scipy"),
         (["--part", "lqr=yours"], "drills start lqr"),
@@ -137,7 +137,7 @@ def test_misuse_says_what_to_do(place: Place) -> None:
         (["--own", "plan=x.py"], "There is no file x.py"),
     ):
         done = place.run("robot", "run", "--level", "1", *arguments)
-        assert done.code == 2 and says in done.err, done
+        assert done.code == 2 and message in done.err, done
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ def run(**texts: str) -> Played:
 
 
 @pytest.mark.parametrize(
-    ("text", "kind", "says"),
+    ("text", "kind", "message"),
     (
         (TORQUE + "    return [1 / 0, 2]\n", "raised", "ZeroDivisionError"),
         (TORQUE + "    raise SystemExit(3)\n", "raised", "SystemExit"),
@@ -40,11 +40,11 @@ def run(**texts: str) -> Played:
         ("x = 1\n", "raised", "no function"),
     ),
 )
-def test_a_part_that_fails_is_named(text: str, kind: str, says: str) -> None:
+def test_a_part_that_fails_is_named(text: str, kind: str, message: str) -> None:
     failure = run(computed_torque=text).failure
     assert failure is not None
     assert (failure.part, failure.kind) == ("computed_torque", kind)
-    assert says in failure.text
+    assert message in failure.text
 
 
 def test_the_tick_the_line_and_the_call_are_told() -> None:

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 def test_the_part_moves_with_the_tip_and_ends_in_its_slot() -> None:
     one = robot(4)
-    played = gather([one.play(number, keep=True) for number in range(2)])
+    played = gather([one.play(number, filmed=True) for number in range(2)])
     task = scene.make_task(CELL, level(4), 0, 1)
     q = played.logs[1]
     part = film.path_of_part(task, played, 1, q)

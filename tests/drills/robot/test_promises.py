@@ -40,8 +40,8 @@ def named(slot: str, text: str, healthy: Summary, tasks: int) -> tuple[str, bool
     if result.failure is not None:
         return result.failure.part, True
     mine = summarise(result)
-    found = diagnose(result, mine, healthy)
-    return (found[0].part if found else ""), bool(found) or changes(healthy, mine)
+    diagnosis = diagnose(result, mine, healthy)
+    return (diagnosis[0].part if diagnosis else ""), bool(diagnosis) or changes(healthy, mine)
 
 
 def sample(count: int) -> tuple[int, int, list[str]]:
@@ -54,11 +54,11 @@ def sample(count: int) -> tuple[int, int, list[str]]:
         if shown == count:
             break
         slot, mistake, text = every[int(i)]
-        who, shows = named(slot, text, healthy, TASKS)
+        blamed, shows = named(slot, text, healthy, TASKS)
         shown += shows
-        right += shows and who == slot
-        if shows and who != slot:
-            missed.append(f"{slot}/{mistake}: {who}")
+        right += shows and blamed == slot
+        if shows and blamed != slot:
+            missed.append(f"{slot}/{mistake}: {blamed}")
     return shown, right, missed
 
 
