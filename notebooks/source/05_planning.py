@@ -605,10 +605,9 @@ show("rrt_star_converges")
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
 # The circle marks the fastest setting within 5 % of the optimum: RRT-Connect in both scenes, followed by a few rounds
-# of shortening at the gap. Around the disc its lead is clear; at the gap Informed RRT\* is close behind. (**PRM\*** is
-# the roadmap of the next part with a number of neighbours that grows with its size.) If you want the last percent,
-# compare the curves at about 10 ms, where the one of RRT-Connect ends: around the disc shortening is ahead, at the gap
-# Informed RRT\* is.
+# of shortening at the gap. Around the disc its lead is clear; at the gap Informed RRT\* is close behind. (The planner
+# PRM\* belongs to the next part.) If you want the last percent, compare the curves at about 10 ms, where the one of
+# RRT-Connect ends: around the disc shortening is ahead, at the gap Informed RRT\* is.
 
 # %%
 more_claims("informed_rrt_star")
@@ -619,7 +618,8 @@ more_claims("informed_rrt_star")
 # A robot at a shelf solves the same kind of problem thousands of times a day, and a tree throws everything away after
 # each. A **roadmap** (PRM, probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free
 # configurations, and connect each to its nearest neighbours where the edge is free. To answer a query, connect start
-# and goal to nearby nodes, and search the graph.
+# and goal to nearby nodes, and search the graph. In **PRM\*** the number of neighbours grows with the number of nodes,
+# so that its paths, too, converge to the optimum.
 #
 # Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap assumes that all
 # edges are free and checks only when it has to:
@@ -1277,9 +1277,9 @@ plt.show()
 # ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# The bands are quartiles over 100 seeds; the band of this course's planner and that of OMPL overlap everywhere. In three
-# and four dimensions OMPL's median for the tube is two to three times ours, but that is chance: with other seeds the
-# two medians come close, and a rank test finds no difference.
+# The bands are quartiles over 100 seeds, and the band of this course's planner overlaps with that of OMPL everywhere.
+# In three and four dimensions OMPL's median for the tube is two to three times ours, but that is chance: with other
+# seeds the two medians come close, and a rank test finds no difference.
 #
 # The slab is about as easy in seven dimensions as in two. The tube gets harder by a large factor with each dimension.
 # So count the directions in which your passage is narrow, and remove some of them: plan first to a configuration in
