@@ -64,7 +64,8 @@ def mppi(
     # No rollout came to an end: there is nothing to average.
     if best == np.inf:
         return Sampled(plan, best, 0.0)
-    # Softmax of the costs. The lowest cost is subtracted first, which changes nothing but overflow.
+    # Softmax of the costs. Subtracting the lowest one changes no weight, and they cannot all
+    # underflow to zero.
     weights = np.exp(-(cost - best) / temperature)
     weights /= weights.sum()
     # Effective sample size: 1 over the sum of squared weights.

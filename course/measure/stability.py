@@ -178,6 +178,9 @@ class Map:
     @property
     def label(self) -> str:
         """What the colours of a picture say."""
+        # Two values say only on which side a point lies: there is no scale to explain.
+        if np.unique(self.values).size == 2:
+            return self.quantity
         unit = f" [{self.unit}]" if self.unit else ""
         return f"log10({self.quantity}{unit}): purple below 1, orange above"
 

@@ -69,9 +69,9 @@ class Drake(Engine):
         Change(
             "hydroelastic",
             "proximity properties",
-            "none, so contact by points",
+            "none: contact at a point",
             f"compliant boxes of {MODULUS:.0e} Pa on a rigid ground",
-            "Between two boxes a contact by points is one point, on which a box tips.",
+            "A contact patch (section 2) instead of a single point, on which a box tips.",
             "Drake 1.51 (2026), Hydroelastic Contact User Guide",
             "bodies",
         ),

@@ -87,7 +87,7 @@ class PyBullet(Engine):
             "URDF_USE_INERTIA_FROM_FILE",
             "off",
             "on",
-            "Else it computes inertias from collision shapes, which a text need not have.",
+            "Else it computes inertias from collision shapes, which the file may not contain.",
             _MANUAL + "loadURDF",
             "joints",
         ),

@@ -115,13 +115,14 @@ class Choice:
     turn: Turn | None
 
     def __str__(self) -> str:
-        lines = [f"{self.pick or 'none is known to meet all needs'}: " + ", ".join(self.deciding)]
+        pick = self.pick or "none is known to meet all needs"
+        lines = [f"Pick: {pick}; decided by " + ", ".join(self.deciding)]
         for one in self.out:
             why = [*(f"fails {r}" for r in one.failed), *(f"{r} unknown" for r in one.unknown)]
-            lines.append(f"  {one.engine}: " + "; ".join(why))
+            lines.append(f"  Out: {one.engine}, " + "; ".join(why))
         if self.turn:
-            other = self.turn.pick or "none"
-            lines.append(f"  {self.turn.row} {self.turn.limit:.3g} would make it {other}")
+            limit, other = f"{self.turn.limit:.3g}", self.turn.pick or "none"
+            lines.append(f"  A limit of {limit} for {self.turn.row} would pick {other}")
         return "\n".join(lines)
 
 

@@ -147,8 +147,8 @@ plt.show()
 figure_, axes = plt.subplots(figsize=(8, 2.9), layout="constrained")
 for label, gains in (
     ("P: $K_p$ = 20", Gains(20.0)),
-    ("PD: and $K_d$ = 4", Gains(20.0, 0.0, 4.0)),
-    ("PID: and $K_i$ = 20", Gains(20.0, 20.0, 4.0)),
+    ("PD: also $K_d$ = 4", Gains(20.0, 0.0, 4.0)),
+    ("PID: also $K_i$ = 20", Gains(20.0, 20.0, 4.0)),
 ):
     run = run_joint(Joint(0.5, 0.5, 2.0), Actuator(), Encoder(), gains, 1.0, 1e-3, 6.0)
     _ = axes.plot(run.times, run.q, label=label)
@@ -164,8 +164,9 @@ plt.show()
 #
 # The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
 # friction** (dry friction) is a torque of constant size against the motion, and it can hold a joint at rest away from
-# the set-point. The I term then grows until the joint breaks loose. If the joint jumps past the set-point and sticks
-# again, the same happens in the other direction, for ever. This cycle is called **hunting**.
+# the set-point. The I term then grows until the joint breaks loose. **Static friction**, the friction at rest, can be
+# larger than the Coulomb friction in motion. Then the joint can jump past the set-point and stick again, and the same
+# happens in the other direction, for ever. This cycle is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -173,8 +174,7 @@ show("integral_removes_the_error")
 # %% [markdown]
 # The D term needs the rate of the error. There are two ways to compute it: differentiate the error $e$, or
 # differentiate the measured angle and use $-\dot q$. While the set-point is constant, both are the same. Now let the
-# set-point jump
-# from one sample to the next, and think about the error.
+# set-point jump from one sample to the next, and think about the error.
 
 # %%
 show("error_derivative_kick")
@@ -200,8 +200,8 @@ predict("jammed")
 # The surplus in the I term is called **windup**. Choose the preset *A jam* on the first screen, watch the joint run
 # away, then switch on anti-windup. Two methods are in use:
 #
-# * **Conditional integration** updates the I term only while the command is within its limits, or while the error would
-#   bring the command back from the limit.
+# * **Conditional integration** stops the sum while the command is at a limit and the error would push it further
+#   beyond.
 # * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the I
 #   term, so that the I term shrinks while the command is at the limit.
 #
@@ -287,10 +287,10 @@ predict("more_p")
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# So count the hold as a delay of $dt/2$ and add it to the other delay $D$ of the loop. The **ultimate gain** $K_u$ is
-# the P gain at which the loop oscillates with constant amplitude, on the border between stable and unstable. The
-# angular
-# frequency $\omega$ of that oscillation and $K_u$ follow from
+# So count the hold as a delay of $dt/2$ and add it to the other delay $D$ of the loop, a good approximation for motions
+# that are slow against the sample rate. The **ultimate gain** $K_u$ is the P gain at which the loop oscillates with
+# constant amplitude, on the border between stable and unstable. To the same approximation, $K_u$ and the angular
+# frequency $\omega$ of that oscillation, the smallest positive solution, follow from
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
 # K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
@@ -328,15 +328,15 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # %% [markdown]
 # ### Stability margins
 #
-# How far is a tuned loop from its limit? Cut the loop at the motor and feed in a sine. Leave out the minus sign of the
-# feedback, and compare the torque that comes back with the one that went in. Their ratio is the **open-loop gain**, and
-# the shift of the sine is its **phase lag**. If a sine comes back with the same size and a lag of 180 degrees, it is
-# inverted, and the minus sign turns it into the sine that went in. The oscillation then keeps itself going.
+# How far is a tuned loop from its limit? Cut the loop at the motor and feed in a sine of torque. The feedback subtracts
+# the measured angle. Count that minus sign separately, and compare the torque that comes back without it with the one
+# that went in. The ratio of their sizes is the **open-loop gain**, and the shift of the sine is its **phase lag**. A
+# sine that comes back with the same size and a lag of 180 degrees is inverted. The minus sign inverts it once more,
+# into the sine that went in, and the oscillation keeps itself going.
 #
 # * The **gain margin** is the factor by which all gains can be multiplied before the loop becomes unstable.
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
-#   additional
-#   phase lag there that makes the loop unstable.
+#   additional phase lag there that makes the loop unstable.
 # * The **delay margin** is the additional delay that makes the loop unstable.
 #
 # A **Bode plot** draws gain and phase over the frequency, with logarithmic axes for gain and frequency:
@@ -381,28 +381,26 @@ plt.show()
 # ### Nyquist plot, sensitivity and bandwidth
 #
 # Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency it draws the open
-# loop
-# $L$ as one point in the complex plane, with the open-loop gain as its distance from zero and the phase as its angle.
-# The critical point is $-1$: gain 1 and a lag of 180 degrees. The closer the curve comes to $-1$, the closer the loop
-# is
-# to instability.
+# loop $L$ as one point in the complex plane, with the open-loop gain as its distance from zero and the phase as its
+# angle. The critical point is $-1$: gain 1 and a lag of 180 degrees. The closer the curve comes to $-1$, the closer the
+# loop is to instability.
 #
-# What does the closed loop do to a sine? Let $d$ be the error without control. The controller reacts to the remaining
-# error $e$ and moves the joint by $L\,e$. So $e = d - L\,e$. This gives two functions of the frequency:
+# What does the closed loop do to a sine? Let $d$ be the error without control, and $e$ the error that remains. Once
+# around the loop, the same factor $L$ takes the error $e$ to the motion of the joint. So $e = d - L\,e$. This gives two
+# functions of the frequency:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
-# * The **sensitivity** $S$ is the share of a disturbance that is left. Where $\lvert S\rvert$ is 0.1, the loop
-#   removes 90 %.
-#   Where it is above 1, the loop amplifies the disturbance.
+# * The **sensitivity** $S$ is the share of a disturbance that is left. Where $\lvert S\rvert$ is 0.1, the loop removes
+#   90 %. Where it is above 1, the loop amplifies the disturbance.
 # * The **complementary sensitivity** $T$ says how much of the sensor noise the joint follows. If D acts on the error,
-#   the joint follows the set-point by the same $T$. The **bandwidth** is the frequency at which $\lvert T\rvert$ falls
-#   below $1/\sqrt2$.
+#   $T$ is also the ratio of joint angle to set-point. The **bandwidth** is the frequency at which $\lvert T\rvert$
+#   falls below $1/\sqrt2$.
 #
 # The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
 # **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$. **Worked
-# example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. Where it crosses the negative axis to the right of $-1$,
-# it does so between $-0.5$ and 0, so the gain can grow at least by the factor 2.
+# example:** for $M_s = 2$ the curve stays 0.5 away from $-1$, so it does not cross the axis between $-1$ and $-0.5$.
+# The gain must at least double before a crossing reaches $-1$.
 #
 # The picture shows the loop above (blue) and the same loop with 8 times the gains (orange):
 
@@ -417,7 +415,7 @@ for name, times, ink in (("gains as above", 1.0, "C0"), ("8 times the gains", 8.
     _ = left.plot(loop.loop.real, loop.loop.imag, color=ink, label=name)
     _ = left.plot(np.cos(turn) / shape.peak - 1.0, np.sin(turn) / shape.peak, ":", color=ink)
     _ = right.loglog(w, np.abs(loop.sensitivity), color=ink, label=f"|S|, {name}")
-    _ = right.loglog(w, np.abs(loop.complementary), "--", color=ink, label="|T|")
+    _ = right.loglog(w, np.abs(loop.complementary), "--", color=ink, label=f"|T|, {name}")
     rows.append(
         f"{name:<18} crossover {shape.crossover:4.0f} rad/s, bandwidth {shape.bandwidth:4.0f} rad/s, "
         f"Ms {shape.peak:.2f}\n{'':<18} gain margin {margin.gain:5.2f}, phase margin "
@@ -430,7 +428,7 @@ _ = left.set(xlabel="real part of L", ylabel="imaginary part")
 _ = left.legend(fontsize=8, loc="lower right")
 _ = right.axhline(1.0, color="0.4", lw=1)
 _ = right.set(xlabel="angular frequency [rad/s]", ylim=(3e-3, 5.0), title="sensitivities")
-_ = right.legend(fontsize=8, loc="lower right")
+_ = right.legend(fontsize=8, loc="lower center")
 plt.show()
 print("\n".join(rows))
 
@@ -442,8 +440,9 @@ print("\n".join(rows))
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
-# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. So decide
-# which frequencies matter for the task, and accept the rise elsewhere. A common design rule limits it to $M_s \le 2$.
+# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. (If the plant
+# is unstable, such as an upright pendulum, it has to rise even more.) So decide which frequencies matter for the task,
+# and accept the rise elsewhere. A common design rule limits it to $M_s \le 2$.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
@@ -482,8 +481,8 @@ predict("faster_loop")
 # An estimator that sees only angles trades noise for lag. A plain difference has the least lag and the most noise. A
 # low-pass filter with time constant $\tau$ averages the difference over about that time. A **tracking observer**
 # predicts angle and rate one sample ahead, and corrects both with the error of the predicted angle. Under constant
-# acceleration the filtered rate is late by its time constant plus the half sample of the difference. The observer with
-# the same time constant is late by about twice as much.
+# acceleration the filtered rate is late by its time constant plus the half sample of the difference. An observer whose
+# two poles have the same time constant is late by about twice as much.
 #
 # The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
 # noise than the filter (orange):
@@ -500,12 +499,12 @@ for one in stored("rate_estimates")[0].series:
 
 # %% [markdown]
 # Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As
-# soon as it is smaller than the friction $F$, the joint can stop. So dry friction leaves an error of up to $F/K_p$
-# (with the larger friction at rest, if there is one).
+# soon as it is smaller than the friction $F$, the joint can stop. So dry friction leaves an error of up to $F/K_p$. If
+# static friction is larger than $F$, the error can be up to static friction over $K_p$.
 #
-# An I term removes this error, step by step with longer and longer pauses, if friction at rest, **static friction**, is
-# no larger than Coulomb friction. If it is larger, the torque that breaks the joint loose is more than what keeps it
-# moving. The joint jumps, and hunts:
+# If static friction does not exceed Coulomb friction, an I term removes this error step by step, with pauses in between
+# (blue). If it does, the torque that breaks the joint loose is more than what keeps it moving. The joint jumps, and
+# hunts (orange):
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -526,10 +525,10 @@ plt.show()
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
 # **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
-# over by itself, such as an upright pendulum, gravity can then win: outside a certain region no gain brings the
-# pendulum
-# back, because gravity pulls harder than the motor can. In the map, purple states are caught and orange states are
-# lost, with half of the torque that holds the pendulum horizontally:
+# over by itself, such as an upright pendulum, gravity can then win, because it pulls harder than the motor can. In the
+# map, the motor has half of the torque that holds the pendulum horizontally. The controller is a high gain on the sum
+# of angle and rate (in units of $\sqrt{g/l}$). It catches the purple states and loses the orange ones, on a grid. At
+# the edge it commands the full torque all the way, so other gains do no better:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -541,9 +540,10 @@ print(f"the same for the linear model of the pendulum:          {reached[2]:.4f}
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Add up the delays of a loop: half a sample for the hold, half a sample for the difference of two
-# angles, the time constant of the filter, and the communication. Together with the inertia and the friction they limit
-# how much gain is possible. Compute this limit before you tune by hand.
+# **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
+# The D term is later still: by half a sample if the rate is a difference, and for slow motions by the time constant of
+# its filter. Together with the inertia and the friction these delays limit how much gain is possible. Compute this
+# limit before you tune by hand.
 #
 # </div>
 
@@ -564,28 +564,28 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
 # Step 2 assumes that an ultimate gain exists. Without any delay, P alone is stable at every gain. The hold is a delay,
-# so a sampled joint always has an ultimate gain. And a constant amplitude does not prove that you have found it: with a
-# torque limit, larger gains end in an oscillation of constant amplitude, too. So the delay must be stated; we use 20
-# ms.
+# so a sampled joint with viscous friction has one. But a constant amplitude does not prove that you have found it: with
+# a torque limit, larger gains end in an oscillation of constant amplitude, too. The ultimate gain depends on the delay,
+# so without its delay it means nothing. Ours is 20 ms.
 #
-# Note that the rules were made for plants that come to rest under a constant input, such as a heated tank. A joint does
-# not: constant torque gives constant *speed*, and the angle is the integral of that. An I term adds a second
-# integration.
+# A joint is hard for these rules: constant torque gives constant *speed*, and the angle is the integral of that. An I
+# term adds a second integration.
 
 # %%
 show("ziegler_nichols_is_safe")
 
 # %% [markdown]
-# The alternative takes three numbers that you know: $J$, $b$ and the delay. With PD and the total delay $D$ of hold,
-# difference and communication (a small approximation: the difference delays only the D term), the closed loop can move
-# as $e^{st}$ if $s$ solves
+# The alternative takes three numbers that you know: $J$, $b$ and the delay. Let $D$ be the sum of hold, difference and
+# communication. (The difference delays only the D term, so this is slightly too much for P.) With PD, try the motion
+# $e^{st}$. It is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
 #
-# The solutions $s$ are the **poles** of the loop. Choose $K_p$ and $K_d$ so that three of them are equal and real. The
-# slowest part of the motion then does not oscillate. At a triple pole the function $f(s) = (Js^2 + bs)\,e^{sD} + K_p +
-# K_d s$ is zero together with its first two derivatives. The second derivative does not contain the gains, so $f'' = 0$
-# is a quadratic equation for $s$. Then $f' = 0$ gives $K_d$, and $f = 0$ gives $K_p$:
+# The solutions $s$ are the **poles** of the loop. Choose $K_p$ and $K_d$ so that three of them are equal and real. If
+# all others decay faster, the slowest part of the motion does not oscillate. At a triple pole the function $f(s) =
+# (Js^2 + bs)\,e^{sD} + K_p + K_d s$ is zero together with its first two derivatives. The second derivative does not
+# contain the gains, so $f'' = 0$ is a quadratic equation for $s$, of which we take the root nearer to zero. Then $f' =
+# 0$ gives $K_d$, and $f = 0$ gives $K_p$:
 
 # %% tags=["show-code"]
 late = 0.02
@@ -601,8 +601,9 @@ tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# The cell below checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad. The row
-# *often quoted* has the gains that many tutorials derive from $K_u$ = 45 and $T_u$ = 0.45 s:
+# The cell below checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad without
+# a load. (Under a load, PD would leave an error, and the rows with an I term would not.) The row *often quoted* has the
+# gains that many tutorials derive from $K_u$ = 45 and $T_u$ = 0.45 s:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -616,13 +617,21 @@ for name, (kp, ki, kd) in tried.items():
     steps = (
         f"overshoot {observed.overshoot:4.0%}, settled after {observed.settling:5.2f} s"
         if growth < 1.0
-        else f"unstable: it grows {growth ** (1.0 / dt):.2f} times a second"
+        else f"unstable: it grows to {growth ** (1.0 / dt):.2f} times its size per second"
     )
     print(f"{name:<12} kp {kp:5.1f}  ki {ki:5.1f}  kd {kd:4.2f}   {steps}")
 
+# %% tags=["hide-code"]
+roots = np.linalg.eigvals(control.loop_matrix(plant, control.pid_law(kp, ki, kd, dt=dt)))
+poles = np.log(roots[np.abs(roots) > 1e-9].astype(complex)) / dt
+slowest = poles[np.argsort(-poles.real)][:5]
+print(f"three equal poles in the formula: {s:.1f} 1/s; slowest poles of the sampled loop [1/s]:")
+print(", ".join(f"{pole:.1f}" for pole in slowest))
+
 # %% [markdown]
-# The chart repeats this over a wide range of delays. The three rules are the upper curves, the equal poles the one at
-# the bottom:
+# The small approximation splits the three equal poles a little. All other poles of the sampled loop decay several times
+# faster. The chart repeats the test over a wide range of delays. The three rules are the upper curves, the equal poles
+# the one at the bottom:
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 #
@@ -667,15 +676,17 @@ for label, law in (
     run = control.track(tracking.ARM, law, tracking.motion, dt, 4.0)
     error = 1e3 * np.abs(run.q[:, :-1] - run.setpoint).max(axis=0)
     _ = axis.semilogy(dt * np.arange(error.size), error, lw=1.2, label=label)
-_ = axis.set(xlabel="time [s]", ylabel="error [mrad]", ylim=(1e-3, 1e3))
-_ = axis.legend(fontsize=9, ncols=2, loc="lower right")
+_ = axis.set(xlabel="time [s]", ylabel="error [mrad]", ylim=(1e-3, 1e4))
+_ = axis.legend(fontsize=9, ncols=4, loc="upper center")
 plt.show()
 
 # %% [markdown]
-# The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward assumes
-# that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone. Computed
-# torque uses the state that was measured. To see what this buys, put its torque into the equation of motion. The
-# velocity terms and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
+# The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward is even
+# ahead of computed torque here: its spring at the elbow is stiffer, and the held torque of computed torque lags behind
+# the measured motion. (The preview below removes that lag.) But feedforward assumes that the arm is on its planned
+# motion; after a disturbance, its PD part has to bring the arm back alone. Computed torque uses the measured state. Put
+# its torque into the equation of motion. The velocity terms and gravity cancel, and $M$ remains on both sides. (On the
+# card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
@@ -686,18 +697,19 @@ show("computed_torque_law")
 # poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
 #
 # The cancellation is exact only at the instant at which the torque is computed. The motor drive holds the torque for
-# the rest of the sample while the arm moves on. The remedy is cheap: compute the torque for the state half a sample
-# ahead. This is called **half-sample preview**, and section 6 shows how much it saves.
+# the rest of the sample while the arm moves on. The remedy is cheap: compute the torque for the state and the reference
+# half a sample ahead. This is called **half-sample preview**, and section 6 shows how much it saves.
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
 # changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, with the
-# regressor $Y$ of chapter 4; here $Y$ takes a reference velocity and acceleration in place of the measured ones. With
-# $s = \dot e + \Lambda e$, a weighted sum of both errors, the law commands $Y\hat\theta + K s$, and the update is
+# regressor $Y$ of chapter 4. Here $Y$ takes the reference velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative
+# $\ddot q_r$ in place of a measured acceleration. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the law
+# commands $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
-# where $\Lambda$ and $\Gamma$ are positive gains. The update stops as soon as the tracking error is zero, whatever
-# $\hat\theta$ is by then.
+# where $\Lambda$, $\Gamma$ and the damping $K$ are positive gains. The update stops as soon as the tracking error is
+# zero, even if $\hat\theta$ is wrong.
 
 # %%
 show("adaptive_finds_parameters")
@@ -758,7 +770,7 @@ plt.show()
 # %% [markdown]
 # | the error follows | likely cause |
 # |---|---|
-# | the acceleration | inertia, or the motor's torque constant |
+# | the acceleration | inertia, or the motor's torque constant (torque per ampere) |
 # | the velocity | viscous friction, or a delay |
 # | the sign of the velocity | Coulomb friction |
 # | the angle | gravity |
@@ -794,9 +806,9 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 #
 # $$J\int \ddot w\,q\,dt - b\int \dot w\,q\,dt = \int w\,\tau\,dt .$$
 #
-# Only the measured angle appears, not its derivatives. (Coulomb friction would need the sign of the velocity as well,
-# which noise leaves alone except near standstill.) Each window gives one linear equation for $J$ and $b$, and least
-# squares over many windows gives both:
+# Only the measured angle appears, not its derivatives. (Coulomb friction also needs the sign of the velocity. Noise
+# changes this sign only near standstill.) Each window gives one linear equation for $J$ and $b$, and least squares over
+# many windows gives both:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
@@ -863,13 +875,13 @@ more_claims("inertia_by_differences")
 # ### Optimal control: LQR and the Riccati equation
 #
 # So far you chose poles. The **LQR** (linear quadratic regulator) chooses the gains for you. You state what is
-# expensive. For a sampled system $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of
-# $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples. The matrix $Q$ weights deviations of the state $x$, and $R$
-# weights
-# the effort of the command $u$.
+# expensive. For a sampled system $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx +
+# u^\mathsf{T}Ru$ over all samples. The matrix $Q$ weights deviations of the state $x$, and $R$ weights the effort of
+# the command $u$.
 #
-# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$. The best command
-# weighs the cost of this sample against the cost of the state that it leads to, and this gives
+# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$. The best command minimises the cost
+# of this sample plus that of the state that it leads to, $u^\mathsf{T}Ru + (Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$. Setting
+# its derivative to zero gives
 #
 # $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
 #
@@ -884,9 +896,9 @@ more_claims("inertia_by_differences")
 #
 # LQR ignores the torque limit. You can clip its command, but it does not know that the brake is weak, so it brakes too
 # late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next $N$ samples
-# that minimise the same cost, subject to the limits. This is a quadratic program. Only the first command of the
-# plan is used, and the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its target, with a
-# motor of at most 1 N:
+# that minimise the same cost, subject to the limits. This is a **quadratic program**: a quadratic cost with linear
+# limits. Only the first command of the plan is used, and the next sample computes a new plan. Here is a mass of 1 kg
+# that starts 4 m from its target, with a motor of at most 1 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
@@ -925,9 +937,9 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan contains
-# the braking with the limited force. Where no limit becomes active later in the motion, and the plan's end is priced
-# with LQR's cost-to-go, both give the same command, and MPC's computing time is wasted. The left chart shows how much
-# MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the
+# the braking with the limited force. With one motor, MPC saves nothing if no limit is active after the first sample:
+# add $x^\mathsf{T}Px$ of the plan's last state to its cost, and both give the same command. The left chart shows how
+# much MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the
 # previous plan:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
@@ -944,8 +956,9 @@ more_claims("mpc_beats_clipping")
 #
 # 1. Make $n$ copies of the current plan, add random noise to each, and simulate them. A simulated plan is called a
 #    **rollout**.
-# 2. Give each rollout the weight $w_k = e^{-(S_k - S_{\min})/\lambda}$, where $S_k$ is its cost. A small temperature
-#    $\lambda$ trusts the best rollout alone; a large one averages over nearly all of them.
+# 2. Give each rollout the weight $w_k = e^{-(S_k - S_{\min})/\lambda}$, where $S_k$ is its cost and $S_{\min}$ the
+#    lowest one. A small temperature $\lambda$ trusts the best rollout alone; a large one averages over nearly all of
+#    them.
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 
 # %% tags=["hide-code"]
@@ -960,7 +973,7 @@ figure_, axis = plt.subplots(figsize=(7, 2.8), layout="constrained")
 for path, part in sorted(zip(places, share, strict=True), key=lambda row: row[1]):
     ink = plt.get_cmap("viridis_r")(part / share.max())
     _ = axis.plot(h * np.arange(1, 21), path, lw=0.8, color=ink)
-_ = axis.plot(h * np.arange(1, 21), share @ places, "k", lw=2.5, label="weighted mean")
+_ = axis.plot(h * np.arange(1, 21), share @ places, "k", lw=1.5, label="weighted mean")
 _ = axis.axhline(1.0, color="C1", ls="--", lw=1, label="target")
 _ = axis.set(
     xlabel="time ahead [s]", ylabel="position [m]", title="80 rollouts; dark: large weight"
@@ -975,8 +988,8 @@ plt.show()
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
-# With a horizon of 20 samples, 16 rollouts succeed nearly always. With a horizon of 8 samples, even 64 rollouts hardly
-# ever do: within such a short time, swinging away from the target only looks expensive.
+# With a horizon of 20 samples, 16 rollouts succeed nearly always. With a horizon of 8 samples, 64 rollouts succeed in
+# none of the runs: within such a short time, swinging away from the target only looks expensive.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -986,13 +999,14 @@ more_claims("samples_find_the_plan")
 #
 # ### Impedance control and admittance control
 #
-# A stiff position controller that meets a wall pushes until the motor's limit. For contact you want to choose how the
-# arm gives way. **Impedance control** (Hogan 1985) makes the arm behave like a mass on a spring and a damper:
+# A stiff position controller whose set-point lies inside a wall presses hard, and with an I term harder and harder, up
+# to the motor's limit. For contact you want to choose how the arm gives way. **Impedance control** (Hogan 1985) makes
+# the arm behave like a mass on a spring and a damper:
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
 # You choose the mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. Mind the sign: $F$ is the
-# *external* force that somebody has to apply to move the arm so. The force that the controller commands points the
+# *external* force with which somebody moves the arm along $x(t)$. The force that the controller commands points the
 # other way. If $M$ is the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
 
 
@@ -1013,10 +1027,12 @@ _ = left.plot([1.15, 2.0], [-0.35, -0.35], color="0.3")
 _ = left.plot([0.0, 0.0], [-0.8, 0.8], color="0.3", lw=3)
 left.add_patch(plt.Rectangle((2.0, -0.7), 1.0, 1.4, fc="#cfe3f2", ec="0.3"))
 _ = left.annotate(
-    "", (3.1, 0.0), (4.1, 0.0), arrowprops={"arrowstyle": "-|>", "color": "C1", "lw": 2}
+    "", (4.1, 0.0), (3.1, 0.0), arrowprops={"arrowstyle": "-|>", "color": "C1", "lw": 2}
 )
 for x, y, text in ((2.5, 0, "M"), (1.0, 0.6, "K"), (1.0, -0.95, "B"), (3.9, 0.2, "external F")):
     _ = left.text(x, y, text, ha="center")
+_ = left.annotate("", (3.3, -0.95), (2.3, -0.95), arrowprops={"arrowstyle": "->", "color": "0.3"})
+_ = left.text(3.45, -0.95, "x", ha="center", va="center")
 _ = left.set_title("what the arm behaves like", fontsize=10)
 spring(right, 0.0, 2.0, 0.0, "C0")
 spring(right, 2.0, 3.6, 0.0, "C1")
@@ -1066,8 +1082,8 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 # How stiff may the controller's spring be? A spring computed with a delay pushes back a little too late: too weak while
 # the hand moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took. The
 # arm's own friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is
-# **passive**. By **passivity**, two passive systems are stable together, so such an arm is stable at every passive
-# wall. For a pure spring the limit is (Colgate and Schenkel 1997)
+# **passive**. The theorem of **passivity** says that two passive systems joined together are stable. So such an arm is
+# stable at every passive wall. For a pure spring the limit is (Colgate and Schenkel 1997)
 #
 # $$K < \frac{b}{D + \tfrac12 dt}\, .$$
 #
@@ -1085,8 +1101,8 @@ show("damping_is_safe")
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, look at the green curve. At a stiff wall, a simulated contact with default settings allows a gain
-# that is far too large, and at a soft one a gain that is too small; section 7 returns to this.
+# In the left chart, look at the green curve. A simulated contact with default settings (d = 0.9) allows the same gain
+# at nearly every wall: far too much at a stiff one, too little at a soft one. Section 7 gives the reason.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1105,7 +1121,7 @@ predict("softer_hand")
 #
 # and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
 # example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows both phases
-# for a stiff and a soft controller. The surface has some damping, which lowers the peak:
+# for a stiff and a soft controller, each lightly damped. The surface has some damping, which lowers the peak:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1124,8 +1140,9 @@ _ = axes[0].legend(fontsize=9, title="controller")
 plt.show()
 
 # %% [markdown]
-# So a soft controller does not protect people from the impact. It protects them from what follows: being held against a
-# wall. Against the impact, reduce the speed or the moving mass, or pad the hand.
+# So a soft controller does not protect people from the impact. It protects them from being held against a wall
+# afterwards. With little damping it even lets the hand come back and hit again (right). Against the impact, reduce the
+# speed or the moving mass, or pad the hand; against the repeats, add damping.
 
 # %%
 more_claims("stiff_control_hurts")
@@ -1154,7 +1171,7 @@ for end, ink, text, offset in (
         1.2 * tangent,
         "C0",
         "tangent: control position\n(the table fixes the force, 0)",
-        (0.2, -0.55),
+        (1.15, -0.35),
     ),
 ):
     _ = axis.annotate(
@@ -1163,7 +1180,7 @@ for end, ink, text, offset in (
     side = "right" if offset[0] < 0 else "left"
     _ = axis.text(*(end + offset), text, color=ink, fontsize=9, ha=side, va="center")
 _ = axis.plot(0.0, 0.0, "ko")
-_ = axis.set(xlim=(-4.2, 4.6), ylim=(-1.3, 1.9), aspect="equal")
+_ = axis.set(xlim=(-4.2, 5.4), ylim=(-1.3, 1.9), aspect="equal")
 _ = axis.axis("off")
 plt.show()
 
@@ -1185,8 +1202,8 @@ plt.show()
 #
 # **Operational space** control (Khatib 1987) writes the equation of motion for the hand instead of the joints. The
 # hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the task needs can move without
-# moving the hand. A projector selects torques for such motion. Only the **dynamically consistent** one, built with
-# $M^{-1}$, leaves the hand's acceleration undisturbed.
+# moving the hand. A projector selects torques for such motion. The **dynamically consistent** one is $N = I -
+# J^\mathsf{T}\Lambda J M^{-1}$. Multiply: $J M^{-1} N = 0$, so torques $N\tau$ do not accelerate the hand.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1200,9 +1217,9 @@ plt.show()
 #
 # A contact task passes through four regimes, and each suits another controller. The table measures them on one probe of
 # 4 kg with a delay of 2 ms, at a wall of 10 kN/m. *Lowest rate* is the lowest sample rate at which the loop is stable,
-# not a recommendation. For *first peak* the set-point arrives at 0.1 m/s and stops 20 mm inside the wall; the force
-# controller asks for 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than
-# expected.
+# not a recommendation. For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. A set-point of position moves
+# on at that speed and stops 20 mm inside the wall; the force controller asks for 10 N. *Surface 2 mm off* is the change
+# of the steady force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1223,15 +1240,16 @@ for regime, name, use in (
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# The stiff controller's peak is its steady pressing force, not the impact. (The other peaks are below the formula,
-# because the hand arrives more slowly than its set-point.) In the chart, the first peak hardly changes with the
-# controller's stiffness, until that comes near the stiffness of the wall.
+# Without a controller, $v\sqrt{m k_e}$ would give 20 N. The soft and the force controller slow the hand down before it
+# touches. The stiff one is so well damped that its force rises to the pressing force, without a separate impact. In the
+# chart nothing is damped, and the impact shows as a peak of its own. It hardly changes while the controller is softer
+# than the wall. A stiffer one (last points) pushes the hand on into the wall, and the chart shows that push.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
-# A robot runs several loops inside each other. Each inner loop must be several times faster than the loop around it,
-# because the outer loop is designed as if the inner one responded at once. The rates in the sketch are orders of
-# magnitude:
+# A robot runs several loops inside each other. Each inner loop must have several times the bandwidth of the loop around
+# it, because the outer loop is designed as if the inner one responded at once. The sketch gives typical sample rates,
+# as orders of magnitude:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1264,9 +1282,10 @@ plt.show()
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
-# You will read such pairs of rates. Two loops of the same rate are not an inner and an outer loop. They are one loop
-# and have to be analysed as one. Impedance control on torque-controlled joints has no inner position PID at all. What
-# you can check is a loop with stated rate, delay and gains: its matrix gives the margins.
+# You will read such pairs of rates. A sample rate does not say which loop is faster; the bandwidth does. At one sample
+# rate, an inner loop with ten times the bandwidth of the outer one is an ordinary cascade. If the bandwidths are close,
+# both are one loop and have to be analysed as one. Impedance control on torque-controlled joints has no inner position
+# PID at all. What you can check is a loop with stated rate, delay and gains: its matrix gives the margins.
 #
 # </details>
 #
@@ -1276,17 +1295,17 @@ plt.show()
 #
 # The closed loop as a matrix. The state vector contains the plant's state, the commands that are still waiting in the
 # delay, and the controller's state. Each row block of the matrix says how one of them gets its next value. `transition`
-# is the plant's own matrix. A command may arrive in mid-sample: `before` is the effect of the old command until then,
-# `now` that of the new one afterwards; `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe
-# the controller:
+# is the plant's own matrix. A command may arrive in mid-sample. `before` says how the old command changes the state
+# until then, and `now` how the new one changes it until the end of the sample; `whole` is the number of whole samples
+# of delay, and `A`, `B`, `C`, `D` describe the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
 
 # %% [markdown]
-# One sample of a PID controller for a real motor drive: derivative of the measurement, torque and slew-rate limit,
-# and both methods against windup. The arguments are unpacked in the omitted lines; `weight` is the share of the
-# set-point in the P term:
+# One sample of a PID controller for a real motor drive: derivative of the measurement, torque and slew-rate limit, and
+# both methods against windup (`windup` is 1 for back-calculation, 2 for neither). The arguments are unpacked in the
+# omitted lines; `weight` is the share of the set-point in the P term:
 
 # %% tags=["hide-code"]
 source(control.pid._update, "error = setpoint - y")
@@ -1300,7 +1319,7 @@ source(control.computed_torque, "half = 0.5")
 
 # %% [markdown]
 # The heart of MPPI, where `tries` are the noisy plans. The lowest cost is subtracted before the exponential, so that
-# the weights cannot all become zero:
+# the weights cannot all underflow to zero:
 
 # %% tags=["hide-code"]
 source(control.mppi, "cost = _costs")
@@ -1333,37 +1352,45 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. The upper charts show the largest tracking error over the sample rate. The lower one
-# shows the error over computing time, with the same controller also running through Pinocchio and MuJoCo from Python.
-# A triangle at the upper edge is off the chart:
+# *wrong* model knows neither. The upper charts show the largest tracking error against the sample rate. The lower one
+# shows the error against computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from
+# these libraries, called from Python. (LQR, MPC and MPPI correct the deviation from the planned motion.) A triangle at
+# the upper edge is off the chart:
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
 # %% tags=["hide-code"]
 right, wrong = stored("tracking_laws")[:2]
+timed = dict(re.findall(r"^(\S.*?) {2,}(\d+\.\d) us a sample", read("tracking_laws"), re.M))
 lines = [
-    "| controller at 1 kHz | largest error, right model [mrad] | wrong model [mrad] |",
-    "|---|---|---|",
+    "| controller at 1 kHz | largest error, right model [mrad] | wrong model [mrad] | "
+    "time per sample, with the arm [µs] |",
+    "|---|---|---|---|",
 ]
 for name in ("PD + gravity", "computed torque", "half-sample preview", "adaptive law"):
-    lines.append(f"| {name} | {1e3 * right[name].y[-1]:.3g} | {1e3 * wrong[name].y[-1]:.3g} |")
+    lines.append(
+        f"| {name} | {1e3 * right[name].y[-1]:.3g} | {1e3 * wrong[name].y[-1]:.3g} | {timed[name]} |"
+    )
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, for no
-# measurable time. With the wrong model, computed torque is far behind PD with gravity compensation. But this compares
-# gains, not controllers: here the PD spring at the elbow is seven times as stiff. At equal stiffness both err about
-# alike with the wrong model, and with the right model computed torque is ahead by a factor of more than a hundred:
+# With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
+# about the same time. With the wrong model, computed torque is far behind PD with gravity compensation. But this
+# compares gains, not controllers: here the PD spring at the elbow is seven times as stiff as that of computed torque,
+# $M_{22}K_p$. At equal stiffness computed torque errs more with the wrong model, by less than a factor of two. With the
+# right one it is ahead by a factor of more than a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
 # MPC and MPPI need fast building blocks: rollouts of the arm, Riccati solvers, and quadratic programs with bounds. The
-# chart compares those of the course with MuJoCo and SciPy:
+# chart compares those of the course with MuJoCo and SciPy. On the right, *size* is the number of states or of unknown
+# commands, *regulator* the Riccati solver, and *box* the quadratic program; BVLS is SciPy's bounded least squares:
 #
 # ![Rollouts compared with MuJoCo, Riccati solver and quadratic programs with SciPy](../docs/charts/control_speed.png)
 #
 # **What to pick.**
 #
+# * Only gravity is known: PD with gravity compensation.
 # * Good model, known load: computed torque with half-sample preview.
 # * Changing load: adaptive control.
 # * A torque limit becomes active, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is good
@@ -1409,10 +1436,11 @@ plt.show()
 #
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 #
-# Other parts of a simulator are models with their own stability limits, too. A built-in position servo is computed
-# inside the physics step, so it is not a sampled loop. In MuJoCo, the attribute `delay` of a position actuator delays
-# the set-point, not the feedback. In MuJoCo's soft contact, a fixed share of the pushing force shows up at once as
-# contact force, even before the hand has moved.
+# Other parts of a simulator are models with their own stability limits, too. A built-in position servo has no hold
+# between the robot's samples: the physics step updates it together with the motion. Its limits are in the right chart
+# of the stable PD gains (section 1). In MuJoCo, the attribute `delay` of a position actuator delays the set-point, not
+# the feedback. In MuJoCo's soft contact, a fixed share $d$ of the command appears at once as contact force, before the
+# hand has moved. (A spring would give none.) So a force loop there has a limit of about $1/d$ at nearly every wall.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1464,8 +1492,9 @@ plt.show()
 
 # %% [markdown]
 # A is a loop beyond its stability limit, whose torque limit keeps the oscillation constant. B is hunting, with pauses.
-# C is the torque at rest, which rattles with the encoder counts. D is windup: the command was at its limit for most of
-# the step. How you tell them apart, and what helps:
+# C is the torque at rest, which rattles with the encoder counts. D could also be an I term that is too large. Its
+# command, which was at the limit for most of the step, shows that it is windup. How you tell them apart, and what
+# helps:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1485,7 +1514,7 @@ plt.show()
 #
 # <details><summary>A common mistake</summary>
 #
-# Lowering $K_p$ while there is an I term. That makes the overshoot larger.
+# Lowering $K_p$ while there is an I term. Far from the delay limit, that usually makes the overshoot larger.
 #
 # </details>
 #
@@ -1619,8 +1648,8 @@ check(mppi_step)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# This controller holds every load and never oscillates. But its closed-loop poles are not where the gains should have
-# put them. Find out why.
+# This controller holds every load, and every oscillation dies away. But its closed-loop poles are not where the gains
+# should have put them. Find out why.
 
 # %%
 card("hold_joint")
@@ -1649,7 +1678,7 @@ check(hold_joint)
 #
 # Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
 # $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when a root reaches the unit circle (Jury's
-# conditions). Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
+# conditions). Any equivalent form is right. <span class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$, as a function of $K_d$, $J$ and $h$?
 # 2. The rate is the difference of the last two angles over $h$. Which is the largest $K_p h^2/(2J)$, as a function of
@@ -1675,7 +1704,7 @@ answer("pd_sample_late", "V")
 # read that it "converges much faster". That depends on the model it starts from.
 #
 # In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. Its
-# data come from the motions that the arm has made.
+# data come from the motions that the arm has made. In use, the acceleration is the one that the law requests.
 
 # %%
 predict("taught_elsewhere")
@@ -1742,9 +1771,9 @@ interview("control")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not derived on this page. You can derive them from what is: the closed-loop equation of the
-# joint, the springs in contact, and the torque of gravity on a pendulum. The chapter counts as passed when all three
-# are right.
+# Three formulas that are not derived on this page. You can derive each from something that is: the closed-loop equation
+# of the joint, the springs in contact, and the torque of gravity on a pendulum. The chapter counts as passed when all
+# three are right.
 
 # %%
 checkpoint(

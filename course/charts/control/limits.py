@@ -299,10 +299,12 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
     theta, speed = np.linspace(-1.2, 1.2, points), np.linspace(-1.2, 1.2, points)
     good = caught(theta[None, :], speed[:, None], share)
     panel = Panel(
-        "Where a weak motor catches a pendulum: purple",
+        "A pendulum with a weak motor, feedback of angle + rate",
         "angle from upright [rad]",
         "speed [sqrt(g/l)]",
-        grid=stability.Map(theta, speed, np.where(good, 0.5, 2.0), quantity="0.5 caught, 2 not"),
+        grid=stability.Map(
+            theta, speed, np.where(good, 0.5, 2.0), quantity="purple: caught, orange: lost"
+        ),
     )
     edge, flat = edge_of_rest(share), edge_of_rest(share, linear=True)
     panel.series = [
@@ -313,7 +315,7 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
             "theory on a map",
             "--",
         ),
-        Series("from rest: arcsine of u/(m g l)", [math.asin(share)], [0.0], "chosen", ""),
+        Series("from rest, theory", [math.asin(share)], [0.0], "chosen", ""),
     ]
     panel.ylim = (-1.2, 1.2)
     panel.notes = [
@@ -360,7 +362,7 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
         "time constant of the rate filter [s]",
         "ripple of the command [N m]",
         scale="log",
-        theory="2 (kd/(tau + dt) + kp) line",
+        theory="upper bound: 2 (kd/(tau + dt) + kp) count",
     )
     panel.series = [
         Series(

@@ -112,7 +112,7 @@ def platform_scaling(
             # It has no loop: what a call costs is a step of a world in which there is nothing.
             (empty, steps) = step_costs([(engine, _nothing(), 100)], dt, repeats)[0]
             share = np.minimum(empty.best / steps / each[:, 1], 1.0)
-            words = f"{label}: an empty world's step, paid always"
+            words = f"{label}: share of an empty world's step"
         message = ", ".join(f"{n} {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
         panel.series.append(
             Series(label, links, share, label, size=5.0, note=f"{words}: {message}")

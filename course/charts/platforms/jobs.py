@@ -44,8 +44,8 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
             mine[f"{scene} error on the way"] = Fact(path_errors(paths, scene)[name])
             mine[f"{scene} in the air"] = Fact(in_the_air(paths, scene)[name])
         verdicts = {row[1]: row[3] for row in read if row[0] == READER.get(name, name)}
-        mine["faults told"] = Fact(honesty(verdicts))
-        mine["comes with make lab"] = Fact(name in ENGINES[:2], source="this course")
+        mine["share of faults reported"] = Fact(honesty(verdicts))
+        mine["installed by make lab"] = Fact(name in ENGINES[:2], source="this course")
         mine.update(dict.fromkeys(UNMEASURED, UNKNOWN))
     return result
 
@@ -66,12 +66,13 @@ JOBS: Mapping[str, tuple[list[Need], str]] = {
     "Visual perception": ([CAMERAS], "cost of tower"),
     "Control that is proved safe": ([CERTIFICATE], "cost of tower"),
     "A quick prototype": (
-        [Need("comes with make lab"), Need("faults told", 0.75, "at least")], "cost of tower",
+        [Need("installed by make lab"), Need("share of faults reported", 0.75, "at least")],
+        "cost of tower",
     ),
     "Soft, deformable objects": ([ELEMENTS], "cost of grasp"),
 }  # fmt: skip
 DOCUMENTED = {
-    CAMERAS.row: "Isaac Sim path-traces on an RTX card (its manual, 2026)",
+    CAMERAS.row: "Isaac Sim renders with path tracing on an RTX card (its manual, 2026)",
     CERTIFICATE.row: "Drake certifies states of a *model* (its manual, 2026)",
     ELEMENTS.row: "SOFA (its README, 2024); PhysX has soft bodies (Isaac Lab's manual, 2026)",
 }
@@ -86,9 +87,9 @@ def decide(job: str, rows: Rows | None = None, paths: Rows | None = None) -> tup
     result = choose(facts(rows, paths), needs, by)
     if result.pick is None:
         row = next(row for row in result.deciding if row in DOCUMENTED)
-        return "not measured here", f"{row}: unknown of all four. {DOCUMENTED[row]}"
-    why = "decided by " + ", ".join(result.deciding)
+        return "not measured here", f"{row}: not measured for any of the four. {DOCUMENTED[row]}"
+    why = "the facts that decide: " + ", ".join(result.deciding)
     if result.turn:
         limit, pick = f"{result.turn.limit:.2g}", result.turn.pick or "none"
-        why += f"; {result.turn.row} {limit} would make it {pick}"
+        why += f". A limit of {limit} for {result.turn.row} would pick {pick}"
     return result.pick, why

@@ -210,7 +210,7 @@ def platform_creep(
             if cone == "elliptic":
                 line.theory = law
                 far = [abs(v / law(r) - 1.0) for r, v in zip(ratios, y, strict=True)]
-                line.note += f"; from the law by {max(far):.1e} of it at most"
+                line.note += f"; relative difference from the law at most {max(far):.1e}"
             panel.series.append(line)
         for label, name, engine, settings in known(sides):
             h = 1e-2 if name == "own code" else dt
@@ -259,7 +259,7 @@ def platform_grasp(
             for ratio in ratios:
                 answers.append(squeezed(engine, ratio, dt, settings)[0])
                 held[answers[-1]].append((ratio, 1e3 * dt))
-            message = "".join("x" if good else "." for good in answers)
+            message = "".join("o" if good else "x" for good in answers)
             # More than one change along the squeeze means that there is no threshold.
             turns = sum(a != b for a, b in itertools.pairwise(answers))
             panel.notes.append(f"{label:<20} {1e3 * dt:g} ms: {message} ({turns} changes)")

@@ -106,7 +106,9 @@ def platform_accuracy(
                     )
                 )
         yield panel
-    agree = Panel("How far errors differ from our own", "step [s]", "largest share", scale="log")
+    agree = Panel(
+        "How far errors differ from our own", "step [s]", "relative difference", scale="log"
+    )
     for label, rows in list(deviation.items())[1:]:
         worst = np.max(rows, axis=0)
         note = f"{label}: errors within {worst.max():.1e} of our own"

@@ -72,9 +72,9 @@ def spread(rows: Rows, scene: str, settings: str = "fair") -> float:
 
 
 SENTENCES: dict[str, Callable[[Rows], bool]] = {
-    "With the same scheme and step all engines err alike where nothing touches, to 2 %.": (
+    "With the same scheme and step all engines err alike where nothing touches, to 0.2 %.": (
         lambda r: all(
-            max(e.values()) < 1.02 * min(e.values()) for e in (errors(r, name) for name in SMOOTH)
+            max(e.values()) < 1.002 * min(e.values()) for e in (errors(r, name) for name in SMOOTH)
         )
     ),
     "There the defaults of MuJoCo and Drake change nothing, PyBullet's more than tenfold.": (
@@ -97,7 +97,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "As shipped, the simulators' errors differ more than a hundredfold in rest, brake and slide.": (
         lambda r: min(spread(r, s, "as shipped") for s in ("rest", "brake", "slide")) > 100.0
     ),
-    "Fair, they differ less than tenfold there.": (
+    "Fair, they differ less than tenfold in rest, brake and slide.": (
         lambda r: max(spread(r, s) for s in ("rest", "brake", "slide")) < 10.0
     ),
     "As shipped, PyBullet misses rest, slide, brake and grasp, where it multiplies friction.": (
@@ -361,7 +361,7 @@ def platform_effects(
             continue
         panel = Panel(
             f"{name}: fair without one change, error over fair",
-            "tenfold changes",
+            "powers of ten",
             xlim=(-2.0, 4.8),
             footer=machine(0.0, libraries=LIBRARIES),
         )

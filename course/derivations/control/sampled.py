@@ -5,12 +5,13 @@ import numpy as np
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
-    "J": Symbol("inertia [kg m^2]"),
+    "J": Symbol("inertia [kg m^2]", 1.0, 3.0),
     "b": Symbol("viscous friction [N m s/rad]"),
     "w": Symbol("angular frequency of the oscillation [rad/s]"),
     "T": Symbol("delay [s]"),
-    "kd": Symbol("rate gain [N m s/rad]"),
-    "h": Symbol("sample time dt [s]"),
+    # With these ranges, kd stays below 2 J/h, where a stable kp exists.
+    "kd": Symbol("rate gain [N m s/rad]", 0.1, 1.0),
+    "h": Symbol("sample time dt [s]", 0.1, 1.9),
     "c": Symbol("kd dt / (2 J)", 0.05, 0.9),
     "V": Symbol("kd dt / J", 0.05, 0.9),
 }

@@ -280,8 +280,9 @@ def critical_in_contact(result):
     "controller has moved anything, the arm's mass meets the body's stiffness, and the peak "
     "is {formula}: {peak_n:.0f} N for {mass:g} kg at {speed:g} m/s into {ke:.0e} N/m. A "
     "stiffness of {soft_k:g} instead of {stiff_k:g} N/m changes it by {change:.1%}. What "
-    "falls is the force held afterwards, from {held_stiff:.0f} to {held_soft:.1f} N. Only a "
-    "controller stiffer than the body hits harder: one twice as stiff by {harder:.0%}.",
+    "falls is the force held afterwards, from {held_stiff:.0f} to {held_soft:.1f} N. A "
+    "controller stiffer than the body has no separate impact: it pushes the hand in until the "
+    "set-point stops, and one twice as stiff peaks {harder:.0%} higher.",
     ask=(
         "A mass m meets a spring ke at the speed v, nothing else acts. The largest force?",
         "F, peak = v*sqrt(m*ke)",

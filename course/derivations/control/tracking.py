@@ -12,10 +12,10 @@ SYMBOLS = {
 
 
 @claim(
-    "tau = M(q) (a_ref + Kd e' + Kp e) + C(q, q') q' + g(q) makes the error obey e'' + Kd e' "
-    "+ Kp e = 0.",
-    "True at the instant of the measurement, with C and g of the measured state and the "
-    "gains inside M. A hold breaks it. If the PD terms are added outside M, an error of one "
+    "With an exact model and without a hold, tau = M(q) (a_ref + Kd e' + Kp e) + C(q, q') q' + "
+    "g(q) makes the error obey e'' + Kd e' + Kp e = 0.",
+    "C and g are those of the measured state, and the gains stand inside M. A hold makes it true "
+    "only at the instant of the measurement. If the PD terms are added outside M, an error of one "
     "joint also accelerates the others: by {outside:.0%} of its own acceleration, in the "
     "median of some random arms.",
 )
@@ -162,7 +162,7 @@ def error_follows_acceleration(result):
 
 
 @claim(
-    "Adaptive control finds the true parameters of the arm.",
+    "Once adaptive control tracks well, it has found the true parameters of the arm.",
     "It finds torques that track, and tracking does not need the true parameters. After "
     "{seconds:.0f} s at a constant target the angles are right and the parameters "
     "{still:.0%} off. On the chapter's motion the error falls to {error_mrad:.1f} mrad, "

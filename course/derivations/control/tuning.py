@@ -138,7 +138,7 @@ def integral_removes_the_error(result):
     result.statement_holds(
         remaining(extra=-0.1 * 2e-3 * np.arange(n)) < 1e-3,
         only_if="the loop is stable, load and set-point are constant, the command stays within "
-        "its limits, and friction is viscous",
+        "its limits, and static friction does not exceed Coulomb friction",
         inside=[remaining(g, Joint(J, B, x)) < 1e-4 for g, x in zip(sets, loads, strict=True)],
         outside=[remaining(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
         # The same loops with ki above Routh's limit.
@@ -569,8 +569,8 @@ def safer_set(result):
 
 @claim(
     "Ziegler-Nichols is a safe start for tuning a robot joint.",
-    "The rules were made for plants that settle by themselves. A joint integrates. With its "
-    "true delay, the PID row is stable at {pid_ok:.0%} of the delays from {low:g} to "
+    "A joint integrates already, and an I term integrates once more. With its true "
+    "delay, the PID row is stable at {pid_ok:.0%} of the delays from {low:g} to "
     "{high:g} times J/b, and the PI row at {pi_ok:.0%}. Where it is stable, the PID row "
     "overshoots by {over_low:.0%} or more. With poles placed for the stated delay the "
     "overshoot is {placed:.0%}.",

@@ -83,8 +83,9 @@ def braking_short(result):
     "1/sqrt(2) of the force: {formula} in place of D, {measured:.1%} too far, and it steers: by "
     "{turn:.1f} degrees to the diagonal, at a heading of {between:.1f}.",
     ask=(
-        "Sides |f_x| + |f_y| <= mu N, heading phi up to 45 degrees, D by Coulomb. How far off "
-        "does the block stop?",
+        "An engine bounds friction by the pyramid |f_x| + |f_y| <= mu N. A block is launched at "
+        "the heading phi, up to 45 degrees. By Coulomb's law it would stop after D. How far from "
+        "its start does it stop?",
         "D*sqrt(1 + sin(2*phi)^2)",
         {
             "D*(cos(phi) + sin(phi))": "That is force at the start: the velocity turns.",
@@ -188,8 +189,9 @@ def pyramid_box(result):
     "here, at {formula}, {speed:.0f} um/s here with the coefficient {low:.1f} and with "
     "{high:.1f}. An impratio of {ratio:.0f} divides it by {stiff:.2f}.",
     ask=(
-        "A friction row without stiffness, of compliance (1 - d) w/(d r), carries f at the "
-        "damping b. How fast does it slide?",
+        "A friction constraint of MuJoCo has no stiffness, the damping b and the compliance "
+        "(1 - d) w/(d r): d is the contact's impedance, w the inverse mass that it feels, and r "
+        "impratio. It carries the force f. How fast does it slide?",
         "v = (1 - d)*w*f/(d*r*b)",
         {
             "d*w*f/((1 - d)*r*b)": "A hard contact has d near one, and creeps least.",

@@ -374,7 +374,7 @@ def fewer_environments(result):
     "MuJoCo makes 10 to 50 million steps a second on one thread.",
     "A number without its scene says nothing. A pendulum that touches nothing fell short of ten "
     "million by {short:.1f} powers of ten, and {n:.0f} cubes on the ground cost {ground:.1f} "
-    "powers of ten more than in the air.",
+    "powers of ten more than floating with contact switched off.",
     source="genesis-world, issue 181, 2024: from 14.5 to 1.2 million with more exact settings, a "
     "robot that moved and could touch itself; DeepMind, MuJoCo XLA, 2023: millions of steps on "
     "accelerators, in batches",

@@ -220,10 +220,11 @@ EXERCISE = Exercise(
         timed=one_log,
     ),
     examples=(
-        "inertia_from_log(0.5 * (0.01 * np.arange(200)) ** 2, np.full(200, 2.0) "
-        "+ np.cos(0.5 * (0.01 * np.arange(200)) ** 2), 0.01)",
-        "inertia_from_log(np.cumsum(np.cumsum(np.sin(0.05 * np.arange(400)))) * 1e-4, "
-        "0.5 * np.sin(0.05 * np.arange(400)), 0.01)",
+        # A constant torque of 2 N m on 2 kg m^2, from rest.
+        "inertia_from_log(0.5 * (0.002 * np.arange(1200)) ** 2, np.full(1200, 2.0), 0.002)",
+        # A torque of 1 N m on 0.5 kg m^2, moving at the start.
+        "inertia_from_log(0.3 + 0.001 * np.arange(1200) + (0.001 * np.arange(1200)) ** 2, "
+        "np.ones(1200, dtype=int), 0.001)",
     ),
     picture=left_over,
     slips=SLIPS + value_slips("inertia_from_log", in_part=False, whole=False),
