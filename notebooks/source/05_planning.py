@@ -2,8 +2,8 @@
 # # 5 · Motion planning
 #
 # *A robot has to get from the green start to the yellow goal without touching anything red. Answer the question first,
-# then press* Play. About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes}
-# minutes, the exercises {exercise minutes} minutes.
+# then press* Plan. About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes}
+# minutes, the exercises {exercise minutes} minutes. The interview in section 10 is not counted.
 
 # %%
 from course.cards import predict
@@ -25,8 +25,9 @@ simulation("growing")
 #
 # The planner in the simulation connects random points by straight segments. The points are **nodes** and the segments
 # **edges**. A **tree** is a set of nodes in which each node except the first, the root, is connected to one earlier
-# node, its **parent**. Every path on this page is also validated by `check_path`, a separate function that shares no
-# code with the planners.
+# node, its **parent**. Every path that this page calls free was also validated by `check_path`, a separate function
+# that shares no code with the planners. A **seed** is the number that fixes all random choices of a run: the same seed
+# gives the same tree.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -113,8 +114,8 @@ def bare(axis, title, low=0.0, high=10.0):
 #
 # The price is the shape of the obstacles. A configuration is blocked when any part of the arm touches anything, and the
 # set of blocked configurations has no simple formula. But one operation is always possible: take a single
-# configuration, place the arm accordingly, and test whether it touches something. This is a **collision check**. Most
-# planners of this chapter build everything on such checks, of configurations and of edges.
+# configuration, place the arm accordingly, and test whether it touches something. This is a **collision check**.
+# Sampling-based planners build everything on such checks, of configurations and of edges.
 
 # %%
 predict("shape_of_a_disc")
@@ -195,9 +196,9 @@ show("tip_path_then_ik")
 
 # %% [markdown]
 # How many dimensions does the space have? Count the joints, not the coordinates of the hand. A hand pose has six
-# coordinates, and an arm with seven joints can hold one pose with a whole family of configurations. The right-hand
-# picture shows that the space is not simply a box: a joint without limits needs a distance that knows about wrapping,
-# or the planner takes the long way round.
+# coordinates, and an arm with seven joints can hold one pose with a whole family of configurations. And the space is
+# not simply a box. As the right half of the picture above shows, a joint without limits needs a distance that knows
+# about wrapping, or the planner takes the long way round.
 
 # %%
 show("one_dimension_a_joint")
@@ -221,8 +222,7 @@ show("one_dimension_a_joint")
 # 4. *Check* the new edge for collisions. If it is free, add the new node and store the nearest node as its parent.
 # 5. If the goal has become a node, follow the parents back to the start. This is the path.
 #
-# Nothing in this loop knows the shape of an obstacle. The two collision checks, of a configuration and of an edge, are
-# its only contact with the world.
+# Nothing in this loop knows the shape of an obstacle. The collision check in step 4 is its only contact with the world.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.8), layout="constrained")
@@ -236,8 +236,8 @@ _ = axes[0].plot(*sample, "x", color="black", ms=8)
 _ = axes[0].plot(*new, "o", color=ORANGE, ms=6)
 for spot, word in (
     ((7.0, 8.0), "1 sample"),
-    ((3.9, 3.4), "2 nearest"),
-    ((5.0, 4.7), "3, 4 new node"),
+    ((5.0, 4.0), "2 nearest"),
+    ((6.6, 5.3), "3, 4 new node"),
 ):
     _ = axes[0].text(*spot, word, fontsize=8)
 bare(axes[0], "one round")
@@ -262,10 +262,11 @@ for axis, count in zip(axes[2:], (60, 600), strict=True):
 plt.show()
 
 # %% [markdown]
-# Why does the tree spread instead of clumping? Look at the second picture. All points of one colour have the same
+# Why does the tree spread instead of clumping? Look at the second picture. All points of one patch have the same
 # nearest node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that
-# node outwards. The right half shows a **bug trap**, a room whose only exit is a corridor that leads back inside. The
-# tree fills the room long before it finds the way out.
+# node outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. Its inner end
+# lies in the middle, so the tree has to come back from the walls before it can leave. The tree fills the room long
+# before it finds the way out.
 #
 # **A worked example.** The nearest node is (2, 1), the sample is (5, 5), the step size 1 m. The sample is 5 m away, so
 # the new node lies a fifth of the way: (2.6, 1.8).
@@ -273,9 +274,10 @@ plt.show()
 # ### What "probabilistically complete" promises
 #
 # A planner is **probabilistically complete** if the probability that it has found an existing path approaches one as
-# the number of samples grows. For RRT two things are enough. Some path stays a little away from all obstacles, so that
-# samples have a region to hit. And random samples fall everywhere, so the goal bias is below 1 (and above 0, so that
-# the goal is tried).
+# the number of samples grows. For RRT it is enough that (1) some path stays at least a small distance away from all
+# obstacles, so that samples have a region to hit, and (2) samples fall everywhere, which means a goal bias below 1. The
+# five steps above also need a bias above 0, or they would never try the goal. The planner of this course does not: it
+# tries to connect the goal to every new node within one step of it.
 #
 # Note what this does not promise. It gives no number of samples. It says nothing about your deadline. And if there is
 # no path, RRT will not tell you so: it uses up its budget and reports exactly what it reports when it was merely
@@ -296,7 +298,7 @@ more_claims("rrt_loop")
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.0), layout="constrained")
-axes[0].add_patch(plt.Rectangle((5.2, 0), 0.5, 10, color=ROSE))
+axes[0].add_patch(plt.Rectangle((4.75, 0), 0.5, 10, color=ROSE))
 _ = axes[0].plot([1, 9], [3, 7], color=GREY)
 _ = axes[0].plot(np.linspace(1, 9, 6), np.linspace(3, 7, 6), "o", color=GREEN)
 bare(axes[0], "six free points, one wall between")
@@ -306,7 +308,7 @@ high = 3.2 + np.sqrt(3.9**2 - 2.6**2)
 _ = axes[1].plot([0.5, 9.5], [high, high], color=GREY)
 _ = axes[1].plot([2.4, 7.6], [high, high], "o", color=GREEN)
 _ = axes[1].plot([5, 7.6, 5, 5], [3.2, high, high, 3.2], color="black", lw=1)
-for spot, word in (((5.8, 6.5), "s/2"), ((3.9, 4.6), "h"), ((6.5, 4.2), r"$\sqrt{h^2 + s^2/4}$")):
+for spot, word in (((5.8, 6.5), "s/2"), ((3.9, 4.6), "h"), ((5.85, 3.4), r"$\sqrt{h^2 + s^2/4}$")):
     _ = axes[1].text(*spot, word, fontsize=9)
 bare(axes[1], "enlarged disc (dashed): nothing missed")
 axes[2].add_patch(plt.Circle((6.0, 7.4), 2.2, color=ROSE))
@@ -329,24 +331,27 @@ plt.show()
 # original disc.
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
-# 0.04} = 0.36$ m. So checking at points makes each post 6 cm thicker.
+# 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post.
 #
 # For a point robot among discs and polygons, checking points is unnecessary. The distance from a disc's centre to a
-# segment has a closed form, costs about as much as one point, and misses nothing. The chart compares both:
+# segment can be computed exactly, costs about as much as one point, and misses nothing. The chart shows the share of
+# colliding edges that each method accepts. OMPL, the library of section 6, checks points as well, so its markers lie on
+# ours. The black curves, labelled *closed form*, are formulas for what points miss. Our exact test stays at zero:
 #
-# ![Share of colliding edges that points along the edge miss, and the closed form](../docs/charts/thin_obstacles.png)
+# ![Share of colliding edges that points along the edge miss, and that an exact test misses
+# (none)](../docs/charts/thin_obstacles.png)
 #
 # ### Conservative advancement: an edge check that proves
 #
-# An arm that turns has no such closed form, but there is a method with a guarantee, **conservative advancement**, drawn
-# on the right of the sketch above. Measure the distance $g$ between the arm and the nearest obstacle. If no point of
-# the arm can move farther than $g$ during the next stretch of the motion, that stretch is free. Go there, measure
-# again, and repeat.
+# An arm that turns has no such formula, but there is a method with a guarantee, **conservative advancement**, drawn on
+# the right of the sketch above. Measure the distance $g$ between the arm and the nearest obstacle. If no point of the
+# arm can move farther than $g$ during the next stretch of the motion, that stretch is free. Go to the end of that
+# stretch, measure again, and repeat. (The sketch shows a single point, for which the gap is a circle.)
 #
 # How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$. From here on, $s$ is the share of
 # the edge that is done, from 0 to 1, and no longer a spacing. When joint $i$ turns by $\Delta q_i$, a point at a
-# distance $r$ from that joint moves at most $r\,|\Delta q_i|$. With $r_i$ for the largest distance from joint $i$ of
-# any point beyond it, in any posture, the safe step is
+# distance $r$ from that joint moves at most $r\,|\Delta q_i|$. Let $r_i$ be the largest distance that any point of the
+# arm beyond joint $i$ can have from that joint, whatever the posture. Then the safe step is
 #
 # $$\boxed{\;\Delta s = \frac{g(q)}{\sum_i r_i\,|\Delta q_i|}\;}$$
 #
@@ -438,7 +443,7 @@ for axis, method in zip(axes[1:], ("rrt", "rrt_connect"), strict=True):
     assert check_path(trap.world, grown.path, trap.start, trap.goal)
     obstacles(axis, trap.world)
     branches(axis, grown.nodes, grown.parents, BLUE, 0.6)
-    _ = axis.plot(*grown.path, color=GREEN, lw=2.5)
+    _ = axis.plot(*grown.path, color=GREEN, lw=1.5)
     ends(axis, trap.start, trap.goal)
     bare(axis, f"{'RRT' if method == 'rrt' else 'RRT-Connect'}: {grown.samples} samples")
 plt.show()
@@ -449,8 +454,8 @@ plt.show()
 # problem is solved with a single sample. If instead each tree adds one edge per sample, the two approach by 2 m per
 # sample and need at least six samples, usually many more.
 #
-# What can the second tree not do? A **narrow passage** is a part of the free space that every path has to cross and
-# that random samples rarely hit. Both trees have to find it by chance.
+# There is one thing that the second tree does not help with. A **narrow passage** is a part of the free space that
+# every path has to cross and that random samples rarely hit. Both trees still have to find it by chance.
 
 # %%
 predict("both_ends_of_a_slit")
@@ -460,9 +465,10 @@ simulation("growing", "Narrow gap")
 
 # %% [markdown]
 # Try several seeds and both planners. The number of samples varies enormously from seed to seed, so comparing two
-# single runs shows nothing. A comparison is useful only with the size of the scene, the step size, the spread over many
-# seeds, and the path length before and after smoothing. Here is one with all four: a square of 10 m, a wall of 0.5 m, a
-# step size of 1 m, 100 seeds.
+# single runs shows nothing. A comparison is useful only together with its settings (the size of the scene, the wall,
+# the step size, the goal bias, how edges are checked and when the goal counts as reached), the spread over many seeds,
+# and the path length before and after shortening. Here is one with all of them: a square of 10 m, a wall of 0.5 m,
+# steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be connected, 100 seeds.
 
 # %% tags=["hide-code"]
 lines = [
@@ -493,7 +499,9 @@ table(*lines)
 # %% [markdown]
 # Read the last two columns together. A gap that is hard to find makes the search longer, and before shortening
 # RRT-Connect's path too. After shortening (section 3) both planners return practically the shortest path, so in this
-# scene path length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap.
+# scene path length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap. Other cards of
+# this page repeat some of these settings with more seeds. Where samples vary so much, medians of 100 and of 300 seeds
+# easily differ by a tenth or more, and the ratio of two means (the card above) differs from the ratio of two medians.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -514,7 +522,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
-# surface.
+# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead. Its
+# samples in open space are of this kind:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -595,9 +604,10 @@ show("rrt_star_converges")
 #
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
-# The fastest way to a path within 5 % of the optimum is RRT-Connect with a few rounds of shortening. If you want the
-# last percent and have the time, compare the curves at their right ends: around the disc, shortening is as good as
-# Informed RRT\*; at the gap it levels off about 1 % above the optimum, while Informed RRT\* keeps improving.
+# The circle marks the fastest setting within 5 % of the optimum: RRT-Connect in both scenes, followed by a few rounds
+# of shortening at the gap. Around the disc its lead is clear; at the gap Informed RRT\* is close behind. (The planner
+# PRM\* belongs to the next part.) If you want the last percent, compare the curves at about 10 ms, where the one of
+# RRT-Connect ends: around the disc shortening is ahead, at the gap Informed RRT\* is.
 
 # %%
 more_claims("informed_rrt_star")
@@ -608,7 +618,8 @@ more_claims("informed_rrt_star")
 # A robot at a shelf solves the same kind of problem thousands of times a day, and a tree throws everything away after
 # each. A **roadmap** (PRM, probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free
 # configurations, and connect each to its nearest neighbours where the edge is free. To answer a query, connect start
-# and goal to nearby nodes, and search the graph.
+# and goal to nearby nodes, and search the graph. In **PRM\*** the number of neighbours grows with the number of nodes,
+# so that its paths, too, converge to the optimum.
 #
 # Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap assumes that all
 # edges are free and checks only when it has to:
@@ -650,8 +661,8 @@ bare(axes[0], "a roadmap among discs")
 plt.show()
 
 # %% [markdown]
-# In the two sketches on the right, green edges were checked and are free, the red one was checked and collides, and
-# grey ones were never checked.
+# In the two sketches on the right, green edges are on the present candidate and free, the red one collides, blue ones
+# were found free before but are not on the present candidate, and grey ones were never checked.
 
 # %%
 show("lazy_tests_the_final_path")
@@ -685,6 +696,7 @@ for k, name in enumerate(("open", "tight")):
     )
     axis.view_init(18, -125)
     axis.set_box_aspect((1.05, 1.1, 1.1))
+    _ = axis.set(xlabel="x", ylabel="y", zlabel="z")
     axis.tick_params(labelsize=7)
 plt.show()
 
@@ -727,8 +739,8 @@ more_claims("cached_roadmap")
 #
 # The path of a tree zigzags, because it runs through random points. **Shortcutting** repairs that: pick two points on
 # the path at random, and if the straight edge between them is free, replace the part between them by this edge. Repeat
-# a few hundred times. Choose the points anywhere on the path: between waypoints only, a path with a single corner could
-# not be improved.
+# a few hundred times. Choose the points anywhere on the path. If you allowed only waypoints, a path with a single
+# corner could be improved only by the straight line from start to goal.
 
 # %%
 show("shortcut_never_lengthens")
@@ -740,7 +752,8 @@ cut = planning.shortcut(walk, scene.world, np.random.default_rng(0))
 round_ = planning.smooth(cut, scene.world)
 figure_, axes = plt.subplots(1, 2, figsize=(8.5, 4.0), layout="constrained")
 corner = np.array([[0.8, 4.0, 7.6, 9.2], [1.2, 7.6, 6.9, 1.4]])
-axes[0].add_patch(plt.Circle((4.9, 3.2), 1.9, color=ROSE))
+bump = planning.plane(scenes.SQUARE, [[5.9, 3.3, 1.7]])
+obstacles(axes[0], bump)
 _ = axes[0].plot(*corner, "o-", color=GREY, lw=1.5)
 _ = axes[0].plot([4.0, 9.2], [7.6, 1.4], ":", color=RED, lw=2)
 p_, q_ = (
@@ -748,8 +761,9 @@ p_, q_ = (
     corner[:, 2] + 0.3 * (corner[:, 3] - corner[:, 2]),
 )
 _ = axes[0].plot(*np.stack((p_, q_), axis=1), "o-", color=GREEN, lw=2.5)
-_ = axes[0].text(5.9, 3.1, "between waypoints:\ncollides", fontsize=8, color=RED, bbox=HALO)
-_ = axes[0].text(4.1, 5.6, "between any two points: free", fontsize=8, color=GREEN, bbox=HALO)
+assert planning.edge_free(bump, p_, q_) and not planning.edge_free(bump, *corner[:, [1, 3]].T)
+_ = axes[0].text(6.0, 0.3, "between waypoints:\ncollides", fontsize=8, color=RED)
+_ = axes[0].text(0.2, 5.9, "between any\ntwo points: free", fontsize=8, color=GREEN)
 bare(axes[0], "two attempts to cut the same path")
 obstacles(axes[1], scene.world)
 rows = [
@@ -780,9 +794,9 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# The limits are 1 m/s and 1 m/s². The last row holds a lesson. The smoothed path has many waypoints, and a robot that
-# stops at each of them is slower than on the raw path of the tree. It is the *motion* that has to be smooth, not the
-# drawing of the path.
+# The limits are 1 m/s and 1 m/s², for x and for y separately; on a diagonal the point may be faster. The last row holds
+# a lesson. The smoothed path has many waypoints, and a robot that stops at each of them is slower than on the raw path
+# of the tree. It is the *motion* that has to be smooth, not the drawing of the path.
 #
 # ### Smoothing and trajectory optimisation
 #
@@ -791,10 +805,13 @@ table(*rows)
 #
 # An **optimiser** takes a whole trajectory and deforms it to reduce a cost. **CHOMP** (Zucker and others 2013) follows
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
-# that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) replaces the problem near the current
-# path by an easier one with a single minimum, which penalises waypoints too close to an obstacle; it solves that, moves
-# the path a little, and repeats. **STOMP** (Kalakrishnan and others 2011) needs no gradient: it samples noisy
-# variations of the trajectory and averages them, weighted by their cost.
+# that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) replaces the cost near the current path
+# by a **convex** one, which has only one minimum. This cost penalises waypoints that are too close to an obstacle. (The
+# published version also penalises the volume swept between waypoints; the one on this page adds only the middles of the
+# edges.) TrajOpt minimises that cost, moves the path a little, and repeats.
+#
+# **STOMP** (Kalakrishnan and others 2011) needs no gradient: it samples noisy variations of the trajectory and averages
+# them, weighted by their cost.
 #
 # All of them start from an **initial guess**, and it decides a lot. Paths on different sides of an obstacle belong to
 # different **homotopy classes**: you can't deform one into the other without crossing the obstacle. A small deformation
@@ -820,7 +837,8 @@ plt.show()
 
 # %% [markdown]
 # The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from
-# start to goal over one via point, and the colour at the via point shows where the optimiser ended:
+# start to goal over one via point. The colour at the via point shows how the optimiser's result turned out: free and
+# short, free and longer, or in collision.
 #
 # ![Result of two optimisers for 169 initial guesses, at the via point of each
 # guess](../docs/charts/optimiser_minima.png)
@@ -834,8 +852,10 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# The weights matter too. The remedy is a better initial guess, such as a planner's path, or several guesses of which
-# you keep the best valid result.
+# The weights matter too, and so does the scene. The card below repeats the test with other settings and in a more
+# crowded scene, that of the shortcutting picture, where nearly every guess runs through discs. The scene makes the
+# difference: with the settings of the chart the shares there are similar. The remedy is a better initial guess, such as
+# a planner's path, or several guesses of which you keep the best valid result.
 
 # %%
 show("optimisers_get_stuck")
@@ -849,8 +869,9 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # A path says where, not when. **Time parameterisation** finds the fastest motion along a given path that respects the
 # velocity and acceleration limits of all joints. (For a joint, the page says *rate* for velocity.)
 #
-# Describe the path by its arc length $s$: $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its derivatives with
-# respect to $s$, and $\dot s$ is the speed along the path. The chain rule gives the joint accelerations:
+# Describe the path by its arc length, again called $s$: $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its
+# derivatives with respect to $s$, and $\dot s$ is the speed along the path. The chain rule gives the joint
+# accelerations:
 #
 # $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
 #
@@ -924,8 +945,10 @@ plt.show()
 #
 # </details>
 #
-# In a computer the two passes visit a grid of points along the path, and the usual implementation checks the limits at
-# the start of each interval, not at its end. But a motor drive may shut down whenever a limit is exceeded.
+# In a computer the two passes visit a grid of points along the path, and between two of them the path acceleration
+# $\ddot s$ is constant. At each grid point $\ddot s$ jumps, and so does $\ddot q$. The simplest scheme tests the limits
+# of an interval only at its first point; with the same $\ddot s$, the joints may exceed them at its last. (The library
+# TOPP-RA offers both schemes.) A motor drive may shut down whenever a limit is exceeded.
 
 # %%
 show("limits_between_grid_points")
@@ -934,9 +957,10 @@ show("limits_between_grid_points")
 # ![How far the acceleration limit is exceeded between grid points, and how much time rounding the corners
 # saves](../docs/charts/limits_between.png)
 #
-# The left plot shows by how much the limit is exceeded between grid points with either method. The right plot shows the
-# reward for rounding corners: the earlier the rounding begins, the shorter the motion. Timing every joint on its own,
-# with its own trapezoid, hardly saves time, and it makes the robot leave the checked path.
+# The left plot shows by how much the limit is exceeded between grid points, with a test at the first point only and
+# with a test at both ends, where only rounding errors remain. The right plot shows the reward for rounding corners: the
+# earlier the rounding begins, the shorter the motion. Timing every joint on its own, with its own trapezoid, hardly
+# saves time, and it makes the robot leave the checked path.
 
 # %%
 more_claims("shortcut_share")
@@ -952,7 +976,7 @@ figure_, axis = plt.subplots(figsize=(8.5, 3.2), layout="constrained")
 levels = (
     ("task planning", "what to do", "grasp pose"),
     ("motion planning", "which way", "waypoints"),
-    ("trajectory generation", "how fast", "q, q', q'' over time"),
+    ("trajectory generation", "how fast", r"$q, \dot q, \ddot q$ over time"),
     ("control", "which torques", "torques at 1 kHz"),
 )
 failures = (
@@ -978,19 +1002,22 @@ plt.show()
 # | level | decides | takes | passes down |
 # |---|---|---|---|
 # | **Task planning** | *what*: pick up the cup, put it on the shelf | goals, objects | ↓ a grasp pose |
-# | **Motion planning** | *which way*: a collision-free path from here to there | a world, two configurations | ↓ waypoints |
+# | **Motion planning** | *which way*: a collision-free path from here to there | a world, a start, goals from inverse kinematics | ↓ waypoints |
 # | **Trajectory generation** | *how fast*: smooth, within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
 # | **Control** | *how hard*: torques that follow the trajectory | a reference, a measurement | torques, at a kilohertz |
 #
-# A trajectory optimiser such as TrajOpt works on the second and third level at once: it bends the path and sets its
-# speed.
+# A trajectory optimiser can work on the second and third level at once, if time and the limits are part of its problem.
+# As used in section 3, TrajOpt and CHOMP only bend the path.
 #
 # Each level should report *why* it failed, or the level above will try the same again. And by the time a plan is
 # carried out, the scene that it was computed for is out of date. Keep checking the remaining path against moving
 # objects, at the rate of the camera.
 #
-# How long do the stages take? "200 ms for the planner, 50 ms for the smoothing" can't be checked, because it names no
-# arm, no shelf and no machine. This cell times the three stages for the arm at the open shelf, on your machine:
+# How long do the stages take? A statement such as "200 ms for the planner, 50 ms for the smoothing" can't be checked,
+# because it names no arm, no shelf and no machine. This cell times the three stages for the arm at the open shelf, on
+# your machine. `plan` takes a world, a start and a goal. `time_parameterise` takes the limits, here 2 rad/s and 8
+# rad/s², the distance `blend` from a corner at which its rounding begins, and the world `free` in which each rounding
+# is checked.
 
 # %% tags=["nbval-ignore-output", "show-code"]
 import time
@@ -1013,8 +1040,9 @@ print(f"for a motion of {motion.duration:.2f} s between two compartments of the 
 #
 # A planner needs one function from you: is this configuration free? The cell below plans around a ring that is defined
 # by nothing but such a function. Edges are checked at points 2 cm apart, because a yes-or-no function offers nothing
-# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring. The path is then shortened,
-# validated by `check_path`, and timed.
+# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring. The path is then shortened
+# and timed. `check_path` validates it twice, the second time with its rounded corners. In such a world it can't be
+# exact either: it checks points 2 cm apart.
 
 
 # %% tags=["show-code"]
@@ -1031,6 +1059,7 @@ answer_ = plan(world, start, goal, rng=0, budget=5000, step=0.5)
 path = planning.shortcut(answer_.path, world, np.random.default_rng(0))
 assert check_path(world, path, start, goal)
 motion = time_parameterise(path, (1.0, 2.0), blend=0.2, free=world)
+assert check_path(world, motion.waypoints(0.02))  # with its corners rounded
 print(f"{answer_.status}: {answer_.samples} samples, {answer_.state_checks} collision checks")
 print(f"path {length(path):.2f} m, motion {motion.duration:.2f} s")
 
@@ -1074,32 +1103,36 @@ for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start,
 # </div>
 #
 # Take the seven-joint arm and its two shelves from section 2, and a single RRT in plain Python with a step size of 1
-# rad. Most of the space in front of the shelf is free, and the compartments are its narrow passages. A short step means
-# many nodes before the tree has crossed that open space.
+# rad, measured as Euclidean distance over all seven joints. That is a handicap: OMPL's default is a fifth of the extent
+# of the space, here 2.6 rad. Most of the space in front of the shelf is free, and the compartments are its narrow
+# passages. A short step means many nodes before the tree has crossed that open space.
 
 # %%
 predict("first_of_ten_ideas")
 
 # %% [markdown]
-# We added one idea at a time. Each version got the same 100 queries that are known to have a solution (fewer for the
-# slow versions 1 to 3), once with the shelf unchanged ("still") and once with a ball in front of it ("moved"). The
-# chart shows the median and the 99th percentile, which is the time that only the slowest 1 % of the queries exceed. A
-# triangle at the top edge means that too many queries stayed unsolved.
+# Each version changes one thing in an earlier one, which the table names; versions 7 and 8 start again with a roadmap.
+# Each got the same 100 queries that are known to have a solution (5 for version 1, 10 for versions 2 and 3), once with
+# the shelf unchanged ("still") and once with a ball in front of it ("moved").
+#
+# The chart shows the median and the 99th percentile. With 100 queries, this percentile is the slowest query, run once,
+# so it changes a lot from one set of queries to the next. A triangle at the top edge means that it does not exist,
+# because at least one query stayed unsolved (for the median: half of them).
 #
 # ![Planning time of ten versions at two shelves, median and 99th percentile](../docs/charts/shelf_ladder.png)
 
 # %% tags=["hide-code"]
 VERSIONS = {
     "RRT in Python": "RRT in plain Python, steps of 1 rad",
-    "compiled": "the same, compiled",
-    "edges proved": "conservative advancement for edges",
-    "longer steps": "steps of 2.6 rad",
-    "from both ends": "RRT-Connect",
-    "bridge sampler": "with bridge samples",
+    "compiled": "as 1, compiled",
+    "edges proved": "as 2, edges by conservative advancement",
+    "longer steps": "as 3, steps of 2.6 rad",
+    "from both ends": "as 4, but RRT-Connect",
+    "bridge sampler": "as 5, with bridge samples",
     "lazy PRM": "lazy roadmap, built per query",
     "cached, by a list": "stored roadmap, ends joined to neighbours",
-    "cached, by trees": "stored roadmap, ends joined by small trees",
-    "earlier paths too": "with earlier paths added to it",
+    "cached, by trees": "as 8, ends joined by small trees",
+    "earlier paths too": "as 9, with earlier paths added",
 }
 ladder = {
     (name.strip(), shelf): (f"{solved} of {goals}", *(x.replace("inf", "none") for x in spent))
@@ -1109,7 +1142,7 @@ ladder = {
     )
 }
 table(
-    ("version", "open shelf: solved", "median [ms]", "99th percentile [ms]",
+    ("version (shelf unchanged)", "open shelf: solved", "median [ms]", "99th percentile [ms]",
      "tight shelf: solved", "median [ms]", "99th percentile [ms]"),
     *((f"{k}. {title}", *ladder[name, "open"], *ladder[name, "tight"])
       for k, (name, title) in enumerate(VERSIONS.items(), 1)),
@@ -1118,16 +1151,18 @@ table(
 # %% [markdown]
 # What each version contributed:
 #
-# * *1 to 3.* One tree with short steps, then compiled, then with edge checks that take long steps in open space. Many
-#   queries stay unsolved within the sample budget.
-# * *4. Longer steps.* One number changed, and nearly all queries are solved.
+# * *1 to 3.* One tree with short steps, then compiled, then with an edge check that advances in long strides. Versions
+#   2 and 3 solve three to six of ten queries; ten are too few to tell "still" and "moved" apart. Where there is a
+#   median, the third version takes a tenth of the second's time.
+# * *4. Longer steps.* One number changed, to what a library would have used anyway, and nearly all queries are solved.
 # * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
 #   than finding the way into one.
 # * *6. Bridge samples.* They cost more than they find.
 # * *7. A lazy roadmap, built for the query.* Few edge checks, but some queries stay unsolved.
-# * *8 and 9. A stored roadmap.* The median hardly changes. The slow queries get faster, most of all with small trees at
-#   start and goal (9).
-# * *10. Earlier paths added.* On the unchanged shelf the slowest queries got slower again.
+# * *8 and 9. A stored roadmap.* The median gets somewhat worse than with RRT-Connect. With small trees at start and
+#   goal (9) the slowest query gets faster at both shelves, still and moved; without them (8) clearly so only at the
+#   open shelf.
+# * *10. Earlier paths added.* No gain over version 9 that these queries show.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -1162,18 +1197,30 @@ pattern = (
 measured = {
     (a, b): rest for name in ("plan_times", "shelf_times") for a, b, *rest in key(name, pattern)
 }
+bare_ = {
+    a: times
+    for name in ("plan_times", "shelf_times")
+    for a, *times in key(
+        name, r"^(.*?) {2,}edge checks left out .*: ours (\S+) ms, OMPL's (\S+) ms;"
+    )
+}
 table(
-    ("scene", "this course [ms]", "OMPL, our edge check", "OMPL, Python function", "of those paths, in collision"),
-    *((title, measured[name, "ours"][0], f"{measured[name, 'OMPL, our edge check'][1]} times",
-       f"{measured[name, 'OMPL, Python states'][1]} times",
-       " of ".join(measured[name, "OMPL, Python states"][2:])) for name, title in SCENES.items()),
+    ("scene", "this course [ms]", "OMPL, our edge check", "OMPL, Python function", "its paths in collision",
+     "without edge checks: this course, OMPL [ms]"),
+    *((title, measured[name, "ours"][0], f"{measured[name, 'OMPL, our edge check'][1]} times as long",
+       f"{measured[name, 'OMPL, Python states'][1]} times as long",
+       " of ".join(measured[name, "OMPL, Python states"][2:]), ", ".join(bare_[name]))
+      for name, title in SCENES.items()),
 )  # fmt: skip
 
 # %% [markdown]
-# With the same compiled edge check, the two are within a factor of little more than two of each other. In the small
-# planar scenes OMPL has to call Python once per edge. If we subtract that time, OMPL is faster in most of them. For the
-# seven-joint arm nearly all the time is edge checking, and the two are equal. With a collision check in Python,
-# planning is many times slower, and at OMPL's default spacing some of the returned paths are in collision.
+# With the same compiled edge check, the two are within a factor of little more than two of each other, although OMPL
+# has to call Python once per edge. *OMPL's own part* in the chart is its time without these calls, and so without the
+# edge checks that they make. The last column takes the edge checks off on both sides: then OMPL is the faster one in
+# most scenes. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
+#
+# With a collision check in Python, planning is many times slower, and at OMPL's default spacing some of the returned
+# paths are in collision. *OMPL, Python, 0.2%* checks points that are five times as dense.
 #
 # So what should you pick? OMPL, with a compiled edge check that you trust. Between these two the choice hardly matters;
 # the edge check does.
@@ -1201,8 +1248,8 @@ more_claims("ompl_defaults")
 #
 # "It has seven joints, so planning is hard" is a common excuse. What counts is in how many directions a passage is
 # narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *tube* is a small
-# hole, narrow in every direction along the wall, like a pipe through it. A *cube* is a tube that is as long as it is
-# wide.
+# hole in a thin wall, narrow in every direction along the wall. A *cube* is the same hole in a thick wall, as thick as
+# the hole is wide.
 
 # %% tags=["hide-code"]
 figure_ = plt.figure(figsize=(8.5, 2.9), layout="constrained")
@@ -1210,7 +1257,7 @@ hole = ((-1, -1, 2, 0.85), (-1, 0.15, 2, 0.85), (-1, -0.15, 0.85, 0.3), (0.15, -
 shapes = (
     ("slab: narrow in one direction", 0.06, ((-1, -1, 0.85, 2), (0.15, -1, 0.85, 2))),
     ("tube: narrow in both", 0.06, hole),
-    ("cube: narrow in both, and long", 0.3, hole),
+    ("cube: the same, in a thick wall", 0.3, hole),
 )
 for k, (title, thick, pieces) in enumerate(shapes):
     axis = figure_.add_subplot(1, 3, k + 1, projection="3d", proj_type="ortho")
@@ -1230,10 +1277,13 @@ plt.show()
 # ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# The bands are quartiles over 100 seeds; those of this course's planner and OMPL's overlap. The slab is about as easy
-# in seven dimensions as in two. The tube gets harder by a large factor with each dimension. So count the directions in
-# which your passage is narrow, and remove some of them: plan first to a configuration in front of the slot in which the
-# gripper is already aligned with it, then move straight in.
+# The bands are quartiles over 100 seeds, and the band of this course's planner overlaps with that of OMPL everywhere.
+# In three and four dimensions OMPL's median for the tube is two to three times ours, but that is chance: with other
+# seeds the two medians come close, and a rank test finds no difference.
+#
+# The slab is about as easy in seven dimensions as in two. The tube gets harder by a large factor with each dimension.
+# So count the directions in which your passage is narrow, and remove some of them: plan first to a configuration in
+# front of the slot in which the gripper is already aligned with it, then move straight in.
 #
 # <div class="alert alert-block alert-danger">
 #
@@ -1259,11 +1309,14 @@ plt.show()
 show("step_through_a_passage")
 
 # %% [markdown]
+# The card counts samples. A long edge takes longer to check than a short one, so measure the time as well.
+#
 # ### Slow only sometimes
 #
 # Planning times have a heavy tail: a few runs take far longer than the median. Is that bad luck of the random numbers,
 # or are some queries simply harder? The answer decides the remedy. If it is luck, restart with another seed. If it is
-# the query, look at that query. Solving 36 queries with five seeds each separates the two.
+# the query, look at that query. Solving 36 queries with five seeds each separates the two, for one planner at one
+# shelf.
 
 # %%
 show("slow_plans_are_slow_questions")
@@ -1516,9 +1569,10 @@ table(
 
 # %% [markdown]
 # So ask three questions about a learned sampler. What does its *input* cost? A camera delivers the grid for free;
-# filling it with collision checks can cost more than the planning that it saves. What would a *simple* method make of
-# the same input, such as a grid search? And how far is your world from those of the training? A bad sampler can't make
-# a path collide, because every edge is still checked. It can only make the planner slow.
+# filling it with collision checks can cost more than the planning that it saves. What would a *simple* method such as a
+# grid search make of the same input? And how far is your world from those of the training? A bad sampler can't make a
+# path collide, because every edge is still checked. As long as uniform samples are mixed in, it can only make the
+# planner slow.
 
 # %%
 more_claims("learned_sampler_speeds_up")
@@ -1580,8 +1634,8 @@ show("diffusion_is_collision_free")
 #
 # "Under 100 ms" is no longer the frontier on a desktop computer. Vectorised planners check many configurations at once
 # with ordinary CPU instructions and report times in microseconds. Optimisers start from many guesses at once on a
-# graphics card. Convex formulations plan through regions that were proved free in advance. When one of them is called
-# *faster*, ask what the baseline was.
+# graphics card. Convex formulations plan through convex regions of free space that were computed in advance. When one
+# of them is called *faster*, ask what the baseline was.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 2.9), layout="constrained")
@@ -1607,7 +1661,7 @@ for corners in (
     axes[2].add_patch(plt.Polygon(corners, fc=BLUE, alpha=0.15, ec=BLUE))
 _ = axes[2].plot([1.0, 4.2, 6.2, 9.0], [1.5, 3.6, 6.7, 8.8], color=GREEN, lw=2.5)
 ends(axes[2], (1.0, 1.5), (9.0, 8.8))
-bare(axes[2], "convex regions, proved free in advance")
+bare(axes[2], "convex regions, computed in advance")
 plt.show()
 
 # %% [markdown]
@@ -1623,8 +1677,8 @@ plt.show()
 # <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples joint motions on a graphics
 # card at each control step and averages them</td> <td>only its costs, some of them learned</td></tr>
 # <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers free space with
-# convex regions; one convex program chooses the regions and the trajectory through them</td> <td>the regions, if they
-# are free</td></tr>
+# convex regions; one convex optimisation chooses the regions and the trajectory through them</td> <td>the regions, if
+# they are free</td></tr>
 # <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations
 # at once on a graphics card, with a geometric planner for their first guesses</td> <td>its costs, with collision among
 # them</td></tr>
@@ -1633,9 +1687,9 @@ plt.show()
 # once</td> <td>a check at points along each edge</td></tr>
 # </table>
 #
-# VAMP makes one of the two factors small: the algorithm is the one from the year 2000, and the edge check became
-# hundreds of times faster, according to its authors. It checks points along the edge, with the risk that section 2
-# shows. (We read the newer works as abstracts and documentation; none of them was run here.)
+# VAMP makes a check cheap, the second factor in the key insight of section 2: the algorithm is still RRT-Connect, and
+# the edge check became hundreds of times faster, according to its authors. It checks points along the edge, with the
+# risk that section 2 shows. (We read the newer works as abstracts and documentation; none of them was run here.)
 #
 # ## 10 · Interview
 #

@@ -17,9 +17,9 @@ from course.planning.capsules import sampled
 
 Query = tuple[NDArray[np.float64], NDArray[np.float64]]
 SAMPLES = 20_000
-RUNGS = """rung: 1 RRT in Python, 2 compiled, 3 edges proved,
-4 longer steps, 5 from both ends, 6 bridge sampler, 7 lazy PRM,
-8 cached, by a list, 9 by trees, 10 earlier paths too"""
+RUNGS = """version: 1 RRT in Python, 2 compiled, 3 conservative advancement,
+4 longer steps, 5 RRT-Connect, 6 bridge samples, 7 lazy roadmap,
+8 stored roadmap, 9 with small trees, 10 with earlier paths"""
 SHORT = 1.0  # step of the first three rungs [rad]; the others take `plan`'s own, 2.6 rad here
 BOTH: dict[str, Any] = {"method": "rrt_connect", "budget": 10 * SAMPLES}
 CACHED: dict[str, Any] = {"method": "roadmap", "budget": 10 * SAMPLES}
@@ -131,6 +131,6 @@ def shelf_ladder(
                 Series(f"99 %, {place}", x, tail, style="--"),
             ]
         panel.footer = (
-            machine(libraries=()) + "; one core; rungs 1 to 3 with every 20th and 10th query"
+            machine(libraries=()) + "; one core; versions 1 to 3 with every 20th and 10th query"
         )
         yield panel

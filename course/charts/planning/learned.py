@@ -245,7 +245,12 @@ def learned_planners(
     families = {"Held-out worlds of the family": some, "The same, turned by a quarter": turned}
     for title, family in families.items():
         only = ("uniform", "learned") if family is turned else ()
-        panel = Panel(title, "states and edges asked", "share of worlds with a path", scale="log x")
+        panel = Panel(
+            title,
+            "collision checks of states and edges",
+            "share of worlds with a path",
+            scale="log x",
+        )
         for success in sampled(nets, family, *only):
             series = success.series(within, style="--" if "counted" in success.name else "-")
             middle, least, largest = success.budget()
@@ -264,7 +269,7 @@ def learned_planners(
     panel = Panel(
         "Paths out of noise, in the world they know",
         "seconds to a free path",
-        "share of questions",
+        "share of queries",
         scale="log x",
         footer=machine(libraries=("torch",)) + "; one core",
     )

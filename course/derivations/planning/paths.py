@@ -114,9 +114,8 @@ def informed_rrt_star(result):
     "of the square for a path {near} times as long as d, and {loose:.0%} for one {far} times as "
     "long.",
     ask=Ask(
-        "Start and goal are a distance d apart, and a path of length c is known. What is the area "
-        "of the region of the plane that any shorter path must stay inside, as far as d and c "
-        "can tell?",
+        "Start and goal in a plane are a distance d apart, and a path of length c is known. You "
+        "know only d and c. In which region must every path shorter than c lie? Give its area.",
         "A = pi*c*sqrt(c^2 - d^2)/4",
         {
             "pi*c*sqrt(c^2 - d^2)": "Those are full axes; an ellipse's area takes half of each.",
@@ -262,7 +261,8 @@ def shortcut_share(result):
 
 @claim(
     "Trajectory optimisers such as CHOMP and TrajOpt can get stuck in local minima.",
-    "Among discs, {starts:.0f} initial guesses led over one via point each. With covariant "
+    "In a scene crowded with discs, {starts:.0f} initial guesses led over one via point each, "
+    "anywhere in the square, also inside a disc. With covariant "
     "gradient steps, as in CHOMP, {chomp:.0%} of them ended in collision; with sequential convex "
     "steps, as in TrajOpt, {trajopt:.0%}. Half of those cost at least {worse:.1f} times as much "
     "as the result that started from a planner's path, which stays free with both. So check what "
@@ -380,7 +380,8 @@ def shortcut_leaves_corners(result):
 
 @claim(
     "A motion that respects its limits at every point of a fine grid respects them in between.",
-    "The usual constraint applies at the beginning of each interval and leaves its end free. With "
+    "Not if the test is at the first point of each interval only, as in the simplest scheme, since "
+    "the acceleration jumps at each grid point. With "
     "{coarse:.0f} intervals per rounded corner the acceleration exceeds its limit by {over:.0%}, "
     "with {fine:.0f} intervals by {over_fine:.1%}. If both ends are constrained, the limit also "
     "holds in between, because the acceleration is linear there: over {times:.0f} times its "
