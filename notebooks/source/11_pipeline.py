@@ -18,6 +18,9 @@ predict("perfect_eye")
 simulation("pipeline")
 
 # %% [markdown]
+# Each arrow is what one stage adds to the final position. Before you press play, *tip to target* is
+# the distance at the start; the other values describe the whole run.
+#
 # **After this chapter you can**
 #
 # * predict the final error of a pipeline from its stages, before you run it;
@@ -60,6 +63,7 @@ from course.cards import interview
 from course.charts import read
 from course.control import Actuator
 from course.derivations import figure, more_claims, show
+from course.measure.success import wilson
 from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
@@ -93,8 +97,8 @@ scenario, settings = Scenario(), Settings()
 #
 # A robot that reaches for something repeats four stages. **Perception** estimates where the target is. **Planning**
 # finds a collision-free path and gives it a timing. **Control** compares the arm with that path and computes torques.
-# **Physics**, in reality or in a simulator, turns torques into motion. The joint angles then go back to control, and
-# the camera looks again.
+# **Physics**, in reality or in a simulator, turns torques into motion. Two loops lead back: the joint angles go back to
+# control in every control period, and the camera takes a new image of the target in every camera period.
 
 # %% tags=["hide-code"]
 boxes = {
@@ -103,8 +107,8 @@ boxes = {
     "Control": "PD law\n(Kp, Kd)",
     "Physics": "semi-implicit Euler\n(physics step)",
 }
-flows = ("position,\ncovariance", "timed path", "torques")
-figure_, axis = plt.subplots(figsize=(9, 2.1), layout="constrained")
+flows = ("message with\nfive fields", "timed path", "torques")
+figure_, axis = plt.subplots(figsize=(9, 2.5), layout="constrained")
 for k, (name, does) in enumerate(boxes.items()):
     _ = axis.text(
         1.5 * k,
@@ -121,16 +125,21 @@ for k, (name, does) in enumerate(boxes.items()):
         _ = axis.text(1.5 * k - 0.75, 0.3, flows[k - 1], ha="center", fontsize=8)
 back = {"arrowstyle": "->", "connectionstyle": "arc3,rad=-0.22", "color": "#c62828"}
 _ = axis.annotate("", (0.0, -0.4), (4.5, -0.4), arrowprops=back)
-label = "the arm moves, the camera looks again; each stage at its own rate"
-_ = axis.text(2.25, -1.45, label, ha="center", color="#c62828", fontsize=9)
-_ = axis.set(xlim=(-0.6, 5.1), ylim=(-1.7, 0.8))
+label = "slow loop: the camera takes the next image"
+_ = axis.text(1.5, -1.75, label, ha="center", color="#c62828", fontsize=9)
+inner = {"arrowstyle": "->", "connectionstyle": "arc3,rad=0.3", "color": "#3949ab"}
+_ = axis.annotate("", (3.0, 0.42), (4.5, 0.42), arrowprops=inner)
+label = "fast loop: joint angles"
+_ = axis.text(3.75, 1.1, label, ha="center", color="#3949ab", fontsize=9)
+_ = axis.set(xlim=(-0.6, 5.1), ylim=(-2.0, 1.4))
 axis.axis("off")
 plt.show()
 
 # %% [markdown]
 # * *Perception* here is the **stand-in** of chapter 7: a model with two parameters instead of rendered images. Each
 #   frame reports the true position plus a constant **bias** and a fresh random **noise**. A Kalman filter smooths the
-#   reports. Section 6 checks that this model is good enough.
+#   reports, but does not predict the target to the present. Section 6 checks that
+#   this model is good enough.
 # * *Planning* is RRT-Connect from chapter 5, followed by shortcuts and a timing.
 # * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$. Here $r$ is the reference angle of a
 #   joint, $q$ its actual angle. The joint's own friction adds $-c\,\dot q$.
@@ -138,8 +147,8 @@ plt.show()
 #
 # The four stages do not take turns. One scheduler with a resolution of a microsecond calls each of them at its own
 # rate, and each has its own random-number generator. A message from one stage to the next carries five fields: the
-# value, its covariance, the coordinate frame, the **stamp of capture** (the time at which the underlying image was
-# taken), and the time of arrival. If a stage drops one of these fields, no later stage can recover it.
+# value, its covariance, the coordinate frame, the **stamp of capture** (when the image was taken), and the time of
+# arrival. If a stage drops one of these fields, no later stage can recover it.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -161,24 +170,25 @@ table(
 )
 
 # %% [markdown]
-# The first frame is captured at time 0, but it arrives only after the camera's processing time. The planner then starts
-# at once. From then on the camera delivers an estimate many times a second, and the controller runs between any two of
-# them.
+# The first frame arrives only after the camera's processing time, and the planner starts at once. From then on the
+# camera delivers an estimate many times a second, and the controller runs between any two of them. How many plans a run
+# makes depends on its seed: noise makes some runs plan again.
 #
 # ### Time: how old is the data that the arm acts on?
 #
 # Suppose a part moves along a belt at 100 mm/s, and the camera needs 100 ms for each image. The arm aims at where the
 # part *was*. **Latency** is the time that one stage takes, here those 100 ms. The **age** of the data is the time from
-# taking the image to acting on it: all latencies plus all waiting. A result arrives one latency $L$ after its image and
-# then serves until the next one arrives, one period $T$ later. During that time it gets older. If nothing predicts the
-# target's motion, the arm aims behind the target by
+# taking the image to acting on it: all latencies plus all waiting on the way to the motor. A result arrives one latency
+# $L$ after its image and then serves until the next one arrives, one period $T$ later. If nothing predicts the target's
+# motion, the arm aims behind the target by
 #
 # $$
 # \text{error} = \text{speed} \times \text{age}, \qquad \text{age between } L \text{ and } L + T .
 # $$
 #
 # **A worked example.** A camera with $L$ = 100 ms and $T$ = 20 ms: the age rises from 100 to 120 ms and falls back. At
-# 100 mm/s the arm aims 10 to 12 mm behind the target.
+# 100 mm/s the arm aims 10 to 12 mm behind the target. The controller's period adds up to 2 ms, which the table below
+# includes.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.2), layout="constrained")
@@ -196,8 +206,8 @@ plt.show()
 # %% [markdown]
 # The dotted lines are images in processing: several are under way at the same time. The solid line is the age of the
 # newest result, here with a period of 60 ms so that the teeth can be seen. To reduce the age you can shorten the
-# latency or the period. The next table shows what each of them buys for the target of this chapter. **Jitter** is the
-# standard deviation of the age.
+# latency or the period. The next table shows what each of them gains for this chapter's target, which moves at 10 mm/s.
+# **Jitter** is the standard deviation of the age.
 
 # %% tags=["hide-code"]
 speed = 1e3 * np.hypot(*scenario.velocity)  # mm/s
@@ -222,13 +232,15 @@ table(
 
 # %% [markdown]
 # Halving the latency pays most. The period of the camera matters little here because it is much shorter than the
-# latency. Planning time does not add to the age: between plans, each new estimate moves the end of the current plan
-# directly.
+# latency. Planning time is not in this sum: between plans, each new estimate shifts the end point of the current plan
+# without planning again. The arm waits for the planner only when it needs a new plan. In a pipeline in which every
+# command waits for a new plan, planning time counts in full.
 #
 # An **overrun** is a frame whose processing takes longer than the camera's period. There are four ways to handle it. A
-# *pipelined* camera gives the frame to another worker. A camera that *blocks* takes its next image as soon as the
-# worker is free. With *drop*, images keep their fixed times, and those that find the worker busy are lost. A *queue*
-# stores all frames and processes them in order. Guess which one you would not want before you look at the chart.
+# *pipelined* camera has several processors, and the next frame goes to one that is free. The other three have a single
+# processor. A camera that *blocks* takes its next image as soon as the processor is free. With *drop*, images keep
+# their fixed times, and those that find the processor busy are lost. A *queue* stores all frames and processes them in
+# order. In the chart, a frame arrives every 100 ms and takes 250 ms. Which one would you not want?
 
 # %% tags=["hide-code"]
 late = replace(settings, latency=0.25, frame=0.1)
@@ -248,8 +260,10 @@ plt.show()
 
 # %% [markdown]
 # The queue drops nothing, and that is its problem: each new frame waits behind all earlier ones, so the age grows
-# without limit. The other three stay bounded. If only one worker is available, blocking gives fresher data than
-# dropping here: the next image is taken at the moment when the worker is free.
+# without limit. The other three stay bounded (the queue's line soon leaves the chart). With one processor, blocking
+# gives fresher data than dropping *on average*, because the next image is taken at the moment when the processor is
+# free. At one instant, such as the end of this run, it may be the other way round. The claims of this chapter take the
+# age at the end of runs of 3 s; the run above lasts 4 s, so its queue is older.
 
 # %%
 more_claims("every_stage_its_clock")
@@ -282,8 +296,9 @@ show("lag_of_the_arm")
 #   output divided by the variance of one frame. The arm is a **low pass**: it follows slow changes and averages out
 #   those that are faster than its time constant $(k_d + c)/k_p$.
 # * **Age** costs speed times age, as above.
-# * **A tilted table** makes the arm sag. At rest only the spring carries the load, so a joint gives way by the torque
-#   of gravity divided by $k_p$.
+# * **A tilted table** makes the arm sag. The arm moves in a horizontal plane, so gravity normally does not load its
+#   joints. On a tilted table it does, and at rest only the $k_p$ term balances the load: a joint gives way by the
+#   torque of gravity divided by $k_p$.
 # * **The physics step** costs nothing once the arm is at rest. During the motion its error is proportional to the step.
 #
 # **A worked example.** With $k_p$ = 25, $k_d$ = 8 and $c$ = 0.2 (in N m and rad), a joint that follows 0.05 rad/s stays
@@ -300,7 +315,8 @@ more_claims("filter_calms", "sag_without_kd")
 #
 # The second source is an experiment: repeat the same run with the same random numbers, but with one stage **ideal**.
 # Ideal perception has no noise and no bias, ideal age is zero, an ideal arm has no lag. The change of the final error
-# is that stage's contribution. In code, this is `repair(settings, "age")`.
+# is that stage's contribution: the real result minus the ideal one. In code, `repair(settings, "age")` makes the age
+# ideal.
 #
 # Two kinds of error have to be kept apart. A *mean* error is the same in every run and has a direction. A *random*
 # error is different in every run. Random errors of mean zero that are independent of each other add up by their
@@ -313,7 +329,8 @@ predict("how_parts_add")
 # %% [markdown]
 # The next picture draws the mean errors of three stages tip to tail, for a camera whose bias points ahead of the moving
 # target. Both other errors point back along the motion. The arrows form one chain; we shifted some sideways to keep
-# them visible.
+# them visible. The length in a title is that of the chain. The card below it gives the root mean square of complete
+# runs, which differs by a tenth of a millimetre.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -357,9 +374,10 @@ show("mending_makes_worse")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Errors are vectors. Their means add up with signs; squares and percentages do not. When you perfect
-# one stage, an error that it had been cancelling becomes visible. So a budget in per cent hides what you need most: the
-# direction of each error.
+# **Key insight.** Mean errors add as vectors, and variances of independent errors add. The root mean square mixes the
+# two: as soon as means are involved, the squared errors of single stages do not add up to the squared total. When you
+# perfect one stage, an error that it had been cancelling becomes visible. So a budget in per cent hides what you need
+# most: the direction of each error.
 #
 # </div>
 #
@@ -372,11 +390,12 @@ show("mending_makes_worse")
 #
 # **Shapley's value** takes the average over all orders in which the stages could be fixed. Here the bias gets (-8 +
 # 16)/2 = +4 mm², and the lag (-15 + 9)/2 = -3 mm². The two add up to the whole, 1 mm². A negative share is no mistake:
-# averaged over the orders, the squared error is smaller with the lag than without it.
+# on average over the orders, making the lag real *reduces* the squared error, because it cancels part of the bias.
 #
-# The pipeline has five stages to attribute: perception, age, planning, control and physics. The chart keeps planning
-# ideal, because about one run in fifty takes the detour around an obstacle, and its large error would hide everything
-# else. Four stages remain, which means 16 combinations of real and ideal.
+# We attribute the error to five causes: the four stages, and the age of the data between them. In code and in the
+# tables all five are called stages. The chart keeps planning ideal, because about one run in fifty takes the detour
+# around an obstacle, and its large error would hide everything else. Four causes remain, which means 16 combinations of
+# real and ideal.
 #
 # ![Signed means, all subsets over their prediction, shares, and errors that cancel](../docs/charts/error_budget.png)
 #
@@ -400,9 +419,15 @@ head = ["stage", "alone [mm]", "predicted [mm]", "share [mm²]", "95 % interval 
 table(head, *rows)
 
 # %% [markdown]
-# Perception dominates because its noise is large; age and control follow. All formulas agree with the experiment to
-# about a tenth, so nothing important is missing from the list of these stages. `predicted` covers a PD law and a
-# pipelined camera; it raises an error for anything else.
+# Perception dominates because this chapter's noise is large, 50 mm in each frame. Close to a part it is a few
+# millimetres, and then the camera's bias and the lag of the arm lead the list.
+#
+# The formulas agree with the experiment to about a tenth of each root mean square error. For perception, a tenth is
+# more in mm² than the shares of age and control together. So the table shows that no cause of perception's size is
+# missing, but a missing cause as small as the lag could hide in this gap. Not on the list at all: a constant offset
+# between the clocks of camera and controller, a hand-eye calibration that depends on the position, static friction,
+# backlash. The column *predicted* comes from a function that knows only a PD law and a pipelined camera, and raises an
+# error for anything else.
 
 # %%
 more_claims("root_sum_square")
@@ -411,12 +436,16 @@ more_claims("root_sum_square")
 # ### How many runs does a comparison need?
 #
 # You change the filter, run the robot ten times before and ten times after, and the success rate rises from 8 to 9. Is
-# the filter better? Each rate is uncertain, and their difference is more uncertain than either.
+# the filter better? Ten runs cannot say: the two results differ by a single run. Each rate is uncertain, and their
+# difference is more uncertain than either. Even a hundred runs of each may be too few; the fold-out below has the
+# numbers.
 #
-# In a simulator you can remove most of it. Give both variants the same seeds: the same noise in the same frames. The
-# part of the noise's effect that both share then cancels when you subtract. These are **common random numbers**. They
-# work only if each stage has its own random-number generator. With one generator for all, a stage that draws one number
-# fewer shifts the numbers of every stage after it, and the two variants no longer face the same noise.
+# In a simulator you can remove most of that uncertainty. Give both variants the same seeds: the same noise in the same
+# frames. The part of the noise's effect that both share then cancels when you subtract. These are
+# **common random numbers**. They work only if each stage has its own random-number generator. With one
+# generator for all, a stage that draws one number fewer shifts the numbers of every stage after it, and the two
+# variants no longer face the same noise. Neither kind of seeds favours a variant. What differs is the number of runs
+# that you need to see a difference.
 
 # %%
 show("same_seeds")
@@ -428,13 +457,13 @@ more_claims("ninety_or_ninety_five")
 # ## 3 · Design: contracts at the interfaces
 #
 # "The planner failed" is often the last sentence of a story that began in the camera. To find the beginning, you need
-# to know what each stage owes to the next. A **contract** is a promise at an interface that can be checked from the log
-# of a run alone, without knowing the cause of a failure.
+# to know what each stage owes to the next. A **contract** is a promise at an interface that can be checked after a run,
+# from its log, without knowing the cause of a failure. One of ours also needs the true target.
 
 # %% tags=["hide-code"]
 promises = (
-    ("see → plan", "frame, unit;\nerror fits bias\nand covariance"),
-    ("plan → control", "starts at the arm,\nends at the goal;\nclearance; in time"),
+    ("perception → planning", "frame, unit;\nerror fits bias\nand covariance"),
+    ("planning → control", "starts at the arm,\nends at the goal;\nclearance; in time"),
     ("control → physics", "torque is that of\nthe law and\nwithin its limits"),
 )
 figure_, axis = plt.subplots(figsize=(9, 2.7), layout="constrained")
@@ -447,9 +476,7 @@ for k, name in enumerate(("Perception", "Planning", "Control", "Physics")):
         title, text = promises[k - 1]
         _ = axis.text(2 * k - 1, 0.75, text, ha="center", va="center", fontsize=8)
 _ = axis.annotate("", (0.0, -0.25), (6.0, -0.25), arrowprops=back)
-label = (
-    "physics → see: joint speeds within limits, energy does not rise unless the motors put it in"
-)
+label = "physics → control and perception: joint speeds within limits, no energy from nowhere"
 _ = axis.text(3, -1.6, label, ha="center", fontsize=8, color="#c62828")
 label = (
     "every arrow: time stamps not in the future, age within the agreed limit, no message missing"
@@ -462,14 +489,17 @@ plt.show()
 # %% [markdown]
 # Two details matter. The clearance of a path is measured again from the path itself, because a faulty planner could
 # report a wrong one. And the first contract compares an estimate with the true target, which only a simulator knows. On
-# a robot you need a second and better measurement, at least in a test cell.
+# a robot you need a second and better measurement, at least in a test cell. The limits (which age, which torque, how
+# many standard deviations) belong to whoever owns the interface. Ours are constants in `course/pipeline/blame.py`.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *"The robot isn't working." What is your first question?* Which interface is broken. A perfect
 # planner fails behind a noisy estimate, and so does a perfect controller behind a late plan. Ask for the log of what
 # crossed each interface: value, covariance, frame, two time stamps. Read it from the camera downwards and start with
-# the first broken contract. Everything after that may look wrong for the same reason. Fix it and read again.
+# the first broken contract. Everything after that may look wrong for the same reason. Fix it and read again. If the log
+# shows *when* each contract broke, start with the earliest; the order from the camera decides between those that broke
+# together.
 #
 # </div>
 #
@@ -491,26 +521,36 @@ for row in (
     "MuJoCo moves",
 ):
     theirs, ours, runs, change, low, high, *_ = numbers("swap_matrix", f"{row}: ")
+    least, most = wilson(theirs * runs, int(runs))
     rows.append(
         [
             row,
-            f"{theirs:.2f}",
+            f"{theirs:.2f} ({least:.2f} to {most:.2f})",
             f"{ours:.2f}",
             f"{runs:.0f}",
             f"{change:+.4f}",
             f"{low:+.4f} to {high:+.4f}",
         ]
     )
-head = ["library", "success", "with our stage", "runs", "error minus ours [mm]", "95 % interval"]
+head = [
+    "library",
+    "success (95 % interval)",
+    "with our stage",
+    "runs",
+    "mean error minus ours [mm]",
+    "95 % interval",
+]
 table(head, *rows)
 
 # %% [markdown]
-# No difference in success or error was found. MuJoCo's motion and Pinocchio's torques differ from ours by less than a
-# micrometre at the end, so both programs interpret the exchanged data alike: units, frames and signs.
+# No difference in success or error was found, and the intervals say how large a difference could have gone unnoticed:
+# with the two cameras' few runs, a large one. With MuJoCo's motion, or with Pinocchio's torques, the mean final error
+# changes by less than a micrometre. So both programs interpret the exchanged data alike: units, frames and signs.
 #
 # The *time* column of the chart says nothing about the libraries. A foreign stage is called from Python at every step
 # and makes new objects for each call, while our own run is compiled as a whole. To compare programs, call our own
-# motion through Python as well, or MuJoCo in a C loop. Called from Python, you mainly time the calls.
+# motion through Python as well, or MuJoCo in a C loop. If you call it from Python, you mainly measure
+# the calls.
 #
 # ## 4 · Code
 #
@@ -522,9 +562,9 @@ table(head, *rows)
 Markdown(f"```python\n{inspect.getsource(blame)}```")
 
 # %% [markdown]
-# A pipeline should also reject bad input by name, and it should name a stage that misbehaves. The first five lines are
-# errors for impossible tasks or settings. The last three are runs with a perception stage that returns a number which
-# is not finite, a wrong coordinate frame, and a time stamp in the future.
+# A pipeline should also reject bad input with a message that names it, and it should name a stage that misbehaves. The
+# first five lines are errors for impossible tasks or settings. The last three are runs with a perception stage that
+# returns a number which is not finite, a wrong coordinate frame, and a time stamp in the future.
 
 # %% tags=["hide-code"]
 for attempt in (
@@ -558,7 +598,9 @@ for stages in (spoiled(np.nan), spoiled(frame="camera"), spoiled(ahead=500_000))
 #
 # Five sliders belong to stages: the noise of perception, the planner's step, $k_p$, $k_d$, and the physics step.
 # Latency and target speed change the situation. The menu *Ideal stage* replaces one stage by an ideal one. Each arrow
-# shows how the final position would change if that stage were ideal. You can drag the target while the arm is on its
+# is a stage's contribution to the final error: where the tip ends, minus where it would end if that stage were ideal.
+# The panel says *perceive* for
+# perception, *move* for physics, and *picture* for a camera image. You can drag the target while the arm is on its
 # way.
 #
 # Go through the presets and predict each one before you look. Start with *Stale camera*: would a better camera help, or
@@ -573,27 +615,31 @@ simulation("pipeline", "Stale camera")
 #
 # ### What to break
 #
-# The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is what was
-# measured there; for physics it is the limit.
+# The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is what we
+# measured with these settings; for physics, the largest stable step. The simulation shows that limit for the posture on
+# display, so it differs a little from run to run. The **replanning distance** is how far the estimated goal must move
+# before the planner starts again.
 
 # %% tags=["hide-code"]
 bent = record.plans[-1].value.goal  # the posture of the reach
 ring = theory.modes(scenario.arm, bent, 150.0, 0.0)
-limits = [1e3 * theory.step_limit(scenario.arm, q, 25.0, 8.0) for q in (bent, (0.3, 0.0))]
+limits = [figure("largest_step", name) for name in ("reach", "stretched")]
 raw, calm = (figure("raw_estimate_replans", name) for name in ("raw", "calm"))
 paid, wait = (figure("planner_step", name) for name in ("paid", "wait_ms"))
+least, most = wilson(12 * paid, 12)
 by_contracts, by_sliders = (figure("contracts_before_sliders", x) for x in ("contracts", "kept"))
 broken_rows = {
     "Perception": (
         "noise high, no filter",
         "the goal jumps, plans are thrown away, the arm waits",
-        f"with half the replanning distance ({500 * settings.replan:.0f} mm) as noise, the planner "
-        f"runs {raw:.0f} times in 1.5 s; with a filter {calm:.1f} times",
+        f"with noise of {500 * settings.replan:.0f} mm, half of the replanning distance of "
+        f"{1000 * settings.replan:.0f} mm, the planner runs {raw:.0f} times in 1.5 s; with a "
+        f"filter {calm:.1f} times",
     ),
     "Planning": (
         "planner step at its minimum",
         "thousands of collision checks; a late and crooked path",
-        f"a wait of {wait:.0f} ms, and {paid:.0%} of the runs succeed",
+        f"a wait of {wait:.0f} ms, and {paid:.0%} of 12 runs succeed ({least:.0%} to {most:.0%})",
     ),
     "Control": (
         "Kp very high, Kd zero",
@@ -604,18 +650,18 @@ broken_rows = {
     "Physics": (
         "physics step at its maximum",
         "the simulation creates energy",
-        f"largest stable step {limits[0]:.1f} ms in the posture at the target, "
+        f"largest stable step {limits[0]:.1f} ms in the posture in which the arm ends, "
         f"{limits[1]:.1f} ms with the arm stretched",
     ),
     "Everything": (
         "all sliders at extremes",
         "nothing works",
-        f"finding the way back takes {by_contracts:.1f} runs with contracts, {by_sliders:.1f} by "
-        "turning one slider after another back",
+        f"it takes {by_contracts:.1f} runs to find the sliders to reset with contracts, "
+        f"{by_sliders:.1f} by resetting one after another (three seeds: no clear difference)",
     ),
 }
 table(
-    ["Stage", "How to break it", "What happens", "Measured limit"],
+    ["Stage", "How to break it", "What happens", "Measured"],
     *([name, *cells] for name, cells in broken_rows.items()),
 )
 
@@ -629,8 +675,8 @@ more_claims("contracts_before_sliders")
 # how small should the physics step be?
 #
 # The left panel below shows the error of the motion against computing time, for our physics and for MuJoCo's, at
-# several steps. The reference is a run at half the smallest step. The right panels show what a run costs with rendered
-# images and with the two-parameter model.
+# several steps. The reference is a run at half the smallest step. The other two panels show what a run costs with
+# rendered images and with the two-parameter model.
 #
 # ![Error against cost of physics and of perception, and speed relative to real time](../docs/charts/pipeline_speed.png)
 
@@ -643,9 +689,10 @@ table(
 )
 
 # %% [markdown]
-# Halving the step reduces the error during the motion to about a half, as it should for a first-order method. (The last
-# ratio is larger, because the reference has a step itself.) At rest the step does not matter at all. MuJoCo is called
-# through Python here, so the distance between the two curves contains the price of that interface again.
+# Between 4 and 1 ms, halving the step reduces the error during the motion to about a half, as it should for a
+# first-order method. At 8 ms, close to the stability limit, the error is not yet proportional to the step. The last
+# reduction looks too strong, because the reference itself has an error. At rest the step does not matter at all. MuJoCo
+# is called through Python here, so the distance between the two curves contains the price of that interface again.
 #
 # Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
 # chart compares the distributions of the final error along the target's motion and across it, quantile against
@@ -674,14 +721,16 @@ table(head, *rows)
 
 # %% [markdown]
 # The spread is the standard deviation of the final error along the motion. A small $p$ means that equal spreads are
-# implausible. The last column belongs to another test, for a shift: with this many runs, a shift of this size would be
-# found with a probability of 80 %. Smaller ones may go unnoticed.
+# implausible. The last column is about the *mean* error: the smallest shift between the two versions that a test with
+# this many runs would find with a probability of 80 %. Smaller shifts may go unnoticed.
 #
-# With measured noise no difference between the two versions was found along the motion. With the covariance that the
+# With measured noise no difference between the two versions was found along the motion. Across it, the lowest
+# quantiles leave the diagonal by one to two tenths of a millimetre. With the covariance that the
 # camera *states*, the simulated spread is too large, because the camera states more noise than it has. So render images
 # to calibrate the two parameters, then simulate without images.
 #
-# *What to pick.* For a reach within 20 mm: two parameters, and any stable physics step. Images cost from some tens to
+# *What to pick.* For a reach within 20 mm like this one (one scene, one camera, one target): two parameters, and any
+# physics step that is stable in every posture on the way. Images cost from some tens to
 # over a thousand times as much, depending on resolution and frame rate. The default noise of this chapter, 50 mm, is
 # large on purpose. It stands for a distant camera or a coarse detector, not for one close to a part.
 #
@@ -690,7 +739,7 @@ table(head, *rows)
 # ### Noise, and who reacts to it
 #
 # Suppose you switch the filter off. The arm itself would smooth the noise, since it is a low pass. But the planner also
-# reads the estimate: it plans again whenever the goal has moved by more than the **replanning distance**.
+# reads the estimate: it plans again whenever the goal has moved by more than the replanning distance, here 100 mm.
 
 # %%
 predict("raw_estimate")
@@ -698,18 +747,18 @@ predict("raw_estimate")
 # %% [markdown]
 # ![Success, plans and error over noise, and the last plan over the planner's step](../docs/charts/noise_and_filter.png)
 #
-# Without the filter, success collapses in the left panel once many frames jump by more than the replanning distance.
-# With the filter it falls slowly. So replanning breaks the run at a noise whose effect on the tip would still be within
-# the tolerance. The share of frames that jump too far has a closed form. A plan's goal and a later frame both carry
-# noise $s$ on each axis, so their difference has the variance $2 s^2$ on each axis. It is longer than $r$ with the
-# probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % of all frames.
+# Without the filter, success collapses (top left) once many frames jump by more than the replanning distance. With the
+# filter it falls slowly. If the planner ran only once, the arm would smooth this noise and still end within the
+# tolerance. Replanning is what fails. The share of frames that jump too far has a closed form. A plan's goal and a
+# later frame both carry noise $s$ on each axis, so their difference has the variance $2 s^2$ on each axis. It is longer
+# than $r$ with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % of all frames.
 
 # %%
 show("raw_estimate_replans")
 
 # %% [markdown]
-# The right panel shows a planner whose tree grows in tiny steps. It needs more collision checks, so the plan comes
-# late. It also finds worse paths, with many corners, before its budget of samples is used up. A faster collision check
+# The panel at the bottom right shows a planner whose tree grows in tiny steps. It needs more collision checks, so the
+# plan comes late. Its paths are also worse, with more corners left after all shortcuts. A faster collision check
 # fixes the first problem and not the second.
 
 # %%
@@ -724,28 +773,37 @@ more_claims("planner_step", "high_gain_overshoots")
 
 # %% tags=["hide-code"]
 rng_drawing = np.random.default_rng(1)
-figure_, axes = plt.subplots(1, 2, figsize=(7.5, 2.6), layout="constrained")
+figure_, axes = plt.subplots(1, 2, figsize=(7.5, 3.2), layout="constrained")
 spread_of = 0.5
+radius = 1.0 + 2 * spread_of
+discs = spread_of * rng_drawing.standard_normal((200, 2))
 for axis, bent_path in zip(axes, (False, True), strict=True):
-    for x, y in spread_of * rng_drawing.standard_normal((25, 2)):
-        _ = axis.add_patch(plt.Circle((x, y), 1.0, fill=False, color="#c62828", alpha=0.25))
-    _ = axis.add_patch(plt.Circle((0, 0), 1.0, fill=False, color="k", lw=1.5))
-    radius = 1.0 + 2 * spread_of
+    hits = 0
+    for x, y in discs:
+        # Distance of the disc's centre from the path: less than its radius of 1 is a contact.
+        beside = abs(x) if y < 0 else np.hypot(x, y)
+        touches = radius - (beside if bent_path else y) < 1.0
+        hits += touches
+        look = {"color": "#c62828", "lw": 1.2} if touches else {"color": "0.6", "alpha": 0.15}
+        circle = plt.Circle((x, y), 1.0, fill=False, zorder=2 if touches else 1, **look)
+        _ = axis.add_patch(circle)
+    _ = axis.add_patch(plt.Circle((0, 0), 1.0, fill=False, color="k", lw=1.5, zorder=3))
     if bent_path:
         angle = np.linspace(0, np.pi, 60)
         x = np.r_[radius, radius * np.cos(angle), -radius]
-        y = np.r_[-2.0, radius * np.sin(angle), -2.0]
+        y = np.r_[-2.8, radius * np.sin(angle), -2.8]
     else:
         x, y = np.array([-3.0, 3.0]), np.array([radius, radius])
-    _ = axis.plot(x, y, color="#3949ab", lw=2)
-    _ = axis.set(xlim=(-3, 3), ylim=(-2, 2.6), aspect="equal")
-    _ = axis.set_title("bends around the disc" if bent_path else "passes straight", fontsize=9)
+    _ = axis.plot(x, y, color="#3949ab", lw=2, zorder=4)
+    _ = axis.set(xlim=(-3.2, 3.2), ylim=(-2.8, 3.0), aspect="equal")
+    name = "bends around the disc" if bent_path else "passes straight"
+    _ = axis.set_title(f"{name}: {hits} of {len(discs)} positions touch", fontsize=9)
     axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Black: the disc as the planner sees it. Red: where it may really be. Blue: a path at a clearance of two standard
-# deviations.
+# Black: the disc as the planner sees it. Grey: where it may really be. Red: those positions in which it touches the
+# path. Blue: a path at a clearance of two standard deviations.
 
 # %%
 more_claims("clearance_and_noise")
@@ -757,8 +815,8 @@ more_claims("clearance_and_noise")
 # the same. What has changed is the inertia that the gains work on.
 #
 # Near a posture, the arm under a PD law is a set of **modes**, independent oscillators $\ddot x = -k\,x - d\,\dot x$.
-# Here $m$ is an eigenvalue of the inverse inertia matrix, $k = k_p\,m$, and $d = (k_d + c)\,m$. The mode with the
-# largest $m$ sets the limit: it is the easiest to accelerate.
+# Here $m$ is an eigenvalue of the *inverse* inertia matrix (one over an inertia, so not a mass), $k = k_p\,m$, and
+# $d = (k_d + c)\,m$. The mode with the largest $m$ sets the limit: it is the easiest to accelerate.
 
 # %%
 predict("one_step_two_postures")
@@ -792,15 +850,19 @@ for line in read("step_map").splitlines():
     if line.startswith("largest stable step"):
         kd, limit, elbow = re.findall(r"\d+\.?\d*", line)
         rows.append([f"{elbow}°", limit])
+nearly = 2.9  # rad; the posture that the card and the claim call nearly folded
+limit = 1e3 * theory.step_limit(scenario.arm, (0.3, nearly), settings.kp, settings.kd)
+rows.insert(-1, [f"{np.degrees(nearly):.0f}° (nearly folded)", f"{limit:.2f}"])
 table(["angle of the elbow", "largest stable step [ms]"], *rows)
 
 # %% [markdown]
 # Stretched, the arm allows less than a third of the step that it allows with a bent elbow. About the shoulder it has
 # *more* inertia when stretched. But the two joints can then swing against each other with very little.
 #
-# How do you notice an unstable step? Not from the success rate, near the limit. The limits of the motors turn the
-# explosion into a small rattle, and the tip still arrives. The energy of arm and spring shows it: it may rise only by
-# the work of the moving reference and of the motors.
+# How do you notice an unstable step? Near the limit the success rate does not show it: the limits of the motors turn
+# the explosion into a small rattle, and the tip still arrives. The energy of arm and spring shows it. It may rise only
+# by the work that goes in when the reference moves. **Energy from nowhere** is every rise beyond that. The slider of
+# the physics step ends at 20 ms.
 
 # %%
 show("largest_step")
@@ -815,9 +877,9 @@ more_claims("step_by_posture")
 # moves by a fraction $g$ of it; then again. With fresh images, any gain between 0 and 2 converges, and $g = 1$ corrects
 # the whole error at once. Why would you choose less?
 #
-# There are two reasons. Each image has noise, and with $g = 1$ all of it goes into the position. And since an image
-# that is $n$ frames old was taken, the hand has already corrected part of the error that it shows. Correct it again in
-# full, and you overshoot. With $e_j$ for the error at frame $j$:
+# There are two reasons. Each image has noise, and with $g = 1$ all of it goes into the position. And an image that is
+# $n$ frames old shows an error that the hand has partly corrected since. Correct it again in full, and you overshoot.
+# With $e_j$ for the error at frame $j$:
 #
 # $$
 # e_{j+1} = e_j - g\, e_{j-n}, \qquad \text{which settles only for } g < 2\sin\frac{\pi}{2\,(2n + 1)} .
@@ -886,12 +948,17 @@ for key, name in {
     "replays only": "replays alone",
     "last error": "largest error at the end",
 }.items():
-    right, count, low, high, *_ = numbers("whose_fault", f"{key}: ")
+    right, count, *_ = numbers("whose_fault", f"{key}: ")
+    low, high = wilson(len(FAULTS) * right / count, len(FAULTS))  # runs of a fault end alike
     rows.append([name, f"{right:.0f} of {count:.0f}", f"{low:.0%} to {high:.0%}"])
-table(["method", "named correctly", "95 % interval"], *rows)
+table(["method", "named correctly", "95 % interval for ten faults"], *rows)
 
 # %% [markdown]
-# Two things in this table do not exist on a robot. The contract of perception compares each image with the *true*
+# The intervals look wide for 200 runs. But the 20 runs of one fault nearly all end alike, so there are about ten
+# independent cases, not 200. (The cards quote one run of each fault.)
+#
+# Two things in this table do not exist on a
+# robot. The contract of perception compares each image with the *true*
 # target. And a replay repeats the same noise with an *ideal* stage. Without the true target the contracts miss every
 # fault of perception, though they still name the others. On hardware you are left with three things: the contracts that
 # need only the log; a second, better measurement of the target, if only in a test cell; and recorded inputs of one
@@ -899,27 +966,32 @@ table(["method", "named correctly", "95 % interval"], *rows)
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
 # also cures a physics step that is too large. There, the answer of replays is right only because physics is tried
-# first.
+# before control.
 
 # %%
 more_claims("last_error_blames")
 
 # %% [markdown]
-# Nor does a broken contract always mean a failed run. With raw frames of 20 mm noise, some runs break a contract and
-# succeed:
+# Nor does a broken contract always mean a failed run. How many *good* runs break one, a false alarm?
 
 # %% tags=["hide-code"]
 raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
-lucky = [one.what for r in raw_runs if r.success for one in contracts(r, r.settings)[:1]]
-print(f"raw frames, 20 mm noise: {sum(r.success for r in raw_runs)} of {len(raw_runs)} succeed")
-print("of these broke:", ", ".join(f"{what} ({n})" for what, n in Counter(lucky).items()) or "none")
+for name, some in {
+    "default settings": run_many(scenario, settings, range(300)),
+    "raw frames, 20 mm noise": raw_runs,
+}.items():
+    good = [r for r in some if r.success]
+    alarms = [f"{x.stage}: {x.what}" for r in good for x in contracts(r, r.settings)[:1]]
+    print(f"{name}: {len(alarms)} of {len(good)} good runs break a contract")
+    for what, n in Counter(alarms).items():
+        print(f"    {n} times {what}")
 
 # %% [markdown]
 # ### A test by its author proves little
 #
 # We wrote the contracts knowing those ten faults. A fairer test uses faults for which the contracts were not written.
 # Here are seven. For each of them, the table counts five failed runs: which contract was broken first, which stage the
-# procedure named, and how many replays it needed on average.
+# procedure named, which single ideal stages would have cured the run, and how many replays it needed on average.
 
 # %% tags=["hide-code"]
 lag_case = (replace(CASE[0], velocity=(-0.04, 0.03)), replace(CASE[1], kd=12.0))
@@ -937,25 +1009,38 @@ unlisted = {
 rows = []
 for name, one in unlisted.items():
     case = lag_case if "fast" in name else CASE
-    broken, named, runs = Counter(), Counter(), []
+    broken, named, alone, runs = Counter(), Counter(), Counter(), []
     for seed in range(30):
         replay = injected(one, seed, case)
         record = replay()
         if not record.success and len(runs) < 5:
+            alone.update(stage for stage in procedure.REPLAYED if replay(stage).success)
             contract = next(iter(contracts(record, case[1])), None)
             stages, _, count = blame(record, case[1], replay)
             broken[contract.stage if contract else "none"] += 1
             named[" + ".join(stages) or "nobody"] += 1
             runs.append(count)
-    counted = ("; ".join(f"{what} ({k})" for what, k in x.items()) for x in (broken, named))
+    counted = (
+        "; ".join(f"{what} ({k})" for what, k in x.items()) or "none"
+        for x in (broken, named, alone)
+    )
     rows.append([name, one.stage, *counted, f"{np.mean(runs):.1f}"])
-table(["fault", "true stage", "first broken contract", "named", "replays"], *rows)
+head = [
+    "fault",
+    "true stage",
+    "first broken contract",
+    "named",
+    "cured by one ideal stage",
+    "replays",
+]
+table(head, *rows)
 
 # %% [markdown]
-# Read three rows. A late motor and a filter that is too stiff break no contract at all; only the replays find them. In
-# the last row, a stale camera and a lagging arm add up, so that no single ideal stage cures the run. An eighth fault
-# beat the procedure: with a planner that started again at every frame, no single stage and no pair cured the run,
-# because every ideal stage exposed another problem.
+# Read four rows. A late motor and a filter that is too stiff break no contract at all. Only the replays find them, and
+# no other single ideal stage would have cured those runs. With a frame every 1.6 s, ideal perception cures the run as
+# well: here the broken contract prevents the wrong verdict. In the last row, a stale camera and a lagging arm add up,
+# so that no single ideal stage cures the run. An eighth fault beat the procedure: with a planner that started again at
+# every frame, no single stage and no pair cured the run.
 
 # %%
 show("one_repair_cures")
@@ -966,9 +1051,9 @@ show("one_repair_cures")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Every component passes its own test, and the whole misses.* Look at what no component test covers:
-# the time stamp (is it the arrival?), the frame (is it transposed?), the covariance (metres or pixels?), the reference
-# after a new plan. Test with a target at rest, then with a moving one. An error that appears only with motion is age or
-# lag. An error that turns with the camera is calibration.
+# the time stamp (is it the arrival?), the coordinate frame (is its rotation matrix transposed?), the covariance (metres
+# or pixels?), the reference after a new plan. Test with a target at rest, then with a moving one. An error that appears
+# only with motion is age or lag. An error that turns with the camera is calibration.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -997,13 +1082,15 @@ show("one_repair_cures")
 # | misses a moving target, hits one at rest | age or lag | double the speed; then halve $k_d$ | predict the target to the present; feed the reference rate forward |
 # | the arm stops and starts again | plans are thrown away | count the plans in a run | a filter; a larger replanning distance; keep the old plan meanwhile |
 # | rattles when stretched, quiet when folded | physics step above the limit of that posture | log the energy; halve the step | smaller step; damping at the new velocity |
-# | misses by the same vector every day | bias or tilt | rotate the target by 90 degrees | calibrate; level the table, or add gravity to the control law |
+# | misses by the same vector every day | bias or tilt | place the target 90 degrees further around the base: a camera's bias stays the same, the sag changes with the posture | calibrate; level the table, or add gravity to the control law |
 # | no single change cures it | two errors that add up | pairs of ideal stages | fix both |
 #
 # ### Adversarial: a reward of minus one a step
 #
 # The last two scenes are about the simulator's settings inside a learning task. An agent gets -1 per step until it
-# reaches its goal, so it should hurry. Somebody then reduces the time step from 10 ms to 1 ms.
+# reaches its goal, so it should hurry. Somebody then reduces the time step from 10 ms to 1 ms. The **discount**
+# $\gamma$ is the factor by which a reward counts less for each step that it comes later. The agent may also end the
+# task early for a fee.
 
 # %%
 predict("minus_one_a_step")
@@ -1032,11 +1119,15 @@ rows += [
 table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, best, v in rows))
 
 # %% [markdown]
-# The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is
-# $\gamma = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward paid per step is a
-# price of time: scale it with the step. A reward paid once, for reaching the goal, stays. A limit on the number of
-# steps becomes a limit in seconds. What no conversion can fix: with a shorter step the values of the actions lie
-# closer together and are harder to tell apart.
+# The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is $\gamma
+# = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward paid per step is a price of
+# time: scale it with the step. A reward paid once, for reaching the goal, stays. A limit on the number of steps becomes
+# a limit in seconds. In the last row reward and discount are converted, but the limit was left at 30 steps: 0.03 s, so
+# the goal is never reached, and walking until the end costs less than the fee.
+#
+# What no conversion can fix: during a short step any action changes little, so a learner needs more data to see which
+# one is better. The next claim is about the walker's task; in a simulator, the finer physics changes the motion as
+# well.
 
 # %%
 show("repeated_actions")
@@ -1056,7 +1147,7 @@ predict("meshes_on_the_gpu")
 from course.oracles.mujoco.heap import Heap
 
 shapes = {"sphere": 0, "box": 1, "hull 20": 20, "hull 200": 200, "hull 2,000": 2000}
-costs = {(n, k): Heap(shapes[k], n).measure(150) for n in (1, 8, 64) for k in shapes}
+costs = {(n, k): Heap(shapes[k], n).measure(200) for n in (1, 8, 64) for k in shapes}
 table(
     ["contacts / constraint rows", *shapes],
     *(
@@ -1093,10 +1184,11 @@ plt.show()
 # because it searches their vertices. Boxes are expensive in the *solver*: a face that lies on another gives several
 # contacts, and each contact several rows. So two different bottlenecks can hide behind the same slow frame rate.
 #
-# On a GPU the counts of pairs, contacts and rows stay the same; the times do not, and none were measured here. The
-# documentation names two effects. *MJX* (MuJoCo 3.7, 2026): its JAX version uses a separating-axis test without
-# branches, which "suffers in both runtime and memory" for large meshes, and recommends hulls of about 32 vertices.
-# *Isaac Lab* (2024): the buffers of PhysX cannot grow on a GPU, so contacts are sized in advance for the worst case.
+# Nothing was measured on a GPU here. Counts of pairs, contacts and rows carry over only if the collision algorithm is
+# the same and no buffer is full; times never do. The documentation names two effects. *MJX* (MuJoCo 3.7, 2026): its JAX
+# version uses a separating-axis test without branches, which "suffers in both runtime and memory" for large meshes, and
+# recommends hulls of about 32 vertices. *Isaac Lab* (2024): the buffers of PhysX cannot grow on a GPU, so contacts are
+# sized in advance for the worst case.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("mesh_cost")
@@ -1261,7 +1353,7 @@ answer("reward_by_the_step", "1 - dt/H")
 # %% [markdown]
 # ## 9 · Frontier: the rare failure
 #
-# A robot that fails five times in ten thousand runs is good enough to ship and bad enough to hurt somebody. To measure
+# Whether five failures in ten thousand runs are few enough depends on what a failure costs. To measure
 # such a rate by plain sampling, you need very many runs. *Black-box validation* treats pipeline and world as a function
 # from disturbances to success, and searches for a failure, the most likely failure, or its probability (Corso et al.,
 # *A survey of algorithms for black-box safety validation of cyber-physical systems*, JAIR 72, 2021; arXiv 2005.02979).
@@ -1271,7 +1363,7 @@ answer("reward_by_the_step", "1 - dt/H")
 # often. Each run then gets the weight $w = p/q$: its true probability density divided by that of the proposal. The
 # average of the weights of the failures is the failure rate. The **cross-entropy method** finds a proposal: draw a
 # round of samples, fit a normal distribution to the worst tenth, and repeat. The **effective number** $(\sum w)^2/\sum
-# w^2$ says how precise the average is: as precise as one of so many failures of equal weight.
+# w^2$ says how precise the average is: as precise as that of this many failures that all had the same weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
 # normal around 3.3 instead. Half of the runs now fail, and each gets a weight far below 1.
@@ -1320,14 +1412,24 @@ for key, name in {"narrow proposal": "as fitted", "width kept": "width at least 
 table(["proposal", "actual scatter", "reported error", "too low by three reported errors"], *rows)
 
 # %% [markdown]
-# With the fitted proposal the answers scatter much more than the reported error says, and some repeats are far too low.
-# The effective number does not warn you. Among repeats with the fitted proposal it is even *larger* where the answer is
-# wrong, because the weights that were drawn agree with each other. Only repeats with other seeds reveal the problem.
+# With the fitted proposal the answers scatter much more than the reported error says, and some repeats are far too low
+# (the chart makes more repeats than the card's check). The effective number does not warn you. Among repeats with the
+# fitted proposal it is on average even *larger* where the answer is wrong, because the weights that were drawn agree
+# with each other. Repeats with other seeds that *disagree* reveal the problem.
 #
+# Repeats that agree prove nothing yet. Suppose 70 % of the failures lie in one region and 30 % in another, further
+# away. If every repeat finds only the larger region, all of them agree, with small errors, and all are 30 % too low. So
+# add plain samples: they find every region in proportion to its probability. Run enough of them to expect at least ten
+# failures, and check that the two rates agree and that the failures look alike.
+
+# %%
+show("rare_and_sure")
+
+# %% [markdown]
 # If the failures lie in one direction only, it helps to keep the width of the proposal at least as large as that of the
 # real disturbances. A **defensive mixture**, which draws a tenth of the runs from the original distribution, did not
-# help here. With two failure regions neither of them does. On the arm itself, with six disturbances of bias, latency,
-# tilt and target speed:
+# help here. With two failure regions, neither the minimum width nor the mixture helps. On the arm itself, with six
+# disturbances of bias, latency, tilt and target speed:
 
 # %% tags=["hide-code"]
 scene, quiet = Scenario(discs=()), Settings(noise=0.01)
@@ -1355,17 +1457,18 @@ for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
 table(["proposal", "seed", "failure rate", "95 % interval", "effective number"], *rows)
 
 # %% [markdown]
-# The intervals of the fitted proposal contradict each other; those with a width of at least 1 nearly agree. And if a
-# sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval says what such
-# a sample leaves open:
+# The intervals of the fitted proposal contradict each other. Those with a width of at least 1 lie closer together, but
+# the estimates still differ by almost a factor of two. So the arm's failure rate is known to its order of magnitude
+# only. A pipeline run is hundreds of times faster than real time: here plain sampling is affordable, and you would run
+# it before you report a number.
+#
+# And if a sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval, a
+# confidence interval for a success rate, says what such a sample leaves open:
 
 # %%
 for runs in (100, 1000, 10_000):
     unfiltered = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
     print(f"0 of {runs} runs failed: up to {unfiltered.high:.2%} of all may fail")
-
-# %%
-more_claims("rare_and_sure")
 
 # %% [markdown]
 # ### Tune it end to end?
@@ -1404,8 +1507,9 @@ for name, one in chosen.items():
 table(["rms error [mm]", "seeds used for tuning", "new seeds", "another target"], *rows)
 
 # %% [markdown]
-# Both look better on the runs used for tuning than on new ones: with few runs you fit the noise. The difference between
-# the two methods is smaller than this overfitting. Tuning together can also find errors that cancel (section 2).
+# On new seeds neither method is clearly better than the defaults: tuning gained nothing here. Both look better on the
+# runs used for tuning, because with few runs you fit the noise, and the difference between the two methods is smaller
+# than this overfitting. Tuning together can also find errors that cancel (section 2).
 #
 # ### One policy instead of three stages
 #
@@ -1450,8 +1554,9 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # <details><summary>An answer, from this chapter's figures</summary>
 #
 # *First* I'd ask whether 8 mm is a mean or a random error: many runs on known seeds, with the error as a vector. A mean
-# error has a direction. If it points along the motion, it is age or lag. If it is the same for all motions, it is bias
-# or tilt. A random error is measurement noise that has passed the filter and the arm.
+# error has a direction. If it turns with the motion and always points along it, it is age or lag. If it is the same for
+# all motions, it is bias or tilt. One direction of motion cannot tell them apart: a bias may happen to lie along it. A
+# random error is measurement noise that has passed the filter and the arm.
 #
 # *Second* I'd predict each contribution with its formula and add them with signs. A gap between the prediction and the
 # measurement means that something is missing from my list. I want to know that before I tune anything.

@@ -83,7 +83,7 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
         ],
     )
     panel = Panel(
-        "Where the arm itself is thrown out", "Kd [N m s/rad]", "step [ms]", scale="log y"
+        "Where the arm itself becomes unstable", "Kd [N m s/rad]", "step [ms]", scale="log y"
     )
     for bend in (0.0, 90.0, 170.0):
         q, kds = np.array([0.4, math.radians(bend)]), np.linspace(0.0, 16.0, tested)
@@ -108,15 +108,15 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
     yield panel
     shares = (0.7, 0.9, 0.97, 1.03, 1.1, 1.3, 1.6, 2.0, 2.6, 3.2)
     answer = Panel(
-        "A run still succeeds beyond the limit",
-        "step over its limit",
+        "A run still succeeds above the limit",
+        "step, limit = 1",
         "success",
         lines=[("x", 1.0, "limit")],
     )
     energy = Panel(
-        "What the energy sees",
-        "step over its limit",
-        "energy won, share",
+        "Energy from nowhere shows it",
+        "step, limit = 1",
+        "energy from nowhere, share",
         scale="log y",
         lines=[("x", 1.0, "limit"), ("y", WITNESS, "contract")],
     )
@@ -328,30 +328,30 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         for n in ladder
     ]
     ranks = Panel(
-        "Every repeat, with two stated errors",
+        "Every repeat, with two reported errors",
         "repeat, by its answer",
-        "share that fails [1e-4]",
+        "failure rate [1e-4]",
         ylim=(0.0, 10.0),
         lines=[("y", 1e4 * SHARE, "truth")],
         footer=machine(0.0),
     )
-    price = Panel("What the answers scatter by", "runs", "standard error", scale="log")
+    price = Panel("Scatter of the answers", "runs", "standard error", scale="log")
     price.series.append(
         Series(
             "plain", ladder, spread, style="", theory=lambda n: math.sqrt(SHARE * (1.0 - SHARE) / n)
         )
     )
     alarm = Panel(
-        "Effective number is no alarm",
-        "stated errors from the truth",
+        "Effective number gives no warning",
+        "reported errors from the truth",
         "effective number",
         xlim=(-15.0, 5.0),
         lines=[("x", -3.0, "too low and sure")],
     )
     width = Panel(
-        "What is narrow misses part",
-        "least width, deviations",
-        "share over the truth",
+        "Narrow proposals miss failures",
+        "least width [standard deviations]",
+        "failure rate, truth = 1",
         lines=[("x", 1.0, "the world's"), ("y", 1.0, "truth")],
     )
     for name, result in methods.items():

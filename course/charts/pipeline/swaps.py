@@ -165,9 +165,9 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
             run_many(scenario, replace(report, noise=sigma), range(1000, 1000 + drawn))
         )
         panel = Panel(
-            f"Pictures and {name}",
-            "error with these [mm]",
-            "with pictures [mm]",
+            f"Images against {name}",
+            "error with two parameters [mm]",
+            "error with images [mm]",
             theory="equal",
             footer=machine(0.0),
             notes=[words] if words else [],

@@ -55,7 +55,7 @@ def ninety_or_ninety_five(result):
 @claim(
     "A failed run succeeds once the right single stage is ideal.",
     "Often it does. But behind a moving target, a late camera and a lagging arm point the same"
-    " way: of {n:.0f} such runs {pairs:.0f} needed two ideal stages, found after {runs:.0f} "
+    " way: of {n:.0f} such runs {pairs:.0f} needed two ideal stages. Finding them took {runs:.0f} "
     "replays.",
 )
 def one_repair_cures(result):
@@ -272,7 +272,8 @@ def mesh_cost(result):
     "low by more than three reported errors, because the proposal was narrower than the "
     "failure region. With widths of at least 1 this happened {wide:.0f} times. With two "
     "failure regions it happened {sides:.0f} times even then, because the proposal found only "
-    "one of them. Repeats reveal it; the effective number and the weights do not.",
+    "one of them. Repeats that disagree reveal it; the effective number and the weights do not. "
+    "Repeats that agree may all have missed the same region.",
     source="Rubinstein and Kroese, The cross-entropy method, 2004",
 )
 def rare_and_sure(result):

@@ -37,7 +37,8 @@ def rms(away):
 
 
 @claim(
-    "The more Kd, the further the tip stays behind a target that moves.",
+    "Under the law kp (r - q) - kd v, more Kd makes the tip stay further behind a target that "
+    "moves.",
     "Kd brakes the joint's own speed, so the spring has to balance all damping. Once the arm "
     "has settled, it lags by {formula}. At {speed:.0f} mm/s the tip is {lag:.1f} mm behind, "
     "and {twice:.1f} mm with twice the Kd.",

@@ -120,10 +120,11 @@ def step_by_posture(result):
 
 
 @claim(
-    "More Kd makes the largest stable step of a semi-implicit simulation smaller.",
-    "The damping torque comes from the old velocity and overshoots. With the arm stretched and"
-    " Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to {much:.1f} ms with Kd = "
-    "{kd:.0f}. Damping at the new velocity would not lower it.",
+    "If the damping torque comes from the old velocity, more Kd makes the largest stable step of a "
+    "semi-implicit simulation smaller.",
+    "Held for a long step, that torque reverses the velocity instead of reducing it. With the arm "
+    "stretched and Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to {much:.1f} ms "
+    "with Kd = {kd:.0f}. Damping at the new velocity would not lower it.",
 )
 def damping_and_step(result):
     from course.kinematics import TwoLink
@@ -328,8 +329,9 @@ def wanders(gain, *late):
     "If the hand corrects a fraction of the error that it sees, and never more than all of it,"
     " it converges.",
     "With fresh images it does. If all images are n frames late, the gain must stay below "
-    "{formula}: {one:.2f} for one frame, {four:.2f} for four. If the delay varies, the longest"
-    " one counts.",
+    "{formula}: {one:.2f} for one frame, {four:.2f} for four. With delays that "
+    "switched between two values, the limit of the longer one was enough in all our tests. A "
+    "delay that varies in another way can need a smaller gain still.",
     ask=(
         "In each frame, a fraction g of the error seen n frames earlier is corrected. Below "
         "which g does it settle?",
