@@ -1682,6 +1682,7 @@ more_claims("network_knows_its_part")
 # for the errors that remain? Let the fit start at the true turn:
 
 # %% tags=["hide-code"]
+rng = np.random.default_rng(6)
 plane, noisy = yaw_net.plane_of(TABLE), replace(SENSOR, noise=3.75 * SENSOR.noise)
 images, right = [yaw_net.picture(EYE, noisy, TABLE, rng) for _ in range(100)], 0
 for depth, true in images:
