@@ -274,12 +274,12 @@ def test_a_policy_that_runs_away_with_finite_numbers_is_stopped(spread, monkeypa
     first = ActorCritic(4, 2, 3, settings, 16).flat.detach().numpy()
     policies = []
 
-    class Kept(ActorCritic):
+    class Remembered(ActorCritic):
         def __init__(self, *arguments: Any) -> None:
             super().__init__(*arguments)
             policies.append(self)
 
-    monkeypatch.setattr(sys.modules[ppo.__module__], "ActorCritic", Kept)
+    monkeypatch.setattr(sys.modules[ppo.__module__], "ActorCritic", Remembered)
     with pytest.raises(Diverged, match=r"by a divergence of .*: lower the rate"):
         next(ppo(points(), settings, steps=256, seed=3))
     np.testing.assert_array_equal(policies[0].flat.detach().numpy(), first)

@@ -29,7 +29,7 @@ from tests.budget import examples
 OWN, MUJOCO = (engines()[name] for name in ("own code", "MuJoCo"))
 
 
-class Told(Run):
+class Stated(Run):
     """A run whose state is told by a function of (step, times put back)."""
 
     def __init__(self, scene, dt, path) -> None:
@@ -71,7 +71,7 @@ class Teller(Engine):
         return ""
 
     def build(self, scene, dt, settings=FAIR):
-        return Told(scene, dt, self.path)
+        return Stated(scene, dt, self.path)
 
 
 def up(rate):
@@ -120,7 +120,7 @@ def test_largest_step_needs_all_smaller_ones() -> None:
     class Odd(Teller):
         def build(self, scene, dt, settings=FAIR):
             good = dt < 3e-3 or 6e-3 < dt < 9e-3  # a lucky one is no step to use
-            return Told(scene, dt, up(0.0 if good else 1.0))
+            return Stated(scene, dt, up(0.0 if good else 1.0))
 
     steps = [1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2]
     assert m.largest_step(Odd(None), tower(1), steps) == 2e-3
@@ -318,7 +318,7 @@ def test_a_block_that_hops_is_seen_on_its_way_and_not_at_its_end() -> None:
 
 
 def test_the_error_of_a_path_is_the_largest_of_the_errors_on_it() -> None:
-    class Bump(Told):
+    class Bump(Stated):
         def contacts(self):
             return NO_CONTACTS
 
