@@ -69,11 +69,11 @@ def function(text: str, name: str) -> ast.FunctionDef:
     "one", [c for c in catalogue.cards() if c.kind == "function"], ids=lambda one: one.name
 )
 def test_a_starter_has_the_signature_of_the_worked_answer(one: catalogue.Card) -> None:
-    starter, worked = (function(t, one.entry) for t in (one.starter(), one.solution_text()))
-    assert ast.dump(starter.args) == ast.dump(worked.args)
+    starter, solution = (function(t, one.entry) for t in (one.starter(), one.solution_text()))
+    assert ast.dump(starter.args) == ast.dump(solution.args)
     if one.start:
         text = ast.get_docstring(starter) or ""
-        assert set(text.split("\n\n")) <= set((ast.get_docstring(worked) or "").split("\n\n"))
+        assert set(text.split("\n\n")) <= set((ast.get_docstring(solution) or "").split("\n\n"))
         body = ast.parse(f"def f():\n{textwrap.indent(one.start, '    ')}").body[0]
         assert isinstance(body, ast.FunctionDef)
         assert [ast.dump(node) for node in starter.body[1:]] == [ast.dump(n) for n in body.body]

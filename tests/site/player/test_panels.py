@@ -240,8 +240,8 @@ def test_dark_colours_keep_their_contrast(browser: Any, tmp_path: Path) -> None:
     )
     assert all(len(each) == 7 for each in dark.values())
     for colour in pen.PALETTE:
-        wanted = min(contrast(colour, "#ffffff"), 4.5)
-        assert contrast(dark[colour], dark["#ffffff"]) > 0.93 * wanted, colour
+        required = min(contrast(colour, "#ffffff"), 4.5)
+        assert contrast(dark[colour], dark["#ffffff"]) > 0.93 * required, colour
     assert luminance(dark["#ffffff"]) < 0.01 and luminance(dark["#000000"]) > 0.75
     greys = [f"#{v:02x}{v:02x}{v:02x}" for v in range(0, 256, 5)]
     ordered = [
