@@ -23,13 +23,13 @@ simulation("middleware")
 # because its two ends disagree.
 #
 # **You will be able to** decide whether a publisher and a subscriber are compatible; predict how old a message is and
-# how late a control loop runs; find out why messages are late or a controller jitters; and
-# justify a design of nodes, rates and policies. **Know first:** the age of data from chapter 0, which is the time from
-# taking an image until it has an effect.
+# how late a control loop runs; find out why messages are late or a controller jitters; and justify a design of nodes,
+# rates and policies. **Know first:** the age of data from chapter 0, which is the time from taking an image until it
+# has an effect.
 #
 # No ROS 2 installation is needed. The examples run on a small simulated message bus that imitates DDS, the system below
-# ROS 2. It has its own simulated clock, and every run of it is identical.
-# We checked its compatibility rules against a real DDS, Eclipse Cyclone.
+# ROS 2. It has its own simulated clock, and every run of it is identical. We checked its compatibility rules against a
+# real DDS, Eclipse Cyclone.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -1199,8 +1199,8 @@ table(
 # ## 6 · Speed against accuracy
 #
 # How long does a message take to another process, or thread, and back? All transports return exactly the same bytes, so
-# accuracy is equal. Times are multiples of that of a message of 64 bytes passed between two threads through a queue.
-# Bands, here and in the next charts, show the spread.
+# accuracy is equal. (Zenoh is another middleware, see section 9.) Times are multiples of that of a message of 64 bytes
+# passed between two threads through a queue. Bands, here and in the next charts, show the spread.
 #
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
@@ -1217,10 +1217,10 @@ table(*lines)
 
 # %% [markdown]
 # For small messages the differences are overhead: waking a background thread, numbering messages, acknowledging them.
-# For large ones each copy costs time. The curve *Cyclone DDS, sequence* is slow because of
-# Python: a message field declared as `sequence[uint8]` turns every byte into a Python object. Declare it as
-# `array[uint8, n]`. At 4 MB, Cyclone DDS no longer fits the message into the socket's receive buffer. Then packets can
-# be lost and have to be sent again, and the time jumps.
+# For large ones each copy costs time, also that into bytes (**serialisation**). The curve *Cyclone DDS, sequence* is
+# slow because of Python: a message field declared as `sequence[uint8]` turns every byte into a Python object. Declare
+# it as `array[uint8, n]`. At 4 MB, Cyclone DDS no longer fits the message into the socket's receive buffer. Then
+# packets can be lost and have to be sent again, and the time jumps.
 #
 # *What to choose.* In one process, hand over a pointer. On one machine, use shared memory for large messages. Between
 # machines, use what the rest of your robots use, and compute bandwidth and packets first.

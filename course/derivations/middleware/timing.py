@@ -91,7 +91,7 @@ def liu_layland_says_no(result):
     "none has a longer response time than when all are released at once.",
     "In all {sets:.0f} random sets, a run from that moment gave the response times of the "
     "analysis, and {later:.0f} of {tried:.0f} runs with other phases gave a longer one. With locks "
-    "or delayed releases, the terms for blocking and release jitter are added.",
+    "or late releases (release jitter), a term for each is added.",
     source="Liu and Layland, 1973; Audsley and others, 1993",
 )
 def critical_instant(result):
