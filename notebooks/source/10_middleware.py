@@ -302,8 +302,7 @@ show("stronger_offer")
 show("volatile_is_no_past")
 
 # %% [markdown]
-# Seven combinations, checked on Cyclone DDS while this page was built ("heard"
-# means that the two ends connect):
+# Seven combinations, on Cyclone DDS while this page was built ("heard": the two ends connect):
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 queried = {
@@ -506,8 +505,8 @@ for name, relative, hiccup in (
 table(*rows)
 
 # %% [markdown]
-# In the last row the loop skips the cycles that it has missed, counts them, and
-# continues on the original grid. Running the missed cycles one after another would send a burst of commands.
+# In the last row the loop skips the cycles that it has missed, counts them, and continues on the original grid. Running
+# the missed cycles one after another would send a burst of commands.
 #
 # *Derive it yourself.* The wrong loop sleeps for the period $T$, works for $C$ and wakes up late by $L$ each time. At
 # which rate does it run? The formula in the cell forgets something; correct it.
@@ -524,10 +523,10 @@ answer("relative_sleep", "1/(T + C)")
 # priority to the task with the shortest period.
 #
 # A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
-# task delays it. It delays ours most if as many of its runs as possible fall into our window, so its first run should
-# start just when ours is released: earlier, part of that run would be over; later, the last run could fall outside. So
-# the worst case is a **critical instant**: all tasks are released at the same moment. The picture shows it for a
-# controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
+# task delays it. It delays ours most if as many of its runs as possible fall into our window: if its first run starts
+# just when ours is released. Earlier, part of that run would be over; later, the last run could fall outside. So the
+# worst case is a **critical instant**: all tasks are released at the same moment. The picture shows it for a controller
+# (period 1 ms), a filter (10 ms) and a planner (100 ms).
 
 # %% tags=["hide-code"]
 C, T = np.array([0.25, 2.0, 40.0]), np.array([1.0, 10.0, 100.0])
@@ -559,8 +558,8 @@ _ = axis.set_xlim(0, 90)
 plt.show()
 
 # %% [markdown]
-# The planner ends late, because the others interrupt it again and again. Its worst-case response time is the smallest
-# $R_i$ that solves
+# The planner needs 40 ms but ends much later, because the others interrupt it again and again. Its worst-case response
+# time is the smallest $R_i$ that solves
 #
 # $$R_i = C_i + B_i + \sum_{j<i} \left\lceil \frac{R_i}{T_j} \right\rceil C_j .$$
 #
@@ -602,10 +601,9 @@ table(
 )
 
 # %% [markdown]
-# The left panel of the chart shows which share of random task sets each
-# test accepts; triangles are simulated runs. For the right panel, all computing times are lengthened by the same factor
-# until a deadline is missed. The utilization at that point is called **breakdown utilization**; the band holds the
-# middle 90% of the sets.
+# The left panel of the chart shows which share of random task sets each test accepts; triangles are simulated runs. For
+# the right panel, all computing times are lengthened by the same factor until a deadline is missed. The utilization at
+# that point is called **breakdown utilization**; the band holds the middle 90% of the sets.
 #
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
 
@@ -616,8 +614,7 @@ show("by_rate_is_best")
 # ### Locks: priority inversion
 #
 # A **lock** protects data that two tasks share: only one task can hold it, and the other has to wait. That wait is the
-# term $B_i$ of the formula. Now consider three tasks. The least urgent one holds a lock. The most urgent one wants it.
-# The middle one uses no lock at all, but computes for a long time.
+# term $B_i$ of the formula. Consider three tasks, of which the least urgent holds a lock.
 
 # %%
 predict("middle_priority")
@@ -893,8 +890,8 @@ table(*lines)
 # timer. If the planner starts when a new scene arrives, the scene no longer waits for the timer, and plans come three
 # times as often. That works only if planning finishes before the next image, so that row uses a planner of 30 ms.
 #
-# Next, the bandwidth. An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs
-# $w\,h\,c\,f$ bytes per second. Colour takes three bytes per pixel and depth two.
+# An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs $w\,h\,c\,f$ bytes per
+# second. Colour takes three bytes per pixel and depth two.
 
 # %% tags=["hide-code"]
 STREAMS = {"VGA colour": (640, 480, 3, 30), "720p colour and depth": (1280, 720, 5, 30)}
@@ -974,9 +971,9 @@ Markdown(f"```python\n{launch.USUAL[launch.USUAL.index('def ') :].strip()}\n```"
 predict("five_comments")
 
 # %% [markdown]
-# We ran this file against a small stand-in for ROS 2's launch system that records what is set. Policies can be set from
-# outside with parameters that begin with `qos_overrides` (since ROS 2 Galactic, 2021), one policy at a time, with times
-# in nanoseconds. The node's source has to allow it.
+# We ran this file against a stand-in for ROS 2's launch system. Policies can be set from outside with parameters that
+# begin with `qos_overrides` (since ROS 2 Galactic, 2021), one policy at a time, with times in nanoseconds. The node's
+# source has to allow it.
 
 # %% tags=["hide-code"]
 usual, ours = (launch.nodes(text) for text in (launch.USUAL, launch.OURS))
@@ -1035,8 +1032,7 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 # * *The planner's topic* needs an override only for its depth, because reliable is the default.
 # * *Names depend on the version.* For RealSense cameras, `depth_module.profile` became `depth_module.depth_profile`
 #   with driver 4.55.1 (May 2024). ROS 2 ignores a name that the node does not declare, without a message.
-# * *Tuning at run time* works only if the node reads the parameter again or registers a callback for changes. A value
-#   that was copied into a variable at the start stays as it was.
+# * *Tuning at run time* works only if the node reads the parameter again or registers a callback for changes.
 
 # %%
 show("processes_isolate")
@@ -1049,8 +1045,8 @@ more_claims("gigabit_is_enough", "launch_comments", "parameters_are_tunable")
 #
 # ### Compatibility in twelve lines
 #
-# The function compares ranked policies, then
-# durations, then the policies that have to be equal (such as DDS's ownership, which ROS 2 does not use):
+# The function compares ranked policies, then durations, then the policies that have to be equal (such as DDS's
+# ownership, which ROS 2 does not use):
 
 # %% tags=["hide-code"]
 body = inspect.getsource(compatible)
@@ -1062,9 +1058,8 @@ Markdown(
 # ### A controller in C++
 #
 # Below is the update function of a controller in the form that ros2_control uses. Array sizes are checked once, when
-# the controller is configured. So `update` needs no check of sizes and no memory allocation, and it never waits for a
-# lock. That matters because an allocation or a wait for a lock can take arbitrarily long. The picture shows where
-# `update` is called:
+# the controller is configured. So `update` checks no sizes, allocates no memory and never waits for a lock: an
+# allocation or a lock can take arbitrarily long. The picture shows where `update` is called:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.6, 1.7), layout="constrained")
@@ -1096,8 +1091,8 @@ folded = f"<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n<
 Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 
 # %% [markdown]
-# A caution about the zero torque in the case of an error: an arm without brakes falls. A real system engages the
-# brakes, or holds the last safe position, when a controller returns `ERROR`.
+# In the error case the torque is zero, and an arm without brakes falls. A real system engages the brakes, or holds the
+# last safe position, when a controller returns `ERROR`.
 #
 # The common alternative computes inside a subscription's callback, like this:
 
@@ -1324,11 +1319,10 @@ predict("late_or_lost")
 # %% [markdown]
 # ![Tracking error added by loss, against the delay of the link, both reliabilities](../docs/charts/late_or_lost.png)
 #
-# The horizontal axis is the one-way delay of the link. On a fast link, the repaired command arrives before the next one
-# is due, and reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and
-# best effort is better. The curves cross where the round trip takes somewhat less than one command period, so compare
-# these two times. A message that is sent *once* (a goal, a change of mode, a stop) has no successor, and needs
-# reliable.
+# The delay on the axis is one-way. On a fast link, the repaired command arrives before the next one is due, and
+# reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and best effort is
+# better. The curves cross where the round trip takes somewhat less than one command period, so compare these two times.
+# A message that is sent *once* (a goal, a change of mode, a stop) has no successor, and needs reliable.
 
 # %% tags=["hide-code"]
 more_claims("joint_states_reliable")
@@ -1378,7 +1372,7 @@ table(*lines)
 # which the joint of chapter 6 stays stable if every cycle is as late as the 99th percentile. With the default scheduler
 # the controller has to be much softer.
 #
-# A priority needs a permission, so read back what was granted. For this process, now:
+# A real-time priority needs a permission, so read back what was granted. For this process, now:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 with loop.urgent() as granted:
@@ -1727,7 +1721,7 @@ plt.show()
 predict("chunk_hides")
 
 # %% [markdown]
-# The table compares three lengths of the chunk, with the times of the question:
+# Three lengths of the chunk, with the times of the question:
 
 # %% tags=["hide-code"]
 think, step = 0.1, 0.02
