@@ -16,15 +16,16 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from course.interview import scenarios
-from course.interview.scenarios import Scenario, explodes
+from course.interview.scenarios import Scenario, explodes, touch
 from tests.drills.place import Place, a_place
 
 __all__ = ["a_place"]
 
 SEEDS = range(6)  # tests/prove has twenty
-LENGTHS = {"explodes": 7, "policy": 6, "touch": 4, "gap": 7, "late": 9, "sure": 5}
+LENGTHS = {"explodes": 7, "policy": 6, "touch": 8, "gap": 7, "late": 9, "sure": 5}
 ALL = [scenarios.scenario(name) for name in scenarios.scenario_names()]
 EACH = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
 CASES = [(one.name, cause.name) for one in ALL for cause in one.causes]
@@ -384,24 +385,50 @@ def test_the_energy_of_a_step_is_that_of_its_scheme() -> None:
 
 
 def test_a_reading_that_is_shifted_is_behind_by_its_shift() -> None:
-    from course.interview.scenarios import touch
     from course.interview.scenarios.programs.touch import ROW
 
     log = np.zeros(2000, dtype=ROW)
     log["force"] = np.random.default_rng(1).normal(5.0, 1.0, 2000)
     for steps in (0, 40, 159):
         log["reading"] = np.roll(log["force"], steps)
-        assert touch.sensor_lag(log, touch.machine("soft_sensor", 0)) == steps / 8
+        assert touch.lag(log, "reading", "force") == steps / 8
+
+
+def test_drive_and_filter_are_first_order_lags() -> None:
+    """Of the command and of the speed, by SciPy's filter; a lag of one step passes all through."""
+    for cause, tune in touch.TUNES.items():
+        log = touch.logged(touch.machine(cause, 1))
+        for behind, signal, constant in (
+            ("drive", "command", tune.rise),
+            ("speed", "v", tune.smooth),
+        ):
+            share = 0.125 / constant
+            expected = lfilter([share], [1.0, share - 1.0], log[signal])
+            assert log[behind] == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+            assert (touch.lag(log, behind, signal) > 1.0) == (constant > 1.0), cause
+
+
+def test_the_loop_has_the_rate_and_the_unit_that_it_was_given() -> None:
+    for cause, tune in touch.TUNES.items():
+        for seed in SEEDS:
+            rate = scenarios.figure("touch", "log_rate", cause, seed)
+            assert rate == pytest.approx(1.0 / tune.slowed, abs=0.02), cause
+            scale = scenarios.figure("touch", "log_scale", cause, seed)
+            assert scale == pytest.approx(tune.scale, rel=0.05), cause
 
 
 def test_what_is_tried_first_helps_at_times() -> None:
-    """Half the step only mends what the step's limit breaks; a softer loop only what is late a
-    little. It is shown whether the symptom is gone, and the price is told."""
+    """Half the step removes only what the step's limit breaks; a softer loop only what is late a
+    little. The verdict shows whether the symptom is gone, and the price.
+    """
     missing = {
         name: {c.name for c in scenarios.scenario(name).causes if helped(name, c.name)}
         for name in ("explodes", "touch")
     }
-    assert missing == {"explodes": {"double_contact", "double_brake"}, "touch": {"uneven_ticks", "soft_sensor"}}
+    assert missing == {
+        "explodes": {"double_contact", "double_brake"},
+        "touch": {"uneven_ticks", "soft_sensor", "slow_drive", "low_rate"},
+    }
 
 
 def helped(name: str, cause: str) -> bool:
