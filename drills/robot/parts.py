@@ -99,6 +99,7 @@ class Bench:
         parts: one for each slot.
         promises: checks of a slot's results, by its name: (args, result) -> "" or a sentence.
         limit: processor time of one call [s]; 0 for trusted parts.
+        functions: parts that are there already, by slot; the others are loaded from their text.
     """
 
     def __init__(
@@ -106,10 +107,14 @@ class Bench:
         parts: dict[str, Part],
         promises: dict[str, Callable[[tuple[Any, ...], Any], str]],
         limit: float = CALL,
+        functions: dict[str, Callable[..., Any]] | None = None,
     ) -> None:
         self.parts, self.promises, self.limit = parts, promises, limit
         self.entering: Callable[[str, int, str], object] | None = None  # called before each call
-        self.functions = {name: load_part(part) for name, part in parts.items()}
+        ready = functions or {}
+        self.functions = {
+            name: ready[name] if name in ready else load_part(part) for name, part in parts.items()
+        }
         self.task = self.tick = 0
         self.seconds = dict.fromkeys(STAGES, 0.0)
         self.counts: dict[str, int] = {}
