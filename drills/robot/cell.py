@@ -97,6 +97,7 @@ class Task(NamedTuple):
         posts: rows (x, y, radius), shape (m, 3) [m].
         clutter: other objects, rows (x, y, heading, half length, half width, height) [m, rad].
         offset: error of the camera's calibration, shape (2,) [m].
+        free: which postures of `joint_map` keep a margin to the posts, shape (n, m).
     """
 
     number: int
@@ -108,6 +109,7 @@ class Task(NamedTuple):
     posts: Array
     clutter: Array
     offset: Array
+    free: NDArray[np.bool_]
 
     def at(self, seconds: float) -> Array:
         """Return the position of the part on the belt, shape (2,) [m]."""
@@ -200,9 +202,13 @@ def acceleration(
 # --- the map of joint angles ----------------------------------------------------------------------
 
 
-def joint_map(
-    cell: Cell, posts: Array, gaps: Callable[..., Array]
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+def grid() -> tuple[Array, Array]:
+    """Return the angles of both joints at which the map of postures is evaluated [rad]."""
+    first = np.arange(-math.pi + 0.5 * GRID, math.pi, GRID)
+    return first, np.arange(-ELBOW + 0.5 * GRID, ELBOW, GRID)
+
+
+def joint_map(cell: Cell, posts: Array, gaps: Callable[..., Array]) -> NDArray[np.bool_]:
     """Return which postures are free, on a grid of joint angles.
 
     Args:
@@ -211,19 +217,18 @@ def joint_map(
         gaps: `clearance`, or its compiled form.
 
     Returns:
-        The grid's angles of each joint, and whether the arm has its margin there, shape (n, m).
+        Whether the arm has its margin at each posture of `grid`, shape (n, m).
     """
-    first = np.arange(-math.pi + 0.5 * GRID, math.pi, GRID)
-    second = np.arange(-ELBOW + 0.5 * GRID, ELBOW, GRID)
+    first, second = grid()
     q = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     wide = posts + np.array([0.0, 0.0, cell.width + MARGIN])
     free = gaps(cell.lengths, wide, q) > 0.0
-    return first, second, free.reshape(first.size, second.size)
+    return np.asarray(free.reshape(first.size, second.size))
 
 
-def shadows(cell: Cell, posts: Array, gaps: Callable[..., Array] = clearance) -> Array:
-    """Return discs that cover the outline of the blocked postures, shape (n, 3) [rad]."""
-    first, second, free = joint_map(cell, posts, gaps)
+def shadows(free: NDArray[np.bool_]) -> Array:
+    """Return discs that cover the outline of the blocked postures of a map, shape (n, 3) [rad]."""
+    first, second = grid()
     near = np.zeros_like(free)
     near[1:] |= free[:-1]
     near[:-1] |= free[1:]
@@ -246,15 +251,12 @@ def postures(lengths: tuple[float, float], target: Array) -> Array:
     return np.array(rows)
 
 
-def _solvable(
-    cell: Cell, posts: Array, ends: list[Array], gaps: Callable[..., Array]
-) -> bool:
+def _solvable(cell: Cell, posts: Array, free: NDArray[np.bool_], ends: list[Array]) -> bool:
     """Return whether one region of free postures holds the home and a posture of each end."""
-    first, second, free = joint_map(cell, posts, gaps)
 
     def cell_of(q: Array) -> tuple[int, int]:
-        i = min(max(int((q[0] + math.pi) / GRID), 0), first.size - 1)
-        return i, min(max(int((q[1] + ELBOW) / GRID), 0), second.size - 1)
+        i = min(max(int((q[0] + math.pi) / GRID), 0), free.shape[0] - 1)
+        return i, min(max(int((q[1] + ELBOW) / GRID), 0), free.shape[1] - 1)
 
     wide = posts + np.array([0.0, 0.0, cell.width])
     reached = np.zeros_like(free)
@@ -317,7 +319,8 @@ def make_task(
         ends = (
             [part, slot] if not velocity else [part, part + 2.0 * speed, part + 4.0 * speed, slot]
         )
-        if not _solvable(cell, posts, ends, gaps):
+        free = joint_map(cell, posts, gaps)
+        if not _solvable(cell, posts, free, ends):
             continue
         clutter: list[list[float]] = []
         for (x, y), turn, low in zip(spots, turns, lows, strict=True):
@@ -331,7 +334,7 @@ def make_task(
                 clutter.append([*place, turn, 0.03 + 0.01 * low, 0.025, height])
         offset = level.offset * np.array([math.cos(bearing), math.sin(bearing)])
         rows = np.array(clutter).reshape(-1, 6)
-        return Task(number, seed, part, heading, speed, slot, posts, rows, offset)
+        return Task(number, seed, part, heading, speed, slot, posts, rows, offset, free)
 
 
 # --- the camera -----------------------------------------------------------------------------------

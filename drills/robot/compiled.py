@@ -30,14 +30,16 @@ from course.kinematics import TwoLink
 from course.kinematics.inverse import METHODS, step
 from course.kinematics.two_link import accelerations
 from course.perception.cloud import _kernel, _ransac
+from course.perception.registration import _NO_PARTS as NO_PARTS
+from course.perception.registration import _kernels as icp_loop
 from course.pipeline.theory import look_limit, look_noise
 from course.planning import worlds
 from course.rigid_body.integrators import velocity_verlet
 from drills.robot import cell as scene
-from drills.robot.cell import Level, Task, World
+from drills.robot.cell import Level, Task
 from drills.robot.engine import Engine
 from drills.robot.records import Array, Cell
-from drills.robot.slots import Part
+from drills.robot.slots import COURSE, YOURS, Part
 
 if TYPE_CHECKING:
     from drills.robot.loop import Arm
@@ -317,9 +319,7 @@ def _camera(shape: tuple[int, int], *numbers: float) -> perception.Camera:
     return perception.Camera(shape[1], shape[0], *numbers)
 
 
-def back_project(
-    picture: Array, fx: float, fy: float, cx: float, cy: float, unit: float
-) -> Array:
+def back_project(picture: Array, fx: float, fy: float, cx: float, cy: float, unit: float) -> Array:
     """Return the points of a picture with `course.perception.back_project`."""
     camera = _camera(picture.shape, fx, fy, cx, cy)
     return perception.back_project(picture * unit, camera)[0]
@@ -345,18 +345,27 @@ def dbscan(points: Array, eps: float, least: int) -> Array:
     return np.asarray(perception.dbscan(points, eps, least)[0])
 
 
-_MODELS: dict[bytes, perception.Cloud] = {}
+@functools.lru_cache(maxsize=2)
+def _model(points: bytes, normals: bytes) -> perception.Cloud:
+    rows = (np.frombuffer(values).reshape(3, -1) for values in (points, normals))
+    return perception.Cloud.of(*rows)
+
+
+# Two passes of the loop are a step and a look at what it left. Nothing is too far to be matched.
+_GATES, _LIMITS, _MOBILE = np.full(2, np.inf), np.array([0.0, -1.0]), np.ones(6, np.bool_)
 
 
 def point_to_plane_step(points: Array, model: Array, normals: Array) -> tuple[Array, Array]:
-    """Return one step of `course.perception.icp`, as the motion of the points."""
-    key = model.tobytes()
-    if key not in _MODELS:
-        _MODELS.clear()
-        _MODELS[key] = perception.Cloud.of(model, normals)
-    fit = perception.icp(points, _MODELS[key], iterations=1, tolerance=0.0)
-    # The fit is the pose of the model in the frame of the points; the points move the other way.
-    return fit.R.T, -fit.R.T @ fit.p
+    """Return one step of chapter 7's loop for ICP, as the motion of the points."""
+    tree, n = _model(model.tobytes(), normals.tobytes()), points.shape[1]
+    R, p = np.eye(3), np.zeros(3)
+    room = np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.int64), np.zeros((6, 6)), np.zeros(6)
+    icp_loop()[3](
+        np.ascontiguousarray(points.T), np.zeros(n), tree.points, tree.normals, tree.axes,
+        tree.cuts, *NO_PARTS, R, p, _GATES, _LIMITS, _MOBILE, 1, *room,
+    )  # fmt: skip
+    # That is the pose of the model in the frame of the points: the points move the other way.
+    return R.T, -R.T @ p
 
 
 def visual_gain(gain: float, delay: int) -> tuple[float, float]:
@@ -575,10 +584,10 @@ def engine_of(parts: list[Part]) -> Engine:
     Raises:
         ValueError: for a part of the learner's, which belongs into the sandbox.
     """
-    own = [part.slot for part in parts if part.holder == "yours"]
+    own = [part.slot for part in parts if part.holder == YOURS]
     if own:
         raise ValueError(f"parts must be the course's or a library's, got your {', '.join(own)}")
-    held = {part.slot for part in parts if part.holder == "course"}
+    held = {part.slot for part in parts if part.holder == COURSE}
     functions = {name: function for name, function in FUNCTIONS.items() if name in held}
     whole = all(name in held for name in DRIVEN)
     return Engine(functions, render, clearance, nearest, on_a_face, drive if whole else None)

@@ -6,7 +6,8 @@ A learner's part runs in the sandbox's child process, which has NumPy and no fil
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,7 +55,7 @@ class Engine(NamedTuple):
             is a call of the control part and of the physics part.
     """
 
-    functions: dict[str, Callable[..., Any]] = {}
+    functions: Mapping[str, Callable[..., Any]] = MappingProxyType({})
     render: Callable[..., Array] = scene.render
     clearance: Callable[..., Array] = scene.clearance
     nearest: Callable[[Array, Array], Array] = nearest

@@ -117,9 +117,7 @@ class Arm:
             self.bench.tick = self.ticks
             reference = np.array((q[i], v[i], a[i]))
             measured = self.q + noise[i]
-            tau = self.stages.control(
-                Command(measured, self.v, reference, self.kp, self.kd, hold)
-            )
+            tau = self.stages.control(Command(measured, self.v, reference, self.kp, self.kd, hold))
             tau = np.minimum(np.maximum(tau, -limits), limits)
             if self.queue:
                 self.queue.append(tau)
@@ -333,7 +331,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     messages = tracker.messages()
     if messages is None:
         raise Stopped("perception never saw the part")
-    shadow = scene.shadows(cell, task.posts, arm.engine.clearance)
+    shadow = scene.shadows(task.free)
     ahead = 0.0
     for attempt in range(1 if level.speed == 0.0 else 3):
         estimate = stages.estimate(messages)

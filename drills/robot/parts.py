@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 import types
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -107,7 +107,7 @@ class Bench:
         parts: dict[str, Part],
         promises: dict[str, Callable[[tuple[Any, ...], Any], str]],
         limit: float = CALL,
-        functions: dict[str, Callable[..., Any]] | None = None,
+        functions: Mapping[str, Callable[..., Any]] | None = None,
     ) -> None:
         self.parts, self.promises, self.limit = parts, promises, limit
         self.entering: Callable[[str, int, str], object] | None = None  # called before each call

@@ -81,9 +81,9 @@ def build(cell: Cell, bench: Bench, engine: Engine = PLAIN) -> Stages:
 
     def _pose(cloud: Array) -> Sighting:
         middle = cloud[:2].mean(axis=1)
-        spread = np.cov(cloud[:2])
-        axis = np.linalg.eigh(spread)[1][:, 1]
-        R = _about_z(math.atan2(axis[1], axis[0]))
+        xx, xy, yy = _spread(cloud)
+        # Along the direction of the largest variance.
+        R = _about_z(0.5 * math.atan2(2.0 * xy, xx - yy))
         p = np.append(middle, 0.0)
         # Low points are close to the table, where the cluster may have lost some.
         weights = np.where(cloud[2] > 0.4 * cell.height, 1.0, 0.5)
@@ -255,13 +255,20 @@ def _of_the_part(cell: Cell, cloud: Array, labels: Array) -> Array | None:
         cluster = cloud[:, labels == label]
         if cluster.shape[1] < 10:
             continue
-        top = float(np.quantile(cluster[2], 0.9))
-        size = math.sqrt(float(np.trace(np.cov(cluster[:2]))))
+        tall = np.sort(cluster[2])
+        top = float(tall[round(0.9 * (tall.size - 1))])
+        size = math.sqrt(float(np.sum(_spread(cluster)[[0, 2]])))
         # As tall as the part, and as wide: a tenth of the height counts as much as 4 mm.
         unlike = abs(top - 0.95 * cell.height) + abs(size - 0.032)
         if unlike < best:
             best, chosen = unlike, cluster
     return chosen if best < 0.03 else None
+
+
+def _spread(cloud: Array) -> Array:
+    """Return the variance along x, the covariance, and the variance along y [m^2]."""
+    x, y = cloud[:2] - cloud[:2].mean(axis=1, keepdims=True)
+    return np.array([x @ x, x @ y, y @ y]) / (x.size - 1)
 
 
 def _about_z(angle: float) -> Array:
