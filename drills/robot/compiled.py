@@ -38,6 +38,7 @@ from course.rigid_body.integrators import velocity_verlet
 from drills.robot import cell as scene
 from drills.robot.cell import Level, Task
 from drills.robot.engine import Engine
+from drills.robot.parts import load_part
 from drills.robot.records import Array, Cell
 from drills.robot.slots import COURSE, YOURS, Part
 
@@ -327,7 +328,7 @@ def back_project(picture: Array, fx: float, fy: float, cx: float, cy: float, uni
 
 def plane_ransac(
     points: Array, triples: Array, tolerance: float, confidence: float
-) -> tuple[Array, Array, int]:
+) -> tuple[Array, NDArray[np.intp], int]:
     """Return the plane with most inliers with chapter 7's loop, on the triples given."""
     plane = np.empty(4)
     cloud = np.ascontiguousarray(points)
@@ -337,7 +338,7 @@ def plane_ransac(
     inner = cloud[:, np.abs(plane[:3] @ cloud + plane[3]) <= tolerance]
     plane = perception.fit_plane(inner)
     near = np.flatnonzero(np.abs(plane[:3] @ cloud + plane[3]) <= tolerance)
-    return plane, near, tried
+    return plane, near, int(tried)
 
 
 def dbscan(points: Array, eps: float, least: int) -> Array:
@@ -583,12 +584,13 @@ def engine_of(parts: list[Part]) -> Engine:
 
     Raises:
         ValueError: for a part of the learner's, which belongs into the sandbox.
+        PartFailed: for a part that can't be loaded.
     """
     own = [part.slot for part in parts if part.holder == YOURS]
     if own:
         raise ValueError(f"parts must be the course's or a library's, got your {', '.join(own)}")
-    held = {part.slot for part in parts if part.holder == COURSE}
-    functions = {name: function for name, function in FUNCTIONS.items() if name in held}
+    held = {part.slot: part for part in parts if part.holder == COURSE}
+    functions = {name: FUNCTIONS.get(name) or load_part(part) for name, part in held.items()}
     whole = all(name in held for name in DRIVEN)
     return Engine(functions, render, clearance, nearest, on_a_face, drive if whole else None)
 

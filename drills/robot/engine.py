@@ -47,7 +47,7 @@ class Engine(NamedTuple):
     """Functions that the loop calls; all have a plain and a compiled form with the same arguments.
 
     Attributes:
-        functions: compiled parts by the name of their slot; the other parts are loaded from text.
+        functions: known parts by the name of their slot; the others are loaded and checked.
         render: as `cell.render`.
         clearance: as `cell.clearance`.
         nearest, on_a_face: as above.

@@ -84,7 +84,7 @@ class Robot:
         engine: Engine = PLAIN,
     ) -> None:
         self.cell, self.level, self.world, self.seed = Cell(), level, world, seed
-        # Compiled parts are the course's: the tests hold them to their promises.
+        # What the engine brings is the course's: the tests hold it to its promises.
         checks = {
             part.slot: promises_of(part.slot, part.holder)
             for part in parts
@@ -143,7 +143,8 @@ def prepare(
 ) -> list[Any] | None:
     """Load the parts in the child; returns the failure of one, or None."""
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # what parts print would flood the pipe
-    given = World(*(tuple(v) if isinstance(v, list) else v for v in world))
+    values: list[Any] = [tuple(v) if isinstance(v, list) else v for v in world]
+    given = World(*values)
     try:
         listed = [Part(*part) for part in parts]
         chosen = (str(fault[0]), float(fault[1])) if fault else None

@@ -40,14 +40,18 @@ def arm(lengths, masses, gravity):
 # Open3D asks for the system's libusb when it is imported; a package brings it along.
 _OPEN3D = """
 import ctypes
+import mimetypes
 import os
 
+mimetypes.knownfiles.clear()  # which a part in the sandbox may not read
 import libusb_package
 import numpy as np
 
 os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")
 ctypes.CDLL(str(libusb_package.get_library_path()), ctypes.RTLD_GLOBAL)
 import open3d
+
+open3d.utility.random.seed(1)
 
 
 def cloud_of(points):

@@ -222,12 +222,17 @@ class Tracker:
         self.seen.append(one)
 
     def _update(self, position: Array, now: float) -> None:
-        F = np.eye(4) + (now - self.last) * np.eye(4, k=2)
         age, self.last = now - self.last, now
-        growth = DRIFT * np.array([[age**3 / 3.0, age**2 / 2.0], [age**2 / 2.0, age]])
-        if not self.level.speed:
-            growth = 0.0 * growth
-        state, P = F @ self.state, F @ self.covariance @ F.T + np.kron(growth, np.eye(2))
+        F = np.eye(4)
+        F[0, 2] = F[1, 3] = age
+        state, P = F @ self.state, F @ self.covariance @ F.T
+        if self.level.speed:
+            # White noise of the acceleration, the same along x and y.
+            for i in (0, 1):
+                P[i, i] += DRIFT * age**3 / 3.0
+                P[i, i + 2] += DRIFT * age**2 / 2.0
+                P[i + 2, i] += DRIFT * age**2 / 2.0
+                P[i + 2, i + 2] += DRIFT * age
         # A centimetre of noise per pixel would still give a millimetre in the pose.
         S = P[:2, :2] + (0.5 * self.level.noise + 1e-5) ** 2 * np.eye(2)
         K = np.linalg.solve(S, P[:2]).T

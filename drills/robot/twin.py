@@ -8,11 +8,10 @@ from drills.robot.cell import World
 from drills.robot.levels import CELL
 from drills.robot.records import Cell
 
-GAP = 1.0  # of chapter 8: how far its parameters are from the simulator's
 DELAY = 0.01  # s, of a torque, as in that chapter
 
 
-def imperfect_world(cell: Cell = CELL, gap: float = GAP, delay: float = DELAY) -> World:
+def imperfect_world(gap: float, cell: Cell = CELL, delay: float = DELAY) -> World:
     """Return the arm at a distance from what the robot's programs believe, as in chapter 8.
 
     `course.sim_to_real.real` moves all parameters along one direction: heavier links, an unknown
@@ -20,8 +19,8 @@ def imperfect_world(cell: Cell = CELL, gap: float = GAP, delay: float = DELAY) -
     second joint has half the dry friction of the first, as there.
 
     Args:
-        cell: what the programs believe.
         gap: 0 for an arm as believed but for the damping of chapter 8's arm, up to 1.25.
+        cell: what the programs believe.
         delay: of a torque [s], rounded to ticks.
     """
     plant = real(gap, delay)
