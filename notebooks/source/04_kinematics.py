@@ -1113,7 +1113,7 @@ result = measure(
     lambda remaining, zero: float(np.median(remaining)),
     reference_check=np.zeros(40),
     tolerance=1e-6,
-    repeats=3,
+    repeats=15,
     best=True,
     question="How large is the error after given steps, and after a given time?",
     error_unit="m, rad",
