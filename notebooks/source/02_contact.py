@@ -212,10 +212,10 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 # The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
 # other. Each corner of the polygon that remains becomes a contact point.
 #
-# GJK sees a shape only through its support function, and that function cannot see a hollow. GJK works on the **convex
-# hull** of a shape, the smallest convex shape around it; for GJK, a mug is solid. A **convex decomposition** cuts such
-# a shape into convex pieces before the simulation starts. How many pieces is a compromise between speed and accuracy
-# that somebody has to choose.
+# GJK sees a shape only through its support function, and that function cannot see a hollow. GJK works on the
+# **convex hull** of a shape, the smallest convex shape around it. For GJK, a mug is solid.
+# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts. How many pieces is a
+# compromise between speed and accuracy that somebody has to choose.
 # %%
 show("concave_mesh_is_its_hull")
 # %%
