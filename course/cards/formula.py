@@ -153,5 +153,9 @@ def _set(run: list[Token]) -> str:
 def _crosses(run: list[Token], position: int) -> bool:
     """Return whether an x between two symbols or before a bracket is a cross product."""
     after = [kind for kind, _ in run[position + 1 : position + 3]]
-    alone = len(run) == 5 and all(kind in ("greek", "symbol") for kind, _ in run[::2])
+    kinds = [kind for kind, _ in run[max(position - 3, 0) : position + 4]]
+    bracketed = kinds[:1] == ["open"] and kinds[-1:] == ["close"]
+    pair = kinds[1:-1] if bracketed else kinds
+    alone = len(pair) == 5 and (bracketed or len(run) == 5)
+    alone = alone and all(kind in ("greek", "symbol") for kind in pair[::2])
     return bool(position) and after[:1] == ["space"] and (alone or after == ["space", "open"])

@@ -27,6 +27,7 @@ def open_text(markdown: str) -> str:
         ("rate omega sqrt((I2 - I1) / I3), and", r"rate $\omega \sqrt{(I_2 - I_1) / I_3}$, and"),
         ("short by (omega h)^3 / 12 to", r"short by $(\omega h)^{3} / 12$ to"),
         ("the term omega x (I omega).", r"the term $\omega \times (I \omega )$."),
+        ("the term m (c x a_P)", r"the term $m (c \times a_{P})$"),
         ("the term Omega x L", r"the term $\Omega \times L$"),
         ("v^2/2 - omega^2 h x v/2 is", r"$v^{2}/2 - \omega ^{2} h x v/2$ is"),
         ("it adds m*g^2*h^2/2 a step", r"it adds $m\, g^{2}\, h^{2}/2$ a step"),

@@ -88,7 +88,7 @@ class Scenario:
         symptom: (cause, seed, repair or None) -> the figure.
         spread: how far the figures of the causes may lie apart, as a share of their mean.
         removed: figure -> whether the symptom is gone.
-        causes, probes, repairs: at least four, eight to twelve, and one for each cause at least.
+        causes, probes, repairs: at least eight, eight to fourteen, and one for each cause at least.
         popular: name of the repair that many try first.
         price: (cause, seed, repair) -> what the repair costs, in `price_words`.
         price_words: what the price is; 1 is what the machine without a fault costs.

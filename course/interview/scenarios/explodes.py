@@ -25,7 +25,11 @@ class Tune:
     The growth of a step is about log(1000) / 1000 = 0.007. With a = omega dt of one stop:
     explicit Euler grows by (a^2 - 2 zeta a - rub) / 2; a brake that is late by tau grows where
     cos(omega tau) < 0; friction of the wrong sign by (rub - 2 zeta a) / 2; twice the stiffness
-    turns -1 into an eigenvalue at 2 a^2 + 4 sqrt(2) zeta' a = 4, zeta' = zeta / sqrt(2).
+    turns -1 into an eigenvalue at 2 a^2 + 4 sqrt(2) zeta' a = 4, zeta' = zeta / sqrt(2); a brake
+    that acts twice does so near 4 zeta a = 2; a depth that is held for n steps is old by
+    (n - 1) / 2 of them and grows by about a^2 (n - 1) / 4, less the damping; a drive that pushes
+    outward harder than the stops push back grows without a swing; an integral grows where it
+    exceeds Routh's limit, damping * (stiffness + gain) / mass.
 
     Attributes:
         a: sqrt(stiffness / mass) dt.
@@ -35,22 +39,36 @@ class Tune:
         age: delay of the brake's measurement, in steps.
         turned: whether the friction has the wrong sign.
         blend: weight of the new velocity in the position update.
+        brakes: number of brakes that act.
+        every: steps from one contact detection to the next.
+        gain: of the drive, as a share of the stiffness.
+        encoder: direction in which the drive measures.
+        integral: of the drive, times dt^3 / mass.
     """
 
     a: float
     zeta: float
-    rub: float
+    rub: float = 0.001
     points: int = 1
     age: int = 0
     turned: bool = False
     blend: float = 1.0
+    brakes: int = 1
+    every: int = 1
+    gain: float = 0.05
+    encoder: float = 1.0
+    integral: float = 0.0
 
 
 TUNES = {
-    "double_contact": Tune(0.9, 0.66303, 0.001, points=2),
-    "explicit_step": Tune(0.126, 0.002, 0.001, blend=0.0),
-    "late_brake": Tune(0.15, 0.0676, 0.001, age=16),
-    "wrong_friction": Tune(0.15, 0.01, 0.01734, turned=True),
+    "double_contact": Tune(0.9, 0.6517, points=2),
+    "explicit_step": Tune(0.1222, 0.002, blend=0.0),
+    "late_brake": Tune(0.15, 0.06514, age=16),
+    "wrong_friction": Tune(0.15, 0.01, 0.01758, turned=True),
+    "double_brake": Tune(0.3, 1.6353, brakes=2),
+    "held_contact": Tune(0.09916, 0.02, every=5),
+    "turned_encoder": Tune(0.014585, 0.1, gain=1.4, encoder=-1.0),
+    "eager_integral": Tune(0.15, 0.02, integral=5.08e-4),
 }
 
 
@@ -64,12 +82,17 @@ def machine(cause: str, seed: int) -> Machine:
         mass=mass,
         stiffness=mass * omega**2,
         stops=((0.0, 1.0), (0.0, -1.0)) * tune.points,
+        every=tune.every,
         damping=2.0 * tune.zeta * omega * mass,
+        brakes=tune.brakes,
         age=tune.age,
         friction=friction,
         slow=friction * GRAVITY * dt / tune.rub,
         rail=-guide if tune.turned else guide,
         guide=guide,
+        gain=tune.gain * mass * omega**2,
+        integral=tune.integral * mass / dt**3,
+        encoder=tune.encoder,
         blend=tune.blend,
         dt=dt,
         start=start,
@@ -86,6 +109,10 @@ REPAIRS = {
     "new_speed_first": lambda one: replace(one, blend=1.0),
     "fresh_speed": lambda one: replace(one, age=0),
     "one_axis": lambda one: replace(one, rail=one.guide),
+    "damp_once": lambda one: replace(one, brakes=1),
+    "detect_each_step": lambda one: replace(one, every=1),
+    "turn_encoder": lambda one: replace(one, encoder=1.0),
+    "no_integral": lambda one: replace(one, integral=0.0),
     "halve_step": halved,
     "soften": lambda one: replace(one, stiffness=one.stiffness / 4),
 }
@@ -138,9 +165,14 @@ def brake_lag(log: Rows) -> int:
     return int(np.argmax([np.corrcoef(log["brake"][50:], v)[0, 1] < -0.999 for v in speeds]))
 
 
+def held_share(log: Rows) -> float:
+    """Return the share of steps in which the stops push exactly as in the step before."""
+    return float(np.mean(np.diff(log["push"]) == 0.0))
+
+
 def stops_gain(cause: str, seed: int) -> float:
-    """Return the share of energy gained in ten steps with neither brake nor friction."""
-    one = replace(machine(cause, seed), damping=0.0, friction=0.0)
+    """Return the share of energy gained in ten steps with no brake, friction or drive."""
+    one = replace(machine(cause, seed), damping=0.0, friction=0.0, gain=0.0, integral=0.0)
     log = simulate(one, 1001)  # a thousand steps lie between its rows
     x, v, old = log["x"], log["v"], 1.0 - one.blend
     # What the scheme keeps on a spring: with the new speed first, a skewed energy.
@@ -158,12 +190,12 @@ def hooke(cause: str, seed: int) -> float:
 SCENARIO = Scenario(
     name="explodes",
     title="It explodes after about a thousand steps",
-    prompt="A slide on a rail rests between two elastic stops. A brake and friction should take "
-    "away what little motion it has at the start. Instead it swings out further and further, and "
-    "after about a thousand steps it is lost. A run lasts three times as long; if the slide is not "
-    "lost by then, the end of the run is entered, so a ratio of times is at most about three. You "
-    "may read the program; the parameters of the machine are on a computer on which you can only "
-    "run things. What is it, and what do you change?",
+    prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. A "
+    "brake and friction should take away what little motion it has at the start. Instead it moves "
+    "out further and further, and after about a thousand steps it is lost. A run lasts three times "
+    "as long; if the slide is not lost by then, the end of the run is entered, so a ratio of times "
+    "is at most about three. You may read the program; the parameters of the machine are on a "
+    "computer on which you can only run things. What is it, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,
@@ -179,7 +211,7 @@ SCENARIO = Scenario(
         ),
         Cause(
             "explicit_step",
-            "The place moves with the old speed: explicit Euler, which gains "
+            "The position moves with the old speed: explicit Euler, which gains "
             "energy on a spring at every step, however small.",
             "new_speed_first",
         ),
@@ -191,9 +223,34 @@ SCENARIO = Scenario(
         ),
         Cause(
             "wrong_friction",
-            "The speed is told along one axis and the friction applied along "
+            "The speed is measured along one axis and the friction applied along "
             "the opposite one: friction drives the slide.",
             "one_axis",
+        ),
+        Cause(
+            "double_brake",
+            "The damping is entered for the slide and for the rail, so the brake acts twice. The "
+            "brake uses the old speed, and twice the damping turns more than the whole speed "
+            "around in one step.",
+            "damp_once",
+        ),
+        Cause(
+            "held_contact",
+            "Contacts are detected every few steps only, and the stops push with the depth of the "
+            "last detection. An old depth is a spring that pushes late: it feeds the swing.",
+            "detect_each_step",
+        ),
+        Cause(
+            "turned_encoder",
+            "The encoder of the drive counts the wrong way, so the sign of its gain is wrong: the "
+            "drive pushes the slide away from the middle, harder than the stops push back.",
+            "turn_encoder",
+        ),
+        Cause(
+            "eager_integral",
+            "The drive integrates the error too fast. Above Routh's limit, damping times "
+            "stiffness over mass, an integral makes any swing grow.",
+            "no_integral",
         ),
     ),
     probes=(
@@ -238,6 +295,14 @@ SCENARIO = Scenario(
             0.1,
         ),
         Probe(
+            "drive_off",
+            "no drive: ratio of the times until it is lost",
+            "",
+            3,
+            later(lambda one: replace(one, gain=0.0, integral=0.0)),
+            0.1,
+        ),
+        Probe(
             "count_contacts",
             "most contact points that push in one step",
             "",
@@ -271,8 +336,16 @@ SCENARIO = Scenario(
             1.0,
         ),
         Probe(
+            "log_push",
+            "share of steps in which the stops push exactly as in the step before",
+            "",
+            4,
+            logged(held_share),
+            0.05,
+        ),
+        Probe(
             "log_energy",
-            "neither brake nor friction: share of energy gained in ten steps",
+            "no brake, friction or drive: share of energy gained in ten steps",
             "",
             5,
             stops_gain,
@@ -289,9 +362,13 @@ SCENARIO = Scenario(
     ),
     repairs=(
         Repair("share_stiffness", "The contact points of a stop share its stiffness."),
-        Repair("new_speed_first", "The place moves with the new speed: semi-implicit Euler."),
+        Repair("new_speed_first", "The position moves with the new speed: semi-implicit Euler."),
         Repair("fresh_speed", "The brake uses the speed of this step."),
-        Repair("one_axis", "Speed and friction are told along the same axis."),
+        Repair("one_axis", "Speed and friction use the same axis."),
+        Repair("damp_once", "The damping is entered once: one brake acts."),
+        Repair("detect_each_step", "Contacts are detected in every step."),
+        Repair("turn_encoder", "The encoder counts the other way if it counts the wrong way."),
+        Repair("no_integral", "The drive does not integrate: stops and gain centre the slide."),
         Repair("halve_step", "Half the step."),
         Repair("soften", "A quarter of the stiffness."),
     ),
@@ -299,5 +376,5 @@ SCENARIO = Scenario(
     price=price,
     price_words="steps a second or sag, whichever is more, against the design",
     affordable=1.5,
-    path=4,
+    path=7,
 )

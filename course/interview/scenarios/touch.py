@@ -29,6 +29,10 @@ class Tune:
         ring: natural frequency of the sensor times a tick.
         late: the most that a tick is late, in ticks.
         room, limit: of the integral and of the drive [N].
+        rise, smooth: time constants of the drive and of the filter of the speed, in ticks.
+        scale: reading of the sensor for one newton.
+        slowed: length of a tick of the loop, by what it is meant to be.
+        brake: of the speed, times tick / mass.
     """
 
     gain: float
@@ -38,13 +42,22 @@ class Tune:
     late: float = 0.0
     room: float = 2.0
     limit: float = 20.0
+    rise: float = 0.125
+    smooth: float = 0.125
+    scale: float = 1.0
+    slowed: float = 1.0
+    brake: float = 0.12
 
 
 TUNES = {
-    "late_loop": Tune(2.25, delay=4),
-    "windup": Tune(1.0, integral=0.224, room=36.0, limit=15.0),
+    "late_loop": Tune(2.0, delay=4),
+    "windup": Tune(1.0, integral=0.216, room=36.0, limit=15.0),
     "uneven_ticks": Tune(2.2, late=12.0),
-    "soft_sensor": Tune(2.05, ring=0.17),
+    "soft_sensor": Tune(1.7, ring=0.17),
+    "slow_drive": Tune(2.0, rise=4.0),
+    "slow_speed": Tune(0.85, smooth=15.0),
+    "low_rate": Tune(2.0, slowed=3.0),
+    "other_unit": Tune(2.1, scale=4.448, brake=0.08),
 }
 
 
@@ -68,14 +81,19 @@ def machine(cause: str, seed: int) -> Machine:
         stiffness=mass * (0.2 / tick) ** 2,
         damping=0.04 * mass / tick,
         limit=tune.limit,
+        rise=tune.rise * tick,
         ring=tune.ring / tick,
+        scale=tune.scale,
         period=tick,
-        periods=(tick * np.roll(lateness(tune.late), int(draw.integers(100)))).tolist(),
+        periods=(
+            tune.slowed * tick * np.roll(lateness(tune.late), int(draw.integers(100)))
+        ).tolist(),
         delay=tune.delay,
         target=10.0,
         gain=tune.gain,
         integral=tune.integral / tick,
-        brake=0.12 * mass / tick,
+        brake=tune.brake * mass / tick,
+        smooth=tune.smooth * tick,
         room=tune.room,
         dt=tick / 8,
         start=near * 0.05 * (tick / 2e-3) ** 2,
@@ -83,8 +101,14 @@ def machine(cause: str, seed: int) -> Machine:
 
 
 def even(one: Machine) -> Machine:
-    """Return a loop that is never late."""
-    return replace(one, periods=[one.period])
+    """Return a loop that is never late, at the rate at which it runs on average."""
+    return replace(one, periods=[float(np.mean(one.periods))])
+
+
+def full_rate(one: Machine) -> Machine:
+    """Return a loop that runs at the rate that it is meant to have, as unevenly as before."""
+    faster = one.period / np.mean(one.periods)
+    return replace(one, periods=[float(faster * length) for length in one.periods])
 
 
 REPAIRS: dict[str, Change] = {
@@ -92,6 +116,10 @@ REPAIRS: dict[str, Change] = {
     "bound_integral": lambda one: replace(one, room=2.0),
     "even_ticks": even,
     "stiff_mount": lambda one: replace(one, ring=RING / one.period),
+    "fast_drive": lambda one: replace(one, rise=one.dt),
+    "raw_speed": lambda one: replace(one, smooth=one.dt),
+    "full_rate": full_rate,
+    "read_newtons": lambda one: replace(one, scale=1.0),
     "soften": lambda one: replace(one, gain=one.gain / 4),
     "pad": lambda one: replace(one, stiffness=one.stiffness / 10),
 }
@@ -152,12 +180,27 @@ def tick_spread(log: Rows, one: Machine) -> float:
     return float(ticks.max() / ticks.min())
 
 
-def sensor_lag(log: Rows, one: Machine) -> float:
-    """Return by how many nominal ticks the reading is behind the force."""
-    force, largest = log["force"], 160
-    reading = log["reading"][largest:] - log["reading"][largest:].mean()
-    shifts = np.lib.stride_tricks.sliding_window_view(force, len(reading))[largest:0:-1]
-    return float(np.argmax(shifts @ reading / shifts.std(axis=1))) / 8
+def rate(log: Rows, one: Machine) -> float:
+    """Return the ticks of the loop over those that it should have had."""
+    return float(log["ticks"][-1] * one.period / (len(log) * one.dt))
+
+
+def scale(log: Rows, one: Machine) -> float:
+    """Return the mean reading over the mean force."""
+    return float(log["reading"].mean() / log["force"].mean())
+
+
+def lag(log: Rows, behind: str, signal: str) -> float:
+    """Return by how many nominal ticks one column of the log is behind another."""
+    ahead, largest = log[signal], 160
+    later = log[behind][largest:] - log[behind][largest:].mean()
+    shifts = np.lib.stride_tricks.sliding_window_view(ahead, len(later))[largest:0:-1]
+    return float(np.argmax(shifts @ later / shifts.std(axis=1))) / 8
+
+
+def lag_of(behind: str, signal: str) -> Run:
+    """Return the probe that reads such a lag from a log."""
+    return read(lambda log, one: lag(log, behind, signal))
 
 
 def first_command(log: Rows, one: Machine) -> float:
@@ -169,9 +212,9 @@ SCENARIO = Scenario(
     name="touch",
     title="The arm oscillates when it touches",
     prompt="The tip of an arm comes down on a steel plate and should press on it with ten "
-    "newtons. In the air it is calm. As soon as it touches it hammers, and does not stop. The "
-    "program is what you may read; the numbers of the machine are on a controller that you can "
-    "only run things on. What is it, and what do you change?",
+    "newtons. In the air it is calm. As soon as it touches, it hammers and does not stop. You may "
+    "read the program; the parameters of the machine are on a controller on which you can only run "
+    "things. What is it, and what do you change?",
     symptom_words="swing of the force",
     unit="N",
     symptom=symptom,
@@ -200,6 +243,30 @@ SCENARIO = Scenario(
             "soft_sensor",
             "The sensor sits on a soft mount: its reading is behind the force.",
             "stiff_mount",
+        ),
+        Cause(
+            "slow_drive",
+            "The drive needs some ticks to build up the commanded force: the loop always acts on "
+            "an error that is gone.",
+            "fast_drive",
+        ),
+        Cause(
+            "slow_speed",
+            "The speed that the brake uses comes from a slow filter. The brake pulls when the "
+            "arm has turned round already, and takes no energy out of the swing.",
+            "raw_speed",
+        ),
+        Cause(
+            "low_rate",
+            "The loop was started at a third of its rate. Each command is held for three times as "
+            "long, although the gains were chosen for the full rate.",
+            "full_rate",
+        ),
+        Cause(
+            "other_unit",
+            "The sensor reports pounds and the loop reads them as newtons: the gain of the loop "
+            "is 4.4 times what it was tuned for.",
+            "read_newtons",
         ),
     ),
     probes=(
@@ -267,8 +334,35 @@ SCENARIO = Scenario(
             "ticks by which the reading is behind a gauge under the plate",
             "ticks",
             6,
-            read(sensor_lag),
+            lag_of("reading", "force"),
             1.0,
+        ),
+        Probe(
+            "log_rate", "ticks of the loop over those it should have had", "", 3, read(rate), 0.1
+        ),
+        Probe(
+            "log_scale",
+            "mean reading over the mean of a gauge under the plate",
+            "",
+            6,
+            read(scale),
+            0.2,
+        ),
+        Probe(
+            "log_drive",
+            "ticks by which the force of the drive is behind the command",
+            "ticks",
+            7,
+            lag_of("drive", "command"),
+            0.5,
+        ),
+        Probe(
+            "log_speed",
+            "ticks by which the speed that the brake uses is behind the arm",
+            "ticks",
+            7,
+            lag_of("speed", "v"),
+            0.5,
         ),
         Probe(
             "fixed_rate",
@@ -284,6 +378,10 @@ SCENARIO = Scenario(
         Repair("bound_integral", "The integral stays within a fifth of the target."),
         Repair("even_ticks", "The loop gets a core and a clock of its own."),
         Repair("stiff_mount", "The sensor sits on a stiff mount."),
+        Repair("fast_drive", "A drive that builds up its force within a tick."),
+        Repair("raw_speed", "The brake uses the speed without the filter."),
+        Repair("full_rate", "The loop runs at the rate that it was tuned for."),
+        Repair("read_newtons", "The reading is converted to newtons."),
         Repair("soften", "A quarter of the force gain."),
         Repair("pad", "A pad with a tenth of the stiffness on the plate."),
     ),
@@ -291,5 +389,5 @@ SCENARIO = Scenario(
     price=price,
     price_words="error under a sudden load or sag, whichever is more, against the design",
     affordable=1.5,
-    path=4,
+    path=8,
 )

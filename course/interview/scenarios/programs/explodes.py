@@ -1,4 +1,4 @@
-"""A slide on a rail between elastic stops: it is let go a little off the middle and should rest."""
+"""A slide on a rail between elastic stops: released a little off the middle, it should rest."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,41 +14,50 @@ class Machine:
     Attributes:
         mass: of the slide [kg].
         stiffness: of one stop [N/m].
-        stops: (place [m], direction in which it pushes, +1 or -1) of every contact point.
-        damping: of the brake, which acts on the measured speed [N s/m].
+        stops: (position [m], direction in which it pushes, +1 or -1) of every contact point.
+        every: steps from one contact detection to the next; in between, the depth is held.
+        damping: of one brake, which acts on the measured speed [N s/m].
+        brakes: how many of them act.
         age: steps from a measurement to its use.
         friction: coefficient between slide and rail.
         slow: speed below which friction grows with the speed [m/s].
         rail, guide: directions of the axes of force and speed, +1 or -1.
+        gain, integral: of the drive that centres the slide [N/m, N/(m s)].
+        encoder: direction in which the drive measures, +1 or -1.
         blend: how much of the new speed moves the slide, from 0 to 1.
         dt: step [s].
-        start: place at the beginning [m].
+        start: position at the beginning [m].
     """
 
     mass: float
     stiffness: float
     stops: Sequence[tuple[float, float]]
+    every: int
     damping: float
+    brakes: int
     age: int
     friction: float
     slow: float
     rail: float
     guide: float
+    gain: float
+    integral: float
+    encoder: float
     blend: float
     dt: float
     start: float
 
 
-# One row a step: place [m], speed [m/s], forces [N], contact points that pushed.
-ROW = np.dtype([(name, float) for name in ("x", "v", "push", "brake", "rub", "touching")])
+# One row a step: position [m], speed [m/s], forces [N], contact points that pushed.
+ROW = np.dtype([(name, float) for name in ("x", "v", "push", "brake", "rub", "drive", "touching")])
 GRAVITY = 9.81
 
 
 def contact_force(machine: Machine, x: float) -> tuple[float, int]:
     """Return the force of the stops [N], and how many contact points push."""
     force, touching = 0.0, 0
-    for place, direction in machine.stops:
-        depth = direction * (place - x)
+    for position, direction in machine.stops:
+        depth = direction * (position - x)
         if depth > 0.0:
             force += direction * machine.stiffness * depth
             touching += 1
@@ -63,17 +72,23 @@ def friction_force(machine: Machine, v: float) -> float:
 
 
 def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
-    """Let the slide go; what happened in so many steps, a `ROW` each."""
+    """Release the slide and return what happens in that many steps, a `ROW` each."""
     log = []
-    x, v = machine.start, 0.0
+    x, v, total = machine.start, 0.0, 0.0
+    detected = x
     measured = [0.0] * machine.age
     for i in range(steps):
         measured.append(v)
-        push, touching = contact_force(machine, x)
-        brake = -machine.damping * measured[i]
+        if i % machine.every == 0:
+            detected = x
+        push, touching = contact_force(machine, detected)
+        brake = -machine.brakes * machine.damping * measured[i]
         rub = friction_force(machine, v)
-        log.append((x, v, push, brake, rub, touching))
-        faster = v + machine.dt * (push + brake + rub) / machine.mass
+        off = machine.encoder * x
+        total += machine.dt * off
+        drive = -machine.gain * off - machine.integral * total
+        log.append((x, v, push, brake, rub, drive, touching))
+        faster = v + machine.dt * (push + brake + rub + drive) / machine.mass
         x += machine.dt * (machine.blend * faster + (1.0 - machine.blend) * v)
         v = faster
     return np.array(log, dtype=ROW)
