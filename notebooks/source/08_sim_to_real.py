@@ -78,7 +78,7 @@ simulation("sim_to_real")
 # run again with `python -m course.derivations 8`. Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(8)
 
@@ -1978,6 +1978,15 @@ check(tune_randomised)
 
 # %%
 answer("slip_force", "m*g")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# The pick-and-place robot of `drills robot` has a flag for this chapter: `--twin` replaces its exact arm with one that
+# is a quarter of the gap of this chapter away from what the robot's programs believe.
+
+# %%
+your_robot(8)
 
 # %% [markdown]
 # ## 9 · Frontier: ranges and models that are found automatically
