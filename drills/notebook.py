@@ -274,8 +274,12 @@ class RobotButton(Shown):
 
 
 _ROBOT_TEXT = {
-    8: "The button plays your robot with the exact arm and with the imperfect arm of this chapter.",
-    9: "This chapter fills no slot. The button compares your whole robot with the course's.",
+    8: "Put it into your robot. This chapter fills no slot. It is the flag --twin: an arm that is "
+    "a quarter of the gap away from what the robot's programs believe. The button plays your robot "
+    "with the exact arm and with that one.",
+    9: "Put it into your robot. This chapter fills no slot, but any stage can be a file of yours, "
+    "such as a trained policy: drills robot run --own control=FILE.py. The button compares your "
+    "whole robot with the course's.",
     10: "The button plays your robot with fresh images and with images that arrive late.",
 }
 

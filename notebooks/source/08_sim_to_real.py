@@ -1979,12 +1979,6 @@ check(tune_randomised)
 # %%
 answer("slip_force", "m*g")
 
-# %% [markdown]
-# ### Put it into your robot
-#
-# The pick-and-place robot of `drills robot` has a flag for this chapter: `--twin` replaces its exact arm with one that
-# is a quarter of the gap of this chapter away from what the robot's programs believe.
-
 # %%
 your_robot(8)
 

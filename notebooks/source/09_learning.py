@@ -1547,12 +1547,6 @@ check(training_round)
 # %%
 answer("first_to_finish", "p")
 
-# %% [markdown]
-# ### Put it into your robot
-#
-# The pick-and-place robot of `drills robot` runs your graded answers. Any of its stages can also be a file of your own,
-# such as a trained policy: `drills robot run --own control=FILE.py`.
-
 # %%
 your_robot(9)
 
