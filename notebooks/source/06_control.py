@@ -6,8 +6,7 @@
 #
 # The most common rule is **PID**. It adds three torques: one proportional to the error (gain Kp), one to the error
 # summed over time (Ki), and one to the rate of the error (Kd). Below, it drives one joint to the dashed target. Answer
-# the card first<span class="kernel-only">, run the cells</span>, then press *Play* and drag the target. *Settled* means
-# within 2 % of the step for good; section 1 explains the last four readouts.
+# the card first<span class="kernel-only">, run the cells</span>, then press *Play* and drag the target.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -33,7 +32,8 @@ simulation("joint")
 # * choose among four controllers for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
+# In the simulation, *settled* means within 2 % of the step for good. Section 1 explains the growth and the margins. You
+# need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
@@ -536,11 +536,10 @@ plt.show()
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
 # **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
-# over by itself, such as an upright pendulum, gravity can then win, because it pulls harder than the motor can. In the
-# map, the motor has half of the torque that holds the pendulum horizontally. The command is a high gain times (angle +
-# rate), with the rate divided by $\sqrt{g/l}$: this sum is the part of the motion that grows. The purple states are
-# caught, the orange ones are lost, on a grid. At the edge the controller commands the full torque all the way, so other
-# gains do no better:
+# over by itself, such as an upright pendulum, gravity can then win. In the map, the motor has half of the torque that
+# holds the pendulum horizontally. The command is a high gain times (angle + rate), with the rate divided by
+# $\sqrt{g/l}$: this sum is the part of the motion that grows. The purple states are caught, the orange ones are lost,
+# on a grid. At the edge the controller commands the full torque all the way, so other gains do no better:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -696,11 +695,13 @@ plt.show()
 
 # %% [markdown]
 # The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward is even
-# ahead of computed torque here. With the gains chosen, its P term at the elbow is stiffer ($K_p$ against $M_{22}K_p$ in
-# computed torque). Also, the held torque of computed torque lags behind the measured motion. (The preview below removes
-# that lag.) But feedforward assumes that the arm is on its planned motion; after a disturbance, its PD part has to
-# bring the arm back alone. Computed torque uses the measured state. Put its torque into the equation of motion. The
-# velocity terms and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
+# ahead of computed torque here. With the gains chosen, its P term at the elbow is stiffer ($K_p$ against $M_{22}K_p$).
+# Also, the held torque of computed torque lags behind the measured motion. (The preview below removes that lag.) But
+# feedforward assumes that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back
+# alone.
+#
+# Computed torque uses the measured state. Put its torque into the equation of motion. The velocity terms and gravity
+# cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
@@ -957,11 +958,11 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
-# (crosses) contains the braking with the limited force. MPC saves nothing if the limit is active in one stretch from
-# the start, or never. Let the plan's cost end with $x^\mathsf{T}Px$ of its last state. Then MPC and the clipped LQR
-# give the same command in such runs. This mass is at the limit twice: first to speed up, then to brake. The left chart
-# shows how much MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins the
-# search at the previous plan:
+# (crosses) contains the braking with the limited force. This mass is at its limit twice: first to speed up, then to
+# brake. MPC saves nothing if the limit is active in one stretch from the start, or never. Then it gives the same
+# commands as the clipped LQR, provided that the plan's cost ends with $x^\mathsf{T}Px$ of its last state. The left
+# chart shows how much MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins
+# the search at the previous plan:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 
@@ -1242,9 +1243,11 @@ plt.show()
 # A contact task passes through free space, approach and contact, and each suits another controller. The table compares
 # the controllers at a wall of 10 kN/m, on one probe of 4 kg with a delay of 2 ms. (Hybrid control is the force
 # controller along the normal and the stiff one along the surface.) *Lowest rate* is the lowest sample rate at which the
-# loop is stable, not a recommendation. For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. A set-point
-# of position moves on at that speed and stops 20 mm inside the wall; the force controller asks for 10 N. *Surface 2 mm
-# off* is the change of the steady force when the surface is 2 mm nearer than expected.
+# loop is stable, not a recommendation.
+#
+# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. A set-point of position moves on at that speed and
+# stops 20 mm inside the wall; the force controller asks for 10 N. *Surface 2 mm off* is the change of the steady force
+# when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1415,10 +1418,12 @@ Markdown("\n".join(lines))
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
 # about the same time. (The adaptive law is called from Python, the others are compiled, so its time says little about
-# the method.) With the wrong model, computed torque is far behind PD with gravity compensation. But this compares
-# gains, not controllers: here the PD spring at the elbow is seven times as stiff as that of computed torque,
-# $M_{22}K_p$. At equal stiffness computed torque errs more with the wrong model, by less than a factor of two. With the
-# right one it is ahead by a factor of more than a hundred:
+# the method.)
+#
+# With the wrong model, computed torque is far behind PD with gravity compensation. But this compares gains, not
+# controllers: here the PD spring at the elbow is seven times as stiff as that of computed torque, $M_{22}K_p$. At equal
+# stiffness computed torque errs more with the wrong model, by less than a factor of two. With the right one it is ahead
+# by a factor of more than a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
@@ -1805,7 +1810,8 @@ for price in (1e-4, 1.0):
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open the one-minute answer, the full answer and the likely follow-up questions.
+# Answer aloud, then open the one-minute answer, the full answer and the likely follow-up questions. The questions on
+# legged robots, on stops and on people go beyond this page.
 
 # %%
 interview("control")
