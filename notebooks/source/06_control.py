@@ -32,7 +32,7 @@ simulation("joint")
 # * choose among four controllers for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means within 2 % of the step for good. Section 1 explains the growth and the margins. You
+# In the simulation, *settled* means within 2 % of the step for good. Section 1 explains the other readouts. You
 # need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
