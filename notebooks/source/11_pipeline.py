@@ -1198,6 +1198,25 @@ more_claims("mesh_cost")
 #
 # Graded exercises. `check` runs your cell on fresh cases, and says what is wrong and, where possible, why.
 #
+# ### Latency and throughput of a pipeline
+#
+# A warm-up: two numbers that are often confused.
+
+# %%
+card("throughput")
+
+
+# %%
+def throughput(stages, workers):
+    """Return latency, throughput and bottleneck of a pipeline."""
+    # One image after the other, through all stages.
+    total = float(np.sum(stages))
+    return total, 1.0 / total, int(np.argmax(stages))
+
+
+check(throughput)
+
+# %% [markdown]
 # ### Shares of an error
 
 # %%
