@@ -32,7 +32,7 @@ simulation("middleware")
 # real DDS, Eclipse Cyclone.
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(10)
 
@@ -1701,6 +1701,14 @@ check(follow_part)
 
 # %%
 answer("picture_lost_like_packet", "12*p")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# The pick-and-place robot of `drills robot` receives its images as messages. What does it cost when they arrive late?
+
+# %%
+your_robot(10)
 
 # %% [markdown]
 # ## 9 · Frontier: fewer nodes, the same clocks
