@@ -1472,9 +1472,9 @@ show("rare_and_sure")
 # %% [markdown]
 # If the failures lie in one direction only, it helps to keep the width of the proposal at least as large as that of the
 # real disturbances. A **defensive mixture**, which draws a tenth of the runs from the original distribution, did not
-# help here. With two failure regions, neither the minimum width nor the mixture helps. Now the arm itself. We vary six
-# disturbances: bias and target velocity (two components each), latency, and tilt. There are no discs, and the noise is
-# small and always the same, so this rate is not the one of section 1, whose failures come from noise.
+# help here. With two failure regions, neither the minimum width nor the mixture helps. Now the arm, with six
+# disturbances: bias and target velocity (two components each), latency, tilt. Without discs and with little noise, the
+# rate is not that of section 1:
 
 # %% tags=["hide-code"]
 scene, quiet = Scenario(discs=()), Settings(noise=0.01)
@@ -1504,8 +1504,7 @@ table(["proposal", "seed", "failure rate", "95 % interval", "effective number"],
 # %% [markdown]
 # The intervals of the fitted proposal contradict each other. Those with a width of at least 1 lie closer together, but
 # the estimates still differ by almost a factor of two. So the arm's failure rate is known to its order of magnitude
-# only. A run takes milliseconds, so some ten thousand plain samples take a few minutes. Run them before you report a
-# number; this page leaves them out to stay fast.
+# only. Plain samples take milliseconds each: run some ten thousand before you report a number.
 #
 # And if a sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval, a
 # confidence interval for a success rate, says what such a sample leaves open:
@@ -1519,8 +1518,8 @@ for runs in (100, 1000, 10_000):
 # ### Tune it end to end?
 #
 # You can tune the filter and the gains *together*, by random search on the final error. Or you can tune them *one after
-# the other*: the filter with an ideal arm, then the gains with ideal perception. Both get the same number of runs here.
-# Both are then judged on new seeds and on another target.
+# the other*: the filter with an ideal arm, then the gains with ideal perception. Both get the same number of runs, and
+# are judged on new seeds and on another target.
 
 # %% tags=["hide-code"]
 rng, seeds = np.random.default_rng(4), range(12)
@@ -1567,16 +1566,16 @@ head = ["rms error [mm] (95 % interval of the change)", "seeds used for tuning",
 table([*head, "another target"], *rows)
 
 # %% [markdown]
-# On the seeds used for tuning, both methods gain about two millimetres. On new seeds of the same task nothing of that
-# is left: with so few runs, tuning fitted their noise. On another target, where the defaults are worse, both gain about
-# one millimetre. The two methods do not differ clearly. Tuning together can also find errors that cancel (section 2).
+# The gain on the tuning seeds is gone on new seeds: with so few runs, tuning fitted the noise. On another target, both
+# methods gain about a millimetre. They do not differ clearly. Tuning together can also find errors that cancel (section
+# 2).
 #
 # ### One policy instead of three stages
 #
 # Suppose a learned policy replaces perception, planning and control. Estimate, path and reference then no longer exist,
-# and their contracts disappear with them. Four kinds of checks remain at its edges: the time stamps of the inputs;
-# whether the motors deliver the torques that the policy commands; the speeds and energy of the motion; and its
-# clearance from the discs, from the arm's own model. Which of the ten faults would these still detect?
+# and their contracts disappear with them. Four checks remain at its edges: time stamps of the inputs, delivered against
+# commanded torques, speeds and energy of the motion, and its clearance, from the arm's own model. Which of the ten
+# faults do they detect?
 
 # %% tags=["hide-code"]
 edges, near, measured = ("age", "control", "move"), 0.02, Counter()  # m of clearance
@@ -1598,8 +1597,8 @@ blind = ", ".join(name for name, share in measured.items() if share <= 0.5)
 print(textwrap.fill(f"not seen: {blind}", 96))
 
 # %% [markdown]
-# A policy can be asked for one more output that it does not need itself: its estimate of the target position, with an
-# uncertainty. That restores the first contract.
+# Ask the policy for one more output: its estimate of the target position, with an uncertainty. That restores the first
+# contract.
 #
 # ## 10 · Interview
 #
