@@ -465,11 +465,11 @@ more_claims("root_sum_square")
 # few; the fold-out below has the numbers.
 #
 # In a simulator you can remove most of that uncertainty. Give both variants the same seeds: the same noise in the same
-# frames. The part of the noise's effect that both share then cancels when you subtract. These are **common random
-# numbers**. They work only if each stage has its own random-number generator. With one generator for all, a stage that
-# draws one number fewer shifts the numbers of every stage after it, and the two variants no longer face the same noise.
-# With common and with separate seeds, the measured difference is right on average. With common seeds you usually need
-# fewer runs to see it.
+# frames. The part of the noise's effect that both share then cancels when you subtract. These are
+# **common random numbers**. They work only if each stage has its own random-number generator. With one generator for
+# all, a stage that draws one number fewer shifts the numbers of every stage after it, and the two variants no longer
+# face the same noise. With common and with separate seeds, the measured difference is right on average. With common
+# seeds you usually need fewer runs to see it.
 
 # %%
 show("same_seeds")
