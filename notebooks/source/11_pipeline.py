@@ -767,7 +767,7 @@ table(head, *rows)
 predict("raw_estimate")
 
 # %% [markdown]
-# ![Success, plans and error against noise, and the last plan against the planner's step](../docs/charts/noise_and_filter.png)
+# ![Success, plans and error against noise; last plan against the planner's step](../docs/charts/noise_and_filter.png)
 #
 # Without the filter, success collapses (top left) once many frames jump by more than the replanning distance. With the
 # filter it falls slowly. If the planner ran only once, the arm would smooth this noise, and most runs would still end
