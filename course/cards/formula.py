@@ -103,7 +103,8 @@ def _strong(run: list[Token], unit: bool) -> bool:
         return True
     if not symbols or (unit and set(symbols) <= _UNITS):
         return False
-    others = {word for kind, word in words[1:] if kind != "symbol"}
+    # "3 N 768 times" is an amount and then a number, not a product.
+    others = {word for kind, word in words[1:] if kind not in ("symbol", "number")}
     if kinds[0] == "number" and others <= {"/"} and set(symbols) <= _UNITS:
         return False
     if len(words) == 1:
@@ -152,5 +153,9 @@ def _set(run: list[Token]) -> str:
 def _crosses(run: list[Token], position: int) -> bool:
     """Return whether an x between two symbols or before a bracket is a cross product."""
     after = [kind for kind, _ in run[position + 1 : position + 3]]
-    alone = len(run) == 5 and all(kind in ("greek", "symbol") for kind, _ in run[::2])
+    kinds = [kind for kind, _ in run[max(position - 3, 0) : position + 4]]
+    bracketed = kinds[:1] == ["open"] and kinds[-1:] == ["close"]
+    pair = kinds[1:-1] if bracketed else kinds
+    alone = len(pair) == 5 and (bracketed or len(run) == 5)
+    alone = alone and all(kind in ("greek", "symbol") for kind in pair[::2])
     return bool(position) and after[:1] == ["space"] and (alone or after == ["space", "open"])

@@ -439,7 +439,7 @@ class Information:
                 f"{name:<12} standard error {error:.2g}" if known else f"{name:<12} not identified"
             )
         if "friction" in self.unknown and self.friction_at_least > 0:
-            lines[1] += f", but at least {self.friction_at_least:.4g}: the block stuck"
+            lines[1] += f", but at least {self.friction_at_least:.4g} at this mass: it stuck"
         values = ", ".join(f"{value:.3g}" for value in self.singular_values)
         return "\n".join([*lines, f"singular values {values}"])
 
@@ -535,7 +535,9 @@ class Recovery:
                 f"{name:<12} {value:.5f} +- {error:.5f}" if known else f"{name:<12} not identified"
             )
         if "friction" in self.information.unknown and self.information.friction_at_least > 0:
-            lines[1] += f", but at least {self.information.friction_at_least:.4g}: the block stuck"
+            lines[1] += (
+                f", but at least {self.information.friction_at_least:.4g} at this mass: it stuck"
+            )
         verdict = "fits" if self.fits else "does NOT fit: try another guess, or doubt the model"
         lines.append(f"chi^2 per degree {self.chi_squared_per_degree:.3g}: {verdict}")
         return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Your robot's versions over time: success and cycle time of each, beside the course's."""
+"""Your robot's versions over time: success and cycle time of each, compared with the course's."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ def versions(runs: list[dict[str, Any]], number: int) -> list[dict[str, Any]]:
     """Return the runs of a level in the order of time, one for each robot: its last one."""
     last: dict[str, dict[str, Any]] = {}
     for run in runs:
-        if run.get("level") == number and not run.get("twin") and isinstance(run.get("robot"), str):
+        if (
+            run.get("level") == number
+            and run.get("twin", False) is False
+            and isinstance(run.get("robot"), str)
+        ):
             last.pop(run["robot"], None)
             last[run["robot"]] = run
     return list(last.values())
@@ -24,7 +28,7 @@ def versions(runs: list[dict[str, Any]], number: int) -> list[dict[str, Any]]:
 def rows(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return of each run: when, hash, success with its interval, cycle time and own parts.
 
-    A run that can't be read is left out.
+    A run that can't be read is skipped.
     """
     result = []
     for run in runs:

@@ -1,6 +1,8 @@
-"""Play many tasks: in two child processes of the sandbox, a task at a time, with a progress bar.
+"""Play many tasks, with a progress bar.
 
-The learner's parts never run in this process. What comes back is plain data, checked by shape.
+A robot with a part of the learner's runs in two child processes of the sandbox, a task at a time:
+the learner's parts never run in this process, and what comes back is plain data, checked by shape.
+A robot of the course's and libraries' parts runs here, compiled.
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ from course.check import count
 from drills.robot import inside
 from drills.robot.cell import Level, World
 from drills.robot.levels import exact_world
+from drills.robot.parts import PartFailed
 from drills.robot.records import Array, Breach, Failure, Outcome
-from drills.robot.slots import NAMED, STAGES, Part
+from drills.robot.slots import NAMED, STAGES, YOURS, Part
 from drills.sandbox import Child, Ended, Limits, Raised
 
 CHILDREN = 2
@@ -44,7 +47,7 @@ class Played(NamedTuple):
         signals: positions in the log of each task, shape (n, signals, 2) [m].
         breaches: promises that parts broke.
         failure: the part that stopped the run, or None.
-        logs: motions of the tasks that were kept, by number: joint angles, shape (k, 2) [rad].
+        logs: motions of the filmed tasks, by number: joint angles, shape (k, 2) [rad].
     """
 
     numbers: Array
@@ -89,6 +92,8 @@ def play(
         All outcomes; up to the failure where a part stops the run.
     """
     count("tasks", tasks, 1)
+    if all(part.holder != YOURS for part in parts):
+        return _known(parts, level, tasks, seed, world or exact_world(), fault, filmed, progress)
     outcomes: list[Outcome] = []
     stop, lock, remaining = threading.Event(), threading.Lock(), iter(range(tasks))
     source = inside.bundle()
@@ -130,6 +135,33 @@ def play(
     return gather(outcomes)
 
 
+def _known(
+    parts: list[Part],
+    level: Level,
+    tasks: int,
+    seed: int,
+    world: World,
+    fault: tuple[str, float] | None,
+    filmed: frozenset[int],
+    progress: Progress | None,
+) -> Played:
+    """Play with parts of the course and of libraries, in this process and compiled."""
+    from drills.robot.compiled import engine_of
+
+    try:
+        robot = inside.Robot(parts, level, world, seed, 0.0, fault, engine_of(parts))
+    except PartFailed as failed:
+        return gather([_stopped(failed.failure)])
+    outcomes: list[Outcome] = []
+    for number in range(tasks):
+        outcomes.append(robot.play(number, number in filmed))
+        if progress is not None:
+            progress(len(outcomes), tasks)
+        if outcomes[-1]["failure"]:
+            break
+    return gather(outcomes)
+
+
 def _settings(
     parts: list[Part], level: Level, world: World, seed: int, fault: tuple[str, float] | None
 ) -> tuple[Any, ...]:
@@ -150,7 +182,7 @@ def _prepare(child: Child, settings: tuple[Any, ...]) -> Failure | None:
     try:
         answer = child.given("prepare", *settings)
     except Ended as ended:
-        # While parts are loaded, one at a time would tell which; the sentence tells how.
+        # Which part it was is unknown while they load; the sentence says how it ended.
         names = [part[0] for part in settings[0] if part[1] == "yours"]
         text = f"{ended.sentence} One of: {', '.join(names)}."
         return Failure(names[0] if names else "", "too slow", text, 0, -1, 0, "")

@@ -20,8 +20,8 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# Choose the second preset, which uses the old velocity, and then the third, which uses the new one. Their impacts are
-# perfectly elastic, and the impact times are located, so all the change of energy is an error of the steps in flight.
+# Choose the second preset in the menu, which uses the old velocity, and then the third, which uses the new one. Their
+# impacts are elastic and located exactly, so all change of energy is an error of the steps in flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
 # store and update an orientation so that it neither drifts nor fails at some attitude; choose an integrator by its
@@ -30,10 +30,10 @@ simulation("bouncing_box")
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and shows the answer in a simulation, a drawing or a
-# chart. Some cards show a statement, and you choose between *true*, *false* and *true only if*. Derivations are folded
-# away. Every measured number comes from a cell on this page or from a check that `python -m course.derivations 1` runs
-# again. The code is the package `course.rigid_body`. Six exercises wait in section 8:
+# Most sections explain an idea, ask you about it, and show the answer. Some cards show a statement, and you choose
+# between *true*, *false* and *true only if*. Derivations are folded away. Every measured number comes from a cell on
+# this page or from a check that `python -m course.derivations 1` runs again. The code is the package
+# `course.rigid_body`. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -66,7 +66,7 @@ def source(*functions):
 #
 # ### How many numbers describe a rigid body?
 #
-# Before a simulator can move a body, it has to store what the body is doing.
+# A simulator has to store what a body is doing.
 #
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
 # about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
@@ -92,33 +92,32 @@ draw_box(axes_, np.eye(3), "0.35")
 round_ = np.linspace(0.3, 2 * np.pi - 0.7, 40)
 for k, (colour, name) in enumerate((("tab:blue", "x"), ("tab:orange", "y"), ("tab:green", "z"))):
     unit, across = np.eye(3)[k], np.roll(np.eye(3), -k - 1, axis=0)[:2]
-    tip, base = sheet @ (2.0 * unit), sheet @ (0.75 * unit)
+    reach = 0.6 if name == "x" else 0.0  # the axis that points at the reader is drawn longer
+    tip, base = sheet @ ((2.0 + reach) * unit), sheet @ (0.75 * unit)
     axes_.annotate("", tip, base, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2})
-    ring = 1.5 * unit + 0.3 * (
+    ring = (1.5 + reach) * unit + 0.3 * (
         np.cos(round_)[:, None] * across[0] + np.sin(round_)[:, None] * across[1]
     )
     flat = ring @ sheet.T
     axes_.plot(*flat.T, color=colour, lw=1.5)
     axes_.annotate("", flat[-1], flat[-4], arrowprops={"arrowstyle": "-|>", "color": colour})
-    axes_.annotate(
-        f"along and about {name}", tip, (6, -4), textcoords="offset points", color=colour
-    )
-axes_.set(aspect="equal", title="six degrees of freedom", xlim=(-2.4, 3.6), ylim=(-1.3, 2.3))
+    place = (-130, -14) if name == "x" else (6, -4)
+    axes_.annotate(f"along and about {name}", tip, place, textcoords="offset points", color=colour)
+axes_.set(aspect="equal", title="six degrees of freedom", xlim=(-4.0, 3.8), ylim=(-1.5, 2.3))
 axes_.axis("off")
 plt.show()
 # %% [markdown]
 # How many numbers you *store* depends on how you write the orientation. The set of all orientations is called
-# **SO(3)**. It has three dimensions. As with longitude at the poles, any three numbers fail somewhere (they are
-# **singular** there):
+# **SO(3)**. It has three dimensions. But whichever three numbers you choose, at some orientations a small turn changes
+# them by a huge amount, as longitude does near a pole. They are **singular** there:
 #
 # | orientation stored as | numbers | with position and velocities | drawback |
 # |---|---|---|---|
 # | three successive rotation angles, the **Euler angles** | 3 | 12 | singular at some orientations |
-# | a unit **quaternion**, four numbers of length one | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
+# | a unit **quaternion**, explained below | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
 #
-# In the plane, two coordinates, one angle and their three rates make six numbers. Engines call the six degrees of
-# freedom of an unattached body a *free joint*.
+# Engines call the six degrees of freedom of an unattached body a *free joint*.
 # %%
 more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
@@ -140,11 +139,11 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
 # rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
 #
-# Now look at a body without torque. $L$ is constant in space. But the body turns, and $I$, seen from space, turns
-# with it. If $L = I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation
-# moves although nothing pushes. There is one exception. If the body spins about a principal axis, $L$ and $\omega$
-# are parallel and stay so. In the simulation, $\omega$ sweeps the *space cone* in space and the *body cone* in the
-# body.
+# Now look at a body without torque. $L$ is constant in space. But the body turns, and $I$, seen from space, turns with
+# it. If $L = I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves
+# although nothing pushes. There is one exception. If the body spins about a principal axis, $L$ and $\omega$ are
+# parallel and stay so. In the simulation, the tip of $\omega$ draws a green curve in space and a pink one in the body.
+# The surfaces that the arrow sweeps are the *space cone* and the *body cone*.
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -232,21 +231,25 @@ def momentum_path(start, steps, dt=0.01):
 towards = np.array([1.0, 1.25, 0.75]) / np.linalg.norm([1.0, 1.25, 0.75])
 across = np.cross([0.0, 0.0, 1.0], towards) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], towards))
 plane = np.array([across, np.cross(towards, across)])
-figure_, (left, right) = plt.subplots(1, 2, figsize=(10, 4.4), layout="constrained")
+figure_, (left, right) = plt.subplots(
+    1, 2, figsize=(11.5, 4.4), width_ratios=(1.3, 1), layout="constrained"
+)
 left.add_patch(plt.Circle((0, 0), 1, facecolor="0.95", edgecolor="0.6"))
 starts = {
     "tab:blue": [(1, 0.25, 0), (1, 0.5, 0), (1, 0.8, 0)],
     "tab:green": [(0, 0.25, 1), (0, 0.5, 1), (0, 0.8, 1)],
-    "tab:red": [(0.02, 1, 0), (-0.02, -1, 0)],
+    "tab:red": [(0.02, 1, 0), (-0.02, 1, 0), (0.02, -1, 0), (-0.02, -1, 0)],
 }
 for colour, several in starts.items():
     for start in several:
         path = momentum_path(start, 4000)
         flat, front = path @ plane.T, path @ towards > 0
         left.plot(*np.where(front[:, None], flat, np.nan).T, color=colour, lw=1.6)
-        left.plot(*np.where(front[:, None], np.nan, flat).T, color=colour, lw=0.5, alpha=0.4)
+        left.plot(*np.where(front[:, None], np.nan, flat).T, color=colour, lw=0.7, ls=":")
+left.plot([], [], color="0.5", ls=":", lw=0.9, label="on the far side")
+left.legend(loc="lower right", fontsize=9, frameon=False)
 names = ("1: smallest moment", "2: middle moment", "3: largest moment")
-for axis, name, place in zip(plane.T, names, ((-20, -22), (-20, 26), (10, 6)), strict=True):
+for axis, name, place in zip(plane.T, names, ((-125, 45), (65, 0), (85, -2)), strict=True):
     left.plot(*axis, "ko", ms=4)
     left.annotate(
         name,
@@ -254,9 +257,9 @@ for axis, name, place in zip(plane.T, names, ((-20, -22), (-20, 26), (10, 6)), s
         place,
         textcoords="offset points",
         fontsize=9,
-        bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1},
+        arrowprops={"arrowstyle": "-", "lw": 0.6},
     )
-left.set(xlim=(-1.05, 1.05), ylim=(-1.05, 1.05), aspect="equal", title="paths of $L$ in the body")
+left.set(xlim=(-1.75, 1.95), ylim=(-1.05, 1.05), aspect="equal", title="paths of $L$ in the body")
 left.axis("off")
 time = 0.01 * np.arange(4001)
 for row, start, colour in (
@@ -265,7 +268,12 @@ for row, start, colour in (
     (2, (0, 0.02, 1), "tab:green"),
 ):
     right.plot(
-        time, momentum_path(start, 4000)[:, row], color=colour, label=f"about axis {row + 1}"
+        time,
+        momentum_path(start, 4000)[:, row],
+        color=colour,
+        label=f"about axis {row + 1}",
+        lw=5 if row == 0 else 1.8,  # axes 1 and 3 give the same line
+        alpha=0.4 if row == 0 else 1,
     )
 right.set(
     xlabel="time [s]",
@@ -279,7 +287,8 @@ lowest = [
     momentum_path(start, 4000)[:, row].min()
     for row, start in enumerate([(1, 0.02, 0), (0.02, 1, 0), (0, 0.02, 1)])
 ]
-print("lowest component along the start axis:", "  ".join(f"{x:+.3f}" for x in lowest))
+print("lowest component of L along the start axis, in 40 s:")
+print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # %% [markdown]
 # How fast does the unstable disturbance grow? Let the body spin with $\Omega$ about its middle axis, $I_1 < I_2 < I_3$.
 # A small disturbance grows like $e^{\sigma t}$ with
@@ -308,13 +317,13 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # %% [markdown]
 # ### What keeps a spinning top up?
 #
-# A spinning top leans over and does not fall. The torque of gravity is $\tau = r\times mg$ with $r$ from the tip to
-# the centre of mass. It is horizontal and perpendicular to the axis. Without spin, $L$ grows along the torque: that
-# is tipping. If the top spins fast, there is already a large $L$ along the axis. The same torque adds a small
-# sideways piece to it in each moment, so the axis turns sideways.
+# A spinning top leans over and does not fall. The torque of gravity is $\tau = r\times mg$ with $r$ from the tip to the
+# centre of mass. It is horizontal and perpendicular to the axis. Without spin, $L$ starts at zero and grows along the
+# torque: the top turns about a horizontal axis, it tips over. With a fast spin, there is already a large $L$ along the
+# axis. The torque adds a small sideways piece at every instant, so the axis turns sideways.
 #
-# This slow circling is called **precession**. With the angular momentum $L$ and the lever $l$ its rate is about
-# $mgl/L$: the faster the spin, the slower the precession. Released with its axis at rest, the top also nods:
+# This slow circling is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is
+# about $mgl/L$: the faster the spin, the slower the precession. Released with its axis at rest, the top also nods:
 # *nutation*.
 # %%
 show("gyroscopic_term_holds_the_top_up")
@@ -335,7 +344,8 @@ more_claims(
 # A robot model comes as a file with a mass and an inertia tensor for each link. Some published files contain tensors
 # that no body can have, and a simulator that accepts them computes motions that cannot happen. You can check them with
 # the three integrals above. Add two of them and subtract the third: $I_x + I_y - I_z = 2\int z^2\,dm$, which is never
-# negative. So each principal moment is at most the sum of the other two. For a flat plate both sides are equal.
+# negative. So each principal moment is at most the sum of the other two. For a flat plate the largest moment equals the
+# sum of the other two.
 # %%
 predict("inertia_of_a_thin_rod")
 # %% [markdown]
@@ -354,19 +364,20 @@ except ValueError as problem:
 #
 # ### Euler angles and gimbal lock
 #
-# Pilots describe the attitude of a plane by three angles. First turn by the **yaw** about the vertical axis $z$, then
-# by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. Now pitch
-# the nose straight up, by 90 degrees. Yaw and roll now turn about the same line, and no angle turns the nose
-# sideways. This is **gimbal lock**. (With $z$ up, a positive $\theta$ turns the nose down.) Play the first preset and
-# watch the two rings, then lock them:
+# Pilots describe the attitude of a plane by three angles. First turn by the **yaw** about the axis $z$, which points
+# up, then by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. A
+# positive $\theta$ turns the nose down. At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There
+# yaw and roll turn about the same line, and no angle turns the nose sideways. This is **gimbal lock**. Watch the blue
+# ring (yaw) and the violet ring (roll), then set the pitch to 90°:
 # %%
 simulation("gimbal")
 # %% [markdown]
 # A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
-# \lvert\cos\theta\rvert$. At $\theta = 90°$ its rank is only two: there is one direction of $\omega$ that no finite
-# angle rates can produce. Close to the lock the rates exist, but they are huge. Take all vectors of angle rates of
-# length 1. The smallest $\lvert\omega\rvert$ that they give is the smallest **singular value** of $E$; the picture
-# plots it. The cell takes this worst axis, the card after it the lost axis, with the yaw rate $1/\cos\theta$.
+# \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two: there is one direction of $\omega$, the *lost
+# axis*, that no finite angle rates can produce. Close to the lock the rates exist, but they are huge. Take all vectors
+# of angle rates of length 1. The smallest $\lvert\omega\rvert$ that they give is the smallest **singular value** of
+# $E$, which the simulation plots. The cell below turns about that worst axis. The card after it takes the lost axis;
+# there the yaw rate is $1/\cos\theta$.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the worst axis")
 for angle in (60.0, 89.0, 90.0):
@@ -404,8 +415,8 @@ more_claims(
 #
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
-# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the rotation
-# vector $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$; note that it halves the angle. Its
+# A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the *rotation
+# vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$; note that it halves the angle. Its
 # inverse is the logarithm.
 #
 # To do one rotation after the other, multiply the quaternions. With the scalar part $w$ and the vector part $u =
@@ -449,6 +460,8 @@ rodrigues = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
 same = np.allclose(quaternion.to_matrix(quaternion.exp(angle * axis)), rodrigues, atol=1e-14)
 print("Rodrigues' matrix and the quaternion's agree:", same)
 
+# %% tags=["show-code"]
+
 
 def slerp(p, q, t):
     """Return the orientation a share t of the way from p to q, along the shorter arc."""
@@ -472,10 +485,10 @@ more_claims("quaternion_is_unique")
 #
 # ### Explicit and semi-implicit Euler
 #
-# The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state
-# by one time step $h$ (`dt` in code). Write $q$ for the position, $v$ for the velocity, $a$ for the acceleration at
-# $q$, and a prime for values after the step. The obvious method uses only values that are known at the start of the
-# step. **Explicit Euler** does this:
+# The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state by
+# one time step $h$ (`dt` in code). Write $q$ for all position coordinates, $v$ for the velocity, $a$ for the
+# acceleration at $q$, and a prime for values after the step. The obvious method uses only values that are known at the
+# start of the step. **Explicit Euler** does this:
 #
 # $$q' = q + h\,v, \qquad v' = v + h\,a .$$
 #
@@ -499,7 +512,7 @@ for axes_, h, count in ((left, 0.25, 50), (right, 1.0, 4)):
     axes_.set(
         xlabel="position", ylabel="velocity", aspect="equal", title=f"a spring, $\\omega h$ = {h:g}"
     )
-left.legend(fontsize=8, loc="upper left")
+right.legend(fontsize=8, loc="upper left")
 plt.show()
 grown = (1 + 0.25**2) ** 50
 print(f"left: after 50 steps explicit Euler has {grown:.0f} times the energy")
@@ -532,9 +545,8 @@ more_claims(
 # $$\begin{pmatrix}x'\\ v'\end{pmatrix} = A\begin{pmatrix}x\\ v\end{pmatrix},\qquad
 # A = \begin{pmatrix}1-(\omega h)^2 & h\\ -\omega^2h & 1\end{pmatrix}.$$
 #
-# After $n$ steps the state is $A^n$ times the first one. It stays bounded if every **eigenvalue** of $A$ has a
-# modulus of at most one. (At a double eigenvalue on the unit circle the state can still grow linearly.) So the whole
-# question is where two numbers lie in the complex plane.
+# After $n$ steps the state is $A^n$ times the first one. It stays bounded if the two **eigenvalues** of $A$ differ and
+# neither has a modulus above one. So the whole question is where two numbers lie in the complex plane.
 # %%
 predict("spring_and_step")
 # %%
@@ -542,8 +554,8 @@ simulation("spring")
 # %% [markdown]
 # The determinant of $A$ is 1, so the two eigenvalues multiply to 1. While they are complex, they form a conjugate pair
 # on the unit circle: the motion oscillates. Their sum is the trace, $2-(\omega h)^2$. At $\omega h = 2$ it reaches
-# $-2$, and both eigenvalues are $-1$. Beyond, they are real, $\lambda$ and $1/\lambda$, and one of them lies outside
-# the circle. For explicit Euler the eigenvalues are $1\pm i\omega h$, outside for every step:
+# $-2$, and both eigenvalues are $-1$. Beyond this value they are real, $\lambda$ and $1/\lambda$, and one of them lies
+# outside the circle. For explicit Euler the eigenvalues are $1\pm i\omega h$, outside for every step:
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(8, 4.2), layout="constrained")
 axes_.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1)
@@ -580,9 +592,9 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# Learn this result by heart:
+# Learn this result by heart. With the highest frequency $\omega_{\max}$ among the modes,
 #
-# $$\boxed{\; h < \frac{2}{\omega_{\max}} = 2\sqrt{\frac{m}{k}} \;}$$
+# $$\boxed{\; h < \frac{2}{\omega_{\max}} \;}\qquad\text{for one mass on one spring:}\quad h < 2\sqrt{\frac{m}{k}}.$$
 #
 # **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to their
 # overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
@@ -629,13 +641,12 @@ more_claims(
 # number of **force evaluations** per step. In return, more evaluations can buy a higher **order**. A method of order
 # $p$ has an error proportional to $h^p$: halve the step, and the error shrinks by the factor $2^p$.
 #
-# **Velocity Verlet** averages the accelerations at the start and at the end of the step. **Leapfrog** stores the
-# velocities at half steps; its positions are the same:
+# **Velocity Verlet** averages the accelerations at the start and at the end of the step:
 #
 # $$q' = q + h\,v + \tfrac{h^2}{2}\,a, \qquad v' = v + \tfrac h2\,(a + a') .$$
 #
 # If forces depend on positions only, the $a'$ of this step is the $a$ of the next, so one evaluation per step is
-# enough.
+# enough. **Leapfrog** is the same method with the velocities stored at half steps.
 #
 # The **explicit midpoint** rule takes half an explicit Euler step, evaluates there, and uses that derivative for the
 # full step. The **implicit midpoint** rule uses the derivative at the average of old and new state. The new state
@@ -647,9 +658,8 @@ more_claims(
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
-# The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force,
-# the square is where the step ends, and the line is the exact motion. Compare how far each square is from the line.
-# (Verlet and explicit midpoint end at the same position here; they differ in the velocity.)
+# The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force (of
+# an iteration, only the last), the square is where the step ends, and the line is the exact motion.
 # %% tags=["hide-code"]
 h = 1.2
 methods = {
@@ -762,7 +772,13 @@ for axes_, (name, method) in zip(
     strict=True,
 ):
     axes_.contour(
-        grid_q, grid_v, grid_v**2 / 2 - np.cos(grid_q), levels=8, colors="0.88", linewidths=0.8
+        grid_q,
+        grid_v,
+        grid_v**2 / 2 - np.cos(grid_q),
+        levels=8,
+        colors="0.88",
+        linewidths=0.8,
+        linestyles="solid",
     )
     patch, first = circle.copy(), area(circle)
     for step in range(shots[-1] + 1):
@@ -774,12 +790,12 @@ for axes_, (name, method) in zip(
                 :, 0
             ]
     axes_.set(
-        title=f"{name}: area × {area(patch) / first:.3f}",
+        title=f"{name}: area × {area(patch) / first:.4f}",
         xlabel="angle [rad]",
         xlim=(-1.9, 1.5),
         ylim=(-2.2, 1.2),
     )
-    print(f"{name:<20} area after {shots[-1]} steps: {area(patch) / first:.3f} of the first")
+    print(f"{name:<20} area after {shots[-1]} steps: {area(patch) / first:.4f} of the first")
 panels[0].set(ylabel="angular velocity [rad/s]")
 plt.show()
 # %%
@@ -840,30 +856,39 @@ axes_.plot([0, np.cos(half)], [0, np.sin(half)], color="tab:blue", lw=0.8, ls="-
 for point, text, colour, place in (
     ((1, 0), "$q$", "black", (10, -4)),
     ((1, half), "$q + h\\,\\dot q$: too long", "tab:red", (10, 0)),
-    ((np.cos(back), np.sin(back)), "scaled back: turned too little", "tab:red", (14, -10)),
+    ((np.cos(back), np.sin(back)), "scaled back: turned too little", "tab:red", (62, -6)),
     ((np.cos(half), np.sin(half)), "$q\\,\\exp(h\\omega)$: right", "tab:blue", (-105, 8)),
 ):
     axes_.plot(*point, "o", color=colour, ms=8)
-    axes_.annotate(text, point, place, textcoords="offset points", color=colour, fontsize=11)
-axes_.text(1.0, -0.2, "sphere of unit quaternions", color="0.4")
+    leader = {"arrowstyle": "-", "lw": 0.5, "color": colour} if "scaled" in text else None
+    axes_.annotate(
+        text,
+        point,
+        place,
+        textcoords="offset points",
+        color=colour,
+        fontsize=11,
+        arrowprops=leader,
+    )
+axes_.text(1.04, -0.2, "sphere of unit quaternions", color="0.4")
 axes_.set(xlim=(-0.05, 1.9), ylim=(-0.28, 1.05), aspect="equal")
 axes_.axis("off")
 plt.show()
 print(f"the body should turn by {2 * half:.2f} rad; scaled back it turns by {2 * back:.2f} rad")
+print("(between quaternions, as drawn, the angles are half of these)")
 # %% [markdown]
 # The correct update is a multiplication with a small rotation:
 #
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
-# It stays on the sphere, and for a steady spin it is exact. In $q\,(0,r)\,q^*$ the factor next to the vector acts
-# first. Body rotations are that factor, so they stand on the *right*. If your $\omega$ is in the world frame, it
-# stands on the left: $q' = \exp(h\,\omega)\,q$. Confusing the two sides is a classic bug; you will meet it in section
-# 7.
+# It stays on the sphere, and for a steady spin it is exact. In $q\,s\,(0,r)\,s^*q^*$ the factor $s$ is next to $r$, so
+# it acts first. A rotation $s$ given in body axes has to act before $q$ takes the body's coordinates to the world. So
+# it is the factor on the *right*. If your $\omega$ is in the world frame, its rotation is the factor on the left: $q' =
+# \exp(h\,\omega)\,q$. Confusing the two sides is a classic bug (section 7).
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
-# scaling turns it by $2\arctan(0.05) = 0.09992$ rad. The error of 0.00008 rad looks harmless, but after 1000 steps the
-# wheel lags by 0.083 rad, or almost five degrees. With RK4, on the other hand, adding
-# the rates of the four numbers and scaling is accurate to fourth order.
+# scaling turns it by $2\arctan(\tfrac12\omega h) = 0.09992$ rad. The lag, about $\tfrac1{12}(\omega h)^3 = 0.00008$
+# rad, looks harmless, but after 1000 steps the wheel lags by 0.083 rad, or almost five degrees.
 # %%
 more_claims(
     "renormalising_repairs",
@@ -881,8 +906,8 @@ more_claims(
 #
 # $$\Delta E = m g^2 h^2\,(\tfrac12 - c) \quad\text{per step.}$$
 #
-# So explicit Euler gains $\tfrac12 mg^2h^2$ in every step and semi-implicit Euler loses as much. For 1 kg and 10 ms
-# that is 4.8 mJ per step, or 0.48 J in every second of flight.
+# So explicit Euler gains $\tfrac12 mg^2h^2$ in every step and semi-implicit Euler loses as much: 4.8 mJ for 1 kg and 10
+# ms.
 #
 # **Restitution** $e$ is the speed after an impact divided by the speed before, so with $e = 1$ a bounce should cost
 # no energy. The usual rule: if the ball is below the floor at the end of a step, put it on the floor and reverse its
@@ -892,14 +917,14 @@ more_claims(
 # The remedy is to find the **time of impact** inside the step, to reverse the velocity there, and to continue with the
 # rest of the step:
 # %% tags=["hide-code"]
-figure_, panels = plt.subplots(1, 3, figsize=(11, 3.7), layout="constrained")
+figure_, panels = plt.subplots(1, 2, figsize=(9, 3.7), layout="constrained")
 g, h, y0, v0 = 9.81, 0.1, 0.25, -3.2
 steps = [(y0, v0)]
 for _ in range(2):
     y, v = steps[-1]
     steps.append((y + v * h - g * h * h / 2, v - g * h))
 fall = np.linspace(0, 2 * h, 50)
-for axes_ in panels[:2]:
+for axes_ in panels:
     axes_.axhline(0, color="0.3", lw=2)
     axes_.plot(fall, y0 + v0 * fall - g * fall**2 / 2, color="0.6", ls="--")
     axes_.set(xlim=(-0.01, 0.32), ylim=(-0.62, 0.5), xlabel="time [s]", xticks=[0, h, 2 * h, 3 * h])
@@ -914,8 +939,8 @@ panels[0].annotate(
     arrowprops={"arrowstyle": "-|>", "color": "tab:red", "lw": 2},
 )
 panels[0].text(
-    h + 0.01,
-    -depth,
+    h + 0.09,
+    -0.08,
     f"found at the depth\nd = {depth:.2f} m, then\nput on the floor",
     va="top",
     fontsize=9,
@@ -926,31 +951,21 @@ panels[0].set(title="end of the step: energy is added", ylabel="height [m]")
 hit = (v0 + np.sqrt(v0**2 + 2 * g * y0)) / g
 speed = np.sqrt(v0**2 + 2 * g * y0)
 panels[1].plot(hit, 0, "*", color="tab:blue", ms=13)
-panels[1].text(hit + 0.015, -0.14, f"impact at {1000 * hit:.0f} ms,\nwithin the step", fontsize=9)
+panels[1].text(h + 0.09, -0.2, f"impact at {1000 * hit:.0f} ms,\nwithin the step", fontsize=9)
 panels[1].plot([0], [y0], "o", color="tab:blue")
 after = np.linspace(0, 3 * h - hit, 50)
 panels[1].plot(hit + after, speed * after - g * after**2 / 2, color="tab:blue")
 panels[1].plot(h, speed * (h - hit) - g * (h - hit) ** 2 / 2, "o", color="tab:blue")
 panels[1].set(title="time of impact found: exact")
-panels[2].add_patch(plt.Rectangle((-0.2, -0.06), 2.4, 0.12, color="0.5"))
-for place, y in enumerate((0.38, -0.36)):
-    panels[2].plot(1, y, "o", color="tab:red", ms=18, alpha=0.9 - 0.4 * place)
-    panels[2].text(1.2, y, ("before the step", "after the step")[place], va="center", fontsize=9)
-panels[2].annotate(
-    "", (1, -0.28), (1, 0.3), arrowprops={"arrowstyle": "->", "ls": "--", "color": "0.4"}
-)
-panels[2].set(
-    xlim=(0, 2.2), ylim=(-0.62, 0.5), title="thin wall: never noticed", xticks=[], yticks=[]
-)
 plt.show()
 before, wrong = 0.5 * v0**2 + g * y0, 0.5 * steps[1][1] ** 2
 print(f"energy per kilogram: before {before:.2f} J, bounce at the end of the step {wrong:.2f} J,")
 print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J")
 # %% [markdown]
-# RK4 is exact in flight, and it still gains energy with the rule at the end of the step. After ten bounces, the energy
-# error says more about the bounce rule than about the integrator. Do the two errors of semi-implicit Euler, the loss in
-# flight and the gain at the floor, at least cancel? Partly, and only by luck. The fold-out has the claims, with a
-# *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps of 10 ms.
+# RK4 is exact in flight, and it still gains energy with the rule at the end of the step. Do the two errors of
+# semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? Partly, and only by luck. The
+# fold-out has the claims, with a *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps of
+# 10 ms.
 #
 # <details><summary>Derive it: the loss of a flight, and the gain of a bounce</summary>
 #
@@ -985,9 +1000,10 @@ more_claims(
 # ### The tasks of a loop, and their rates
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. It performs seven tasks:
-# it reads the **sensors**, exposes the **camera**, asks the **controller** for a command, collects the **forces**,
-# **integrates** the state, detects **collisions**, and now and then **renders** an image. The physics step is fixed,
-# and the loop schedules the other tasks by counting physics steps. Three of the rates:
+# it reads the **sensors**, exposes the **camera**, asks the **controller**, a program that computes what the motors do,
+# for a command, collects the **forces**, **integrates** the state, detects **collisions**, and now and then **renders**
+# an image for the screen. The physics step is fixed, and the loop schedules the other tasks by counting physics steps.
+# The drawing shows three of the rates:
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(10, 2.6), layout="constrained")
 for row, (period, colour) in enumerate(
@@ -1008,7 +1024,7 @@ axes_.annotate(
 axes_.text(3.1, 1.28, "the command is held until the next one", fontsize=9, color="tab:orange")
 axes_.set(
     yticks=[0, 1, 2],
-    yticklabels=["image, 60 Hz", "controller, 500 Hz", "physics, 1 kHz"],
+    yticklabels=["render, 60 Hz", "controller, 500 Hz", "physics, 1 kHz"],
     xlabel="simulated time [ms]",
     ylim=(-0.5, 2.5),
 )
@@ -1016,8 +1032,8 @@ plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
 # The course's loop records what it does. `age` says how old the data are that a task uses. Every other physics step
-# applies a command that is 1 ms old, and the image at 16.667 ms shows the state one step earlier, interpolated
-# between those at 15 and 16 ms:
+# applies a command that is 1 ms old. The image due at 16.667 ms shows the state of 15.667 ms (one step earlier),
+# blended from the states at 15 and 16 ms:
 # %% tags=["hide-code"]
 from course.rigid_body.loop import FixedStepLoop, Phases, float_clock_error, trace_table
 
@@ -1031,16 +1047,22 @@ def integrate(state, force, dt):
 loop = FixedStepLoop((spring.q0, spring.v0), Phases(integrate=integrate), record=True)
 _ = loop.advance(0.018)
 rows = trace_table(loop.trace).splitlines()
-figures("\n".join(rows), rows[0], "1.000", "16.667", summary="All 18 ms, event by event")
+figures(
+    "\n".join(rows),
+    rows[0],
+    "1.000",
+    "16.667",
+    summary="All 18 ms, in the order of execution: an image is drawn once both its states exist",
+)
 # %% [markdown]
 # Three details decide whether the loop works:
 #
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
 #   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself
 #   never reads a clock, so on the same machine the same inputs give the same motion, bit for bit.
-# * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight with which the last two
-#   states are blended. If you draw the latest state instead, the motion judders by up to one step. Interpolation
-#   costs one step of delay.
+# * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight of the newer of the last
+#   two states; the older one gets the rest. If you draw the latest state instead, the motion judders by up to one step.
+#   Interpolation costs one step of delay.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add up 0.001 s millions of times, the
 #   rounding errors add up too, and two clocks in the same program no longer agree on which step an event belongs to.
 # %% tags=["hide-code"]
@@ -1085,9 +1107,9 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call `mj_forward` if you need them for the new positions. MuJoCo's `Euler` is semi-implicit Euler with
-# *implicit* joint damping (computed from the new velocity). `RK4` is the classical method. `implicitfast` treats the
-# damping of actuators and tendons implicitly too, and `discrete` also the springs.
+# step. Call its function `mj_forward` if you need them for the new positions. MuJoCo's `RK4` is the classical method.
+# Its `Euler` is semi-implicit Euler with *implicit* joint damping (computed from the new velocity). `implicitfast`
+# makes the damping of motors and cables implicit as well, `discrete` the springs, too.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1104,15 +1126,14 @@ more_claims(
 # ### One integrator for positions and orientations
 #
 # Semi-implicit Euler adds $h\,v'$ to a position, but it multiplies an orientation by $\exp(h\,\omega')$. The course
-# puts the difference into one function. `retract(q, u)` moves from $q$ by $u$: plain addition for coordinates,
-# multiplication by an exponential for an orientation. If the array of positions is one element longer than the array of
-# velocities, its last four elements are a unit quaternion. MuJoCo uses the same layout. The integrator itself then has
-# two lines:
+# puts the difference into one function. `retract(q, u)` moves from $q$ by $u$. If the array of positions is one element
+# longer than the array of velocities, its last four elements are a unit quaternion. MuJoCo uses the same layout. The
+# integrator itself then has two lines:
 # %% tags=["hide-code"]
 source(rigid_body.retract, rigid_body.semi_implicit_euler)
 # %% [markdown]
-# RK4 needs one more idea. Its four angular velocities belong to four *different* orientations, and rotations do not
-# commute. Turn a box by a quarter about $x$ and then about $z$, and in the other order:
+# RK4 needs one more idea. Its four angular velocities, the **stages**, belong to four *different* orientations, and
+# rotations do not commute. Turn a box by a quarter about $x$ and then about $z$, and in the other order:
 # %% tags=["hide-code"]
 quarter = {
     "about x": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -1135,15 +1156,15 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# If you average the four like ordinary vectors, the order drops from 4 to 2. Before averaging, each rate must be
-# turned into one frame. To fourth order, two cross products of stage velocities do this, the *brackets* of the
-# Munthe-Kaas form of RK4 (Munthe-Kaas and Owren 1999). The step then ends with a single exponential. For ordinary
-# coordinates the brackets are zero, and the code is the RK4 of section 2:
+# If you average the four like ordinary vectors, the order drops from 4 to 2. For fourth order it is enough to add two
+# correction terms, each the cross product of two stages (Munthe-Kaas and Owren 1999); the code calls them `bracket`.
+# The result is one rotation vector, and $q$ is multiplied by its exponential. For ordinary coordinates the brackets are
+# zero, and the code is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
-# We test it on a problem with an exact solution. A free body with three different moments follows Jacobi's elliptic
-# functions, so we know its orientation after 20 s. With a step of 1 ms:
+# We test it on a free body with three different moments, whose exact motion is known (Jacobi's elliptic functions),
+# over 20 s with a step of 1 ms:
 # %% tags=["hide-code"]
 tumbling = problems.tumble()
 print(f"{'integrator':<20} {'error [rad]':>12} {'drift of energy':>17} {'drift of L':>12}")
@@ -1158,8 +1179,7 @@ for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalise
     error, by_energy, by_momentum = (f"{x:.0e}" if x > 1e-11 else "<1e-11" for x in numbers)
     print(f"{name:<20} {error:>12} {by_energy:>17} {by_momentum:>12}")
 # %% [markdown]
-# `rk4_renormalised` adds the rates of the four numbers and scales them to length one. It is there for comparison, and
-# it is as good here. The drifts of energy and of $L$ are relative.
+# `rk4_renormalised` adds the rates of the four numbers and scales; it is as good here. The drifts are relative.
 # %%
 more_claims("rotation_stages_add")
 # %% [markdown]
@@ -1224,10 +1244,11 @@ simulation("bouncing_box")
 # question. Your task has a tolerance, the largest error that you accept, and you want to reach it with the least
 # work. A method of fourth order may need a thousand times fewer steps.
 #
-# A **work-precision** diagram answers the right question. It plots the error against the cost for every method, with
-# one point per step size. Draw a horizontal line at your tolerance: the curve that it meets furthest to the left is
-# the cheapest method. On the logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the
-# order. Drag the tolerance line, or move it with the arrow keys. The circle marks the cheapest run:
+# A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
+# horizontal line at your tolerance: the curve that it meets furthest to the left is the cheapest method. On the
+# logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order. The problem here is a
+# double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. Counts
+# are exact, but other programs may disturb a time:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1238,16 +1259,15 @@ for curve in result.curves:
 for order, names in sorted(orders.items()):
     print(textwrap.fill(f"observed order {order}: {', '.join(names)}", 90, subsequent_indent="  "))
 TradeOff(result)
+
+
 # %% [markdown]
-# The buttons switch on the other methods, MuJoCo's among them. On systems without orientations they are the methods you
-# know: the errors of its `Euler` and of our semi-implicit Euler agree to several digits, and so do those of the two
-# RK4s. Only the time per step differs, because MuJoCo is a general engine that does more in each step.
+# The buttons switch on the other methods, MuJoCo's among them. On systems without orientations, MuJoCo's `Euler` and
+# our semi-implicit Euler have the same errors to several digits, and so have the two RK4s. Only the time per step
+# differs, because MuJoCo is a general engine that does more in each step.
 #
-# To follow a 1 Hz oscillator for 2.3 s to one part in a million, RK4 needs thousands of times fewer force evaluations
-# than semi-implicit Euler. You can put an integrator of your own on the chart. It runs as plain Python, so compare it
-# in the left panel, which counts evaluations instead of time:
-
-
+# You can put an integrator of your own on the chart. It runs as plain Python, so compare it in the left panel, which
+# counts evaluations instead of time:
 # %%
 def my_step(q, v, acceleration, dt, params):
     """Change me: a step of your own. This one is semi-implicit Euler."""
@@ -1262,26 +1282,26 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# Here is the same diagram for the free tumble. The tolerance is 1 mrad after 20 s.
+# Here is the same diagram for the free tumble. The tolerance is 1 mrad after 20 s. (Cross: a failed run. Grey band: the
+# reference is no better.)
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
 # The bouncing box has two separate errors of first order: the flight of semi-implicit Euler, and impacts that are
-# placed at the end of a step. The two partly cancel, so correcting only one of them makes the result worse. You need
-# both.
+# placed at the end of a step. At 1 ms from this start the two partly cancel, and correcting only one makes the result
+# worse. From another start that may be different. Only correcting both always helps.
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
-# In the table, *exact flight, impact times* means that both are corrected, and *end of step* that the bounce happens
-# at the end of the step. *Impulse* is a MuJoCo contact tuned to turn $v$ into $-ev$ in one step.
+# *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
+# into $-ev$ in one step.
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
     "problem",
-    "tumble      semi_implicit_euler",
-    "tumble      rk4 ",
-    "tumble      MuJoCo RK4",
     "box drop    exact flight, impact times",
+    "box drop    semi-implicit, impact times",
+    "box drop    exact flight, end of step",
     "box drop    semi-implicit, end of step",
     "box drop    MuJoCo Euler (impulse)",
     summary="All methods and problems at a step of 1 ms (heavy_top is a spinning top)",
@@ -1317,9 +1337,9 @@ more_claims(
 # %% [markdown]
 # ### Many bodies at once
 #
-# Reinforcement learning needs thousands of copies of a scene. Most of that runs on GPUs today, in MuJoCo Warp, MJX or
-# Isaac; this chart measures one CPU core. It compares the course's integrators, compiled for whole batches, with
-# `mujoco.batch`. The last column of the table is the number of simulated seconds per second of computing:
+# Reinforcement learning needs thousands of copies of a scene. Most of that runs on GPUs today; this chart measures one
+# CPU core. It compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for
+# this. The last column is the simulated time per second of computing, *summed over all bodies*:
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1332,14 +1352,15 @@ figures(
 )
 # %% [markdown]
 # The chart compares a program that can do nothing but one planar box on a floor with a general engine that simulates
-# the same box. The factor has two sources: modelling only what the task needs, and compiled batches instead of an
-# engine's interface. As soon as two bodies can touch, the special program no longer applies.
+# the same box. It is two orders of magnitude faster, because it models only what the task needs, and runs whole batches
+# without an engine's interface. As soon as two bodies can touch, it no longer applies.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
 # For the error we simulated the first impacts without friction, where an exact solution exists. For the speed we
-# simulated 1 s with friction. The second table is about free bodies. For a single free body both are about equally
-# fast, because the call from Python costs as much as the run; the gain comes with the batch.
+# simulated 1 s with friction. Other programs ran at the same time; the two contestants took turns. The second table is
+# about free bodies. For a single free body the two are within a factor of two, because the call from Python costs as
+# much as the run; the gain comes with the batch.
 #
 # </details>
 #
@@ -1370,8 +1391,8 @@ figures(
 #
 # * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`, which adds implicit damping.
 #   The contacts set the step, and their error is of first order anyway.
-# * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. It was the cheapest method on
-#   most of the smooth test problems here.
+# * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. At the tolerances of the
+#   charts it needed the fewest evaluations on every smooth problem but the simple pendulum.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler or MuJoCo's
 #   `discrete`. Implicit midpoint is stable too, but lets the spring ring.
 # * *Very long runs where averages matter and not the exact path*: a symplectic method with a fixed step.
@@ -1380,15 +1401,15 @@ figures(
 #
 # ### The stability limit with damping
 #
-# The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms things
-# down. In a simulation it depends on *when* the damping force is computed. Semi-implicit Euler takes it from the old
-# velocity. With the damping constant $c$, this late force throws $v$ past zero if $hc/m > 1$. MuJoCo's `Euler` takes
-# it from the new velocity.
+# The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms things down.
+# In a simulation it depends on *when* the damping force is computed. Semi-implicit Euler takes it from the old
+# velocity. With the damping constant $c$, this late force throws $v$ past zero if $hc/m > 1$. MuJoCo's `Euler` takes it
+# from the new velocity. The **damping ratio** $\zeta$ says how strong the damper is: at $\zeta = 1$, *critical
+# damping*, the motion just stops oscillating.
 # %%
 predict("damping_and_the_limit")
 # %% [markdown]
-# With the damping ratio $\zeta$ (at $\zeta = 1$, *critical damping*, the motion just stops oscillating) the equation
-# is $\ddot x = -2\zeta\omega\dot x - \omega^2x$, and the limits are
+# The equation is $\ddot x = -2\zeta\omega\dot x - \omega^2x$, and the limits are
 #
 # | integrator | damping force from | largest stable step |
 # |---|---|---|
@@ -1396,9 +1417,9 @@ predict("damping_and_the_limit")
 # | semi-implicit Euler with implicit damping | the new velocity | $\omega h < 2(\sqrt{1+\zeta^2}+\zeta)$ |
 # | explicit Euler, $\zeta\le1$ | the old velocity | $\omega h < 2\zeta$ |
 #
-# **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of
-# the undamped 2. The second is $2(\sqrt2+1) = 4.83$. The table has the limits that we measured: we varied the step
-# until the amplitude neither grew nor shrank. They agree with the theory to better than 0.1 %.
+# **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of the
+# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The table has the longest steps at which, in our measurement, the
+# amplitude did not grow. They agree with the theory to better than 0.1 %.
 # %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
@@ -1412,6 +1433,8 @@ figures(
     summary="All integrators, and how far they are from the theory",
 )
 # %% [markdown]
+# In the maps the motion decays in the purple region and grows in the orange one:
+#
 # ![Stability maps](../docs/charts/stability_maps.png)
 #
 # Is RK4 in a real engine the RK4 of the textbook? You can test that from outside: count its force computations, and
@@ -1419,6 +1442,8 @@ figures(
 # %%
 show("mujoco_rk4")
 # %% [markdown]
+# MuJoCo's `discrete` survives every step, but it damps and slows down a spring that has no damper:
+#
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
 # %%
 more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_drift_is_numerical")
@@ -1441,7 +1466,8 @@ figures(
 # %% [markdown]
 # Bounded energy is what "symplectic" buys, and only for a fixed step. Alternate two steps that are both below the
 # limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product of two area-preserving steps preserves
-# area, but it may stretch one direction again and again:
+# area, but it may stretch one direction again and again. Much shorter steps do the same if they vary in rhythm with the
+# motion (five of 0.3, sixteen of 0.1). And even a fixed step gets the period slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1458,9 +1484,9 @@ figures(
 # %%
 show("order_survives_bounces")
 # %% [markdown]
-# We measured it on a pendulum that hits an elastic wall at its lowest point. Its exact solution is known: it is the
-# free pendulum with one half reflected. With the impact time found within the step, both methods keep their order. With
-# the impact at the end of the step, both drop to first order, and RK4 is no better than Verlet:
+# We measured it on a pendulum that hits an elastic wall at its lowest point. Its exact solution is known: its angle is
+# the absolute value of the free pendulum's angle. With the impact time found within the step, RK4 and velocity Verlet
+# keep their order. With the impact at the end of the step, both drop to first order, and RK4 is no better than Verlet:
 #
 # ![Order with and without events](../docs/charts/events_order.png)
 # %% tags=["hide-code"]
@@ -1498,14 +1524,15 @@ simulation("tunnelling")
 # mm per step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is
 # **continuous collision detection**: test the whole motion between two steps, or compute the time of impact.
 #
-# There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast
-# ball sinks in. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This
-# happens at the penetration $D/2$ (in the chart $d/2 + r$, with the wall's thickness $d$ and the radius $r$):
+# There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast ball
+# sinks in. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens
+# at the penetration $D/2$. In the chart, $b$ is the stretch of the path in which a check stops the ball: $D$ for a
+# point, $D/2$ for MuJoCo's ball:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
-# In the table, the *one-step contact* is made so stiff that it stops the ball within a step. The default contact lets
-# it sink in: depth = speed × 7.29 ms, for example 20 mm at 2.7 m/s.
+# The *one-step contact* is made so stiff that it stops the ball within a step. The default contact lets it sink in by
+# its speed times 7.29 ms, for example 20 mm at 2.7 m/s; the *time constant* sets how soft it is.
 # %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
@@ -1530,10 +1557,14 @@ more_claims(
 predict("impacts_at_rest")
 # %% [markdown]
 # A box that should lie still bounces for another reason. In each step gravity gives it the speed $gh$, the step ends
-# below the floor, and the impact turns this speed into $e\,gh$ upwards. Both are called chatter. The remedy is a
-# **rest speed**: slower impacts end the bouncing. If impacts are noticed only at the end of a step, the rest speed
-# must be larger than $gh$. With $h$ = 2 ms, $gh$ is 19.6 mm/s, so a rest speed of 10 mm/s does not help in the third
-# row of the table:
+# below the floor, and the impact turns the speed upwards. The ball's endless bounces and the box's jitter are both
+# called **chatter**. The remedy is a **rest speed**: slower impacts end the bouncing. It works if impacts are found
+# within the step.
+#
+# If they are noticed at its end, a rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops not even a ball. And a box
+# rocks: its corners hit in turn, at about $gh$ or faster. A rest speed of 10 mm/s makes these bounces lower but more
+# frequent, one in every step. MuJoCo's *spring* has no rest speed; its corners open and close in turn, at a speed that
+# shrinks with the step:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1549,9 +1580,9 @@ figures(
 # %% [markdown]
 # ### Orientation over a million steps
 #
-# Section 2 predicted a lag of $(\omega h)^3/12$ per step for a quaternion whose rate is added and which is then scaled.
-# Here is the measurement, for a steady spin that turns by 10 mrad in every step. Over a million steps the lag adds up
-# to 0.083 rad, and the exponential map is exact up to rounding:
+# For adding and scaling, section 2 predicted a lag of $(\omega h)^3/12$ per step. Here is the measurement for a steady
+# spin of 10 mrad per step. Over a million steps the lag adds up to 0.083 rad; the exponential map is exact up to
+# rounding:
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 # %% jupyter={"source_hidden": true}
@@ -1569,7 +1600,7 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$, where $\omega_{\max}^2$ is the
-# largest eigenvalue of $Kx = \omega^2Mx$ with the stiffness matrix $K$ and the mass matrix $M$. Then halve the step
+# largest eigenvalue of $Kx = \omega^2Mx$; the matrices $K$ and $M$ take the places of $k$ and $m$. Then halve the step
 # several times. If that does not help, the step is not the cause, or the integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
@@ -1588,10 +1619,9 @@ figures(
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the distance $vh$ that one travels relative to the
-# other per step with the *sum* of both thicknesses. If $vh$ is larger, no step may ever see the overlap, whatever the
-# integrator: use continuous collision detection (in MuJoCo the `speculative` flag). If $vh$ is much smaller, the
-# contact is too soft: stiffen it.
+# **Debugging tip.** *Objects pass through each other.* Compare the relative travel per step, $vh$, with the *sum* of
+# both thicknesses. If $vh$ is larger, use continuous collision detection (in MuJoCo the `speculative` flag). If $vh$ is
+# much smaller, the contact is too soft: stiffen it.
 #
 # <details><summary>And in between</summary>
 #
@@ -1599,14 +1629,6 @@ figures(
 # middle of the wall. The contact then pushes it out on the wrong side. The remedy is continuous collision detection.
 #
 # </details>
-#
-# </div>
-# <div class="alert alert-block alert-danger">
-#
-# **Debugging tip.** *Energy grows and nothing pushes.* Log kinetic and potential energy separately, without contacts
-# first. If the energy of an oscillation grows by the factor $1+(\omega h)^2$ per step, the integrator is explicit
-# Euler. If it jumps at every impact, the bounce rule is at fault. If the energy of a tumbling body grows slowly, the
-# gyroscopic term is integrated with an Euler step from the old rates.
 #
 # </div>
 # %%
@@ -1624,7 +1646,8 @@ predict("perfect_energy_wrong_momentum")
 # <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
 # $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr>
 # <tr><td>box jitters on the floor for ever</td> <td>gravity adds $gh$ in each step, and the impact returns $e\,gh$</td>
-# <td>count impacts per second</td> <td>a rest speed above $gh$, or a contact solver that works on velocities</td></tr>
+# <td>count impacts per second</td> <td>impact times and a rest speed, or a contact
+# solver that works on velocities</td></tr>
 # <tr><td>fast object passes a thin wall</td> <td>$vh$ larger than both thicknesses together, or a contact that is too
 # soft</td> <td>print $vh/D$; record the depth</td> <td>continuous collision detection; stiffer contact</td></tr>
 # <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not multiplied</td>
@@ -1648,11 +1671,10 @@ predict("drift_of_joints")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function on
-# new random cases. It says what is wrong and, if it recognises the mistake, why. It also returns a result:
-# `check(verlet_step).chart()` draws your correct solution on a work-precision diagram, next to the model solution and
-# MuJoCo. After a pass, `drills.notebook.solution("verlet")` shows the model solution. In a terminal the same exercise
-# is `drills start verlet` and `drills check verlet`.
+# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases. The check
+# says what is wrong and, if it recognises the mistake, why. `check(verlet_step).chart()` draws your correct solution on
+# a work-precision diagram, next to the model solution and MuJoCo. After a pass, `drills.notebook.solution("verlet")`
+# shows the model solution. In a terminal the same exercise is `drills start verlet` and `drills check verlet`.
 # %% [markdown]
 # ### Velocity Verlet with one evaluation
 #
@@ -1930,23 +1952,28 @@ for H, colour in ((1.0, "tab:blue"), (1.05, "tab:orange")):
     upper.plot(time, heights[H], color=colour, label=f"dropped from {H:g} m")
     upper.plot(hit, 0, "*", color=colour, ms=11)
 upper.axhline(0, color="0.3")
-upper.set(ylabel="height [m]", title="two drop heights, two impact times")
+upper.set(ylabel="height [m]", title=f"two drop heights, two impact times; restitution e = {e:g}")
 upper.legend()
 slope = (heights[1.05] - heights[1.0]) / 0.05
-lower.plot(time, slope, color="tab:green")
+hit, speed = np.sqrt(2 / g), np.sqrt(2 * g)
+derivative = np.where(time < hit, 1.0, -e + (1 + e) * g / speed * (time - hit))
+lower.plot(time, slope, color="tab:green", label="difference divided by 5 cm")
+lower.plot(time, derivative, color="0.2", ls="--", lw=1.2, label="derivative at 1 m")
 lower.axhline(0, color="0.8", lw=0.8)
-lower.set(xlabel="time [s]", ylabel="difference\ndivided by 5 cm")
+lower.set(xlabel="time [s]", ylabel="change of height\nper drop height")
+lower.legend(fontsize=9, loc="lower left")
 plt.show()
-print(f"before the impacts {slope[100]:+.2f}, at 0.8 s {slope[-1]:+.2f}")
+print(f"before the impacts: difference {slope[100]:+.2f}, derivative {derivative[100]:+.2f}")
+print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[-1]:+.2f}")
 # %% [markdown]
 # Before the impacts, the distance of the two curves is the difference of the drop heights, so the derivative with
-# respect to the drop height $H$ is 1. At the impact it jumps to $-e$: with the impact speed $v$, the higher ball
-# lands $dH/v$ later, and by then the other has risen by $e\,v\,dH/v = e\,dH$. From then on it increases by
-# $(1+e)\,g/\sqrt{2gH}$ per second.
+# respect to the drop height $H$ is 1. At the impact it jumps to $-e$. The ball from $H + dH$ lands later by $dH/v$,
+# where $v$ is the impact speed. In this time the first ball rises by $e\,v\,(dH/v) = e\,dH$. So the second ball is now
+# $e\,dH$ *below* the first. From then on the derivative increases by $(1+e)\,g/\sqrt{2gH}$ per second.
 #
 # A fixed-step program loses this. After the bounce, its state depends on the drop height only through the *number of
-# steps* before the impact. That is an integer, and the derivative of an integer is zero. The height is right up to the
-# step; the gradient is wrong at every step size:
+# steps* before the impact. That is an integer, and the derivative of an integer is zero. The error of the height
+# shrinks with the step; the gradient stays wrong at every step:
 # %% tags=["hide-code"]
 from course.rigid_body.differentiable import (
     Setup,
@@ -1966,17 +1993,18 @@ for dt in (1e-2, 1e-3):
         f"fixed steps of {1e3 * dt:4.0f} ms:       {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
 # %% [markdown]
-# Hu et al. (2020) correct the gradient with the time of impact. Suh et al. (2022) show what such errors do to policy
-# gradients.
+# Hu et al. (2020) correct the gradient with the time of impact. Suh et al. (2022) show what such errors do to training
+# with gradients.
 #
 # ### What a recording can tell
 #
 # Here is a small differentiable simulator, written in PyTorch. A block is thrown, bounces, slides and is pushed. It
 # solves for the impact times, so their derivatives are right. We record the block with 1 mm of noise and recover its
-# restitution, its friction coefficient and its mass. With `chi^2` per degree of freedom near 1, the misfit is pure
-# noise:
+# restitution, its friction coefficient and its mass. The result's `chi^2` is the mean squared misfit in units of the
+# noise. Near 1, nothing but noise is left:
 # %% tags=["show-code"]
-scene = Setup((0.0, 0.5), (2.0, 0.0), push=((1.2, 1.5, 8.0),))
+# The push: from 1.2 s to 1.5 s with 8 N.
+scene = Setup(position=(0.0, 0.5), velocity=(2.0, 0.0), push=((1.2, 1.5, 8.0),))
 times = np.linspace(0.0, 2.0, 101)
 truth = (0.6, 0.25, 1.3)
 recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_rng(0))
@@ -1988,8 +2016,9 @@ predict("what_a_drop_tells")
 # %% [markdown]
 # You can check this before you optimise. Collect the derivatives of all recorded positions with respect to the
 # parameters in one matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves
-# no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that sticks
-# under a push gives only a lower *bound* for the friction, and only if you know its mass, however long you record it:
+# no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that sticks under
+# a push gives only a lower *bound* for the friction: push divided by weight. This needs the mass (here the true 1.3
+# kg). A longer recording does not help:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),
@@ -2006,8 +2035,7 @@ for label, poor in (
 # <tr><td>Warp (Macklin 2022)</td> <td>GPU and CPU, programmed in Python</td> <td>reverse-mode gradients of simulation
 # code</td></tr>
 # <tr><td>MuJoCo MJX (2023)</td> <td>JAX</td> <td>MuJoCo's models and contacts on accelerators</td></tr>
-# <tr><td>Dojo (Howell et al. 2022)</td> <td>CPU, in Julia</td> <td>hard contacts by an interior-point method; smooth
-# gradients by the implicit function theorem</td></tr>
+# <tr><td>Dojo (Howell et al. 2022)</td> <td>CPU, in Julia</td> <td>hard contacts, with smoothed gradients</td></tr>
 # </table>
 # %%
 more_claims(
@@ -2023,11 +2051,10 @@ more_claims(
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
-# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. While
-# forces depend on positions only, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
-# evaluations, and needs $\omega h\le2.83$. On an undamped spring it loses the share $(\omega h)^6/72$ of the energy
-# per step. With contacts at 1 kHz both make a first-order error at the impact, so I take the cheap one. For a
-# satellite I take RK4."
+# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. While forces
+# depend on positions only, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
+# evaluations, and needs $\omega h\le2.83$. With contacts at 1 kHz both make a first-order error at the impact, so I
+# take the cheap one. For a satellite I take RK4."
 #
 # </div>
 #
@@ -2038,7 +2065,7 @@ interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page, but follow from it.
+# Three formulas to derive from what is on this page.
 # %%
 checkpoint(
     "rigid_body",

@@ -30,7 +30,7 @@ simulation("growing")
 # gives the same tree.
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(5)
 
@@ -1531,6 +1531,14 @@ check(rrt_star)
 
 # %%
 answer("edge_by_ten_points", "s^2/(8*r)")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(5)
 
 # %% [markdown]
 # ## 9 · Frontier: planners that learn, and planners in microseconds

@@ -43,7 +43,7 @@ simulation("joint")
 # `course.control`. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(6)
 
@@ -1694,6 +1694,14 @@ answer("pd_difference", "2*c")
 
 # %%
 answer("pd_sample_late", "V")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(6)
 
 # %% [markdown]
 # ## 9 · Frontier: learned controllers

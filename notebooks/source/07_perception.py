@@ -30,7 +30,7 @@ simulation("perception")
 # right, so look at it once before we start. (The list below shows your exercises; they are all in section 8.)
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(7)
 
@@ -1620,6 +1620,14 @@ answer("extent_is_size", "L")
 
 # %%
 answer("two_millimetres_will_do", "e")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(7)
 
 # %% [markdown]
 # ## 9 · Frontier: networks that see

@@ -78,7 +78,7 @@ simulation("sim_to_real")
 # run again with `python -m course.derivations 8`. Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(8)
 
@@ -1978,6 +1978,9 @@ check(tune_randomised)
 
 # %%
 answer("slip_force", "m*g")
+
+# %%
+your_robot(8)
 
 # %% [markdown]
 # ## 9 · Frontier: ranges and models that are found automatically

@@ -33,7 +33,8 @@ simulation("arm")
 # Every method is measured, speed against accuracy, compared with the library that professionals use for the
 # same job, and pushed until it fails. {{front.counts}} {{front.hours}}
 #
-# **What to know first:** {{PREREQUISITES}}
+# **What to know first:** {{PREREQUISITES}} [The mathematics you need](../docs/mathematics/README.md) refreshes
+# these pieces in half an hour, with pictures and ten short exercises.
 
 # %% [markdown]
 # ## Where you are
@@ -60,6 +61,7 @@ ticks()
 # ## How to
 #
 # - [Use a chapter's module in your own project](../docs/howto/modules.md)
+# - [Put your own method on a work-precision chart](../docs/howto/chart.md)
 # - [Write a vector environment of your own](../docs/howto/vector_env.md)
 # - [Grade drills in continuous integration](../docs/howto/drills_in_ci.md)
 #

@@ -168,7 +168,9 @@ def test_at_90_degrees_no_ring_turns_about_the_lost_axis():
 
 def test_after_a_full_turn_the_body_is_back_and_its_quaternion_is_not():
     once = after(double_cover.MODEL, 9.0, goal=360.0)
-    assert number(once, "w = cos(half)") == -1.0 and once.picture().numbers["off the start"] == "0°"
+    assert (
+        number(once, "w = cos(half)") == -1.0 and once.picture().numbers["angle from start"] == "0°"
+    )
     twice = after(double_cover.MODEL, 20.0, goal=720.0)
     assert number(twice, "w = cos(half)") == 1.0 and twice.state["turned"] == 4 * math.pi
 

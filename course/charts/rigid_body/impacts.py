@@ -263,16 +263,16 @@ def tunnelling(
         return mujoco_through(thickness, radius, ratio * touch / dt, dt, spread, True)
 
     left = Panel(
-        "Checks per step: one fast ball in two gets through at v dt = 2 D",
-        "travel per step over effective thickness, v dt / D",
+        "Checks per step: one fast ball in two gets through at v dt = 2 b",
+        "travel per step over the blocked stretch b, v dt / b",
         "share of balls that get through",
         scale="log x",
         ticks=(0.5, 1, 2, 5, 10),
-        theory="theory: 1 - D / (v dt)",
+        theory="theory: 1 - b / (v dt)",
     )
     left.series = [
         Series(
-            "point, checked once a step: D = d",
+            "point, checked once a step: b = D",
             ratios,
             [point_misses(r, balls, rng) for r in ratios],
             "checked once a step",
@@ -287,7 +287,7 @@ def tunnelling(
             "",
         ),
         Series(
-            "MuJoCo, one-step contact: D = d/2 + r",
+            "MuJoCo, one-step contact: b = D/2",
             ratios,
             [stiff(r) for r in ratios],
             "MuJoCo, one-step contact",
@@ -299,7 +299,7 @@ def tunnelling(
     dense = np.geomspace(min(ratios), max(ratios), 200)
     left.series.append(
         Series(
-            "MuJoCo if every overlap pushed back: D = d + 2r",
+            "if MuJoCo pushed back at every overlap: b = D",
             dense,
             # As if a ball were pushed back wherever it overlaps: twice the effective thickness.
             miss_probability(dense, 2.0),
@@ -310,10 +310,10 @@ def tunnelling(
     )
     points, handled, mujocos, _ = left.series
     left.notes = [
-        "checked once a step: worst deviation from 1 - d/(v dt) "
-        f"{np.max(np.abs(points.y - points.expected)):.3f} over {balls} phases",
-        "MuJoCo, one-step contact: worst deviation from 1 - (d/2 + r)/(v dt) "
-        f"{np.max(np.abs(mujocos.y - mujocos.expected)):.3f} over {phases} phases",
+        "checked once a step: worst deviation from 1 - D/(v dt) "
+        f"{np.max(np.abs(points.y - points.expected)):.3f} over {balls} start positions",
+        "MuJoCo, one-step contact: worst deviation from 1 - (D/2)/(v dt) "
+        f"{np.max(np.abs(mujocos.y - mujocos.expected)):.3f} over {phases} start positions",
         f"impact as an event: {np.max(handled.y):.0%} get through",
     ]
     yield left
@@ -321,11 +321,11 @@ def tunnelling(
     right = Panel(
         "MuJoCo's default contact: a smaller step does not help",
         "step [ms]",
-        "speed that gets through in some phase [m/s]",
+        "lowest speed that gets through [m/s]",
         scale="log",
         ylim=(None, 1e3),
         ticks=[h * 1e3 for h in steps],
-        theory=f"theory: (d/2 + r) over {stopping_time() * 1e3:.2f} ms, or over the step",
+        theory=f"theory: D/2 over {stopping_time() * 1e3:.2f} ms (default) or the step (one-step)",
     )
     right.notes.append(
         "MuJoCo, default contact: sinks in by its speed times "
@@ -334,7 +334,7 @@ def tunnelling(
     )
     for wall in walls:
         reach = 0.5 * wall[0] + wall[1]
-        name = f"d/2 + r = {reach * 1e3:g} mm"
+        name = f"D/2 = {reach * 1e3:g} mm"
         soft, hard = (
             np.array([penetration_speed(*wall, h, one_step) for h in steps])
             for one_step in (False, True)
@@ -372,8 +372,8 @@ def tunnelling(
         ]
         speeds = ", ".join(f"{v:.2f} at {h * 1e3:g} ms" for h, v in zip(steps, soft, strict=True))
         right.notes += [
-            f"  d/2 + r = {reach * 1e3:4.1f} mm: theory {sunk(0.0):.2f} m/s, measured {speeds}",
-            "    one-step contact: speed times dt over (d/2 + r) "
+            f"  D/2 = {reach * 1e3:4.1f} mm: theory {sunk(0.0):.2f} m/s, measured {speeds}",
+            "    one-step contact: speed times dt over D/2 "
             + ", ".join(f"{v * h / reach:.2f}" for h, v in zip(steps, hard, strict=True)),
         ]
     yield right
@@ -585,7 +585,7 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
     past = [zeno_counts(late, height, restitution, rest)[0] for rest in (0.0, 0.01)]
     bounces = Panel(
         "Infinitely many bounces in a finite time",
-        "time left to the end of the bouncing [s]",
+        "time left to the end of the bouncing [s] (time runs to the right)",
         "impacts so far",
         scale="log x",
         xlim=(2.0, 5e-7),

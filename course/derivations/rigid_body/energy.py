@@ -113,8 +113,8 @@ def explicit_energy_factor(result):
     "so for small steps the energy grows by the factor {formula} per second: proportional to dt is "
     "the exponent, not the energy that a second adds.",
     ask=(
-        "By which factor does explicit Euler multiply an oscillator's energy in one second, to "
-        "leading order of a small step h?",
+        "By which factor does explicit Euler multiply an oscillator's energy in one second? Take "
+        "the limit of small steps, but keep h in the exponent.",
         "factor, E = exp(omega^2*h)",
         {
             "1 + omega^2*h^2": "That is the factor of one step; a second has 1/h of them.",

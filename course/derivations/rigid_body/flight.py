@@ -428,7 +428,7 @@ def worked_ten_bounces_rk4(result):
 
 @claim(
     "The energies after ten bounces are a property of the integrator.",
-    "In the example they hang on the last digit: every rebound lands exactly on the floor at the "
+    "In the example a last digit decides: every rebound reaches the floor exactly at the "
     "end of a step, so one rounding of the velocity decides whether the rule acts then or a full "
     "step deeper, up to {spread_j:.1f} J apart. Other drop heights do not help, since after the "
     "first bounce every ball dropped from rest is at such a tie. Vary height and speed of the "

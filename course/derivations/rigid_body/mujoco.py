@@ -383,8 +383,8 @@ def mujoco_discrete_has_a_limit(result):
 @claim(
     "MuJoCo's RK4 is the classical one: four force computations, stable up to omega h = 2 sqrt(2).",
     "Four computations per step against one of the others, and the theoretical limit. Its damping "
-    "is explicit, so strong damping lowers that limit: at a damping ratio of 2 to "
-    "{limit_damped_zeta_2:.2f}.",
+    "is explicit, so strong damping lowers that limit, to omega h = {limit_damped_zeta_2:.2f} at "
+    "a damping ratio of 2.",
 )
 def mujoco_rk4(result):
     import mujoco

@@ -95,7 +95,7 @@ def symplectic_removes_stiffness(result):
     result.statement = f"Implicit midpoint up to omega dt = 1000: radius {max(midpoint):.6f}."
     result.statement_holds(
         all(spectral_radius("semi_implicit_euler", x) < STABLE for x in steps),
-        only_if="it is one Runge-Kutta method for positions and velocities alike",
+        only_if="it treats positions and velocities with the same Runge-Kutta method",
         inside=[alike(x) < 1 + 1e-5 for x in steps],
         outside=[radius(_partitioned(*LOBATTO, x)) < STABLE for x in result.rng.uniform(2, 6, 20)],
     )

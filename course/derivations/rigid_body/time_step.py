@@ -58,8 +58,8 @@ def explicit_undamped_limit(result):
 @claim(
     "The eigenvalues of explicit Euler's step are 1 - dt^2 k/(2m) +- i dt sqrt(k/m - dt^2 "
     "k^2/(4m^2)).",
-    "They are 1 +- i omega dt, from the matrix [[1, dt], [-dt k/m, 1]]. Those quoted are those of "
-    "semi-implicit Euler, [[1 - dt^2 k/m, dt], [-dt k/m, 1]]; their modulus is 1 below its limit.",
+    "They are 1 +- i omega dt, from the matrix [[1, h], [-h k/m, 1]]. Those quoted are those of "
+    "semi-implicit Euler, [[1 - h^2 k/m, h], [-h k/m, 1]]; their modulus is 1 below its limit.",
     ask=(
         "What is the modulus of the eigenvalues of explicit Euler's step on an undamped spring?",
         "r, modulus, lambda = sqrt(1 + omega^2*h^2)",
@@ -611,8 +611,8 @@ def explicit_midpoint_limit(result):
     ]
     result.statement_holds(
         tenth <= 0,
-        only_if="it is symplectic, as velocity Verlet is, or a Runge-Kutta method with a third "
-        "stage that gives z^3 a weight above 1/8, and above 1/8 more than z^4 if there is a fourth",
+        only_if="it is symplectic, as velocity Verlet is, or a Runge-Kutta method that multiplies "
+        "the state by 1 + z + z^2/2 + c z^3 + d z^4, z = i omega h, with c above 1/8 + d",
         inside=[
             *verlet,
             *(

@@ -113,9 +113,9 @@ def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
 
 
 @claim(
-    "F = m a for a rigid body.",
+    "A rigid body obeys F = m*a.",
     "The a is that of the centre of mass, wherever the force acts. Any other point of the body has "
-    "alpha x r + omega x (omega x r) besides: with m = {mass_kg:g} kg the product is up to "
+    "(alpha x r) + omega x (omega x r) besides: with m = {mass_kg:g} kg the product is up to "
     "{largest_off_n:.0f} N off the force in the draws below.",
 )
 def force_is_mass_times_acceleration(result):
@@ -172,7 +172,7 @@ def planar_torque(result):
 
 @claim(
     "Torque is I alpha + omega x (I omega).",
-    "About another point P of the body the term m c x a_P is missing, c from P to the centre: a "
+    "About another point P of the body the term m (c x a_P) is missing, c from P to the centre: a "
     "body without any force seems to need {torque_found_about_p_nm:.2f} N m. A point that is only "
     "fixed in space, while the body moves through it, is no better. And I, alpha and omega must be "
     "in one frame: I is constant in the body frame alone.",

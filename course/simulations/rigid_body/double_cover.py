@@ -44,8 +44,8 @@ _CORNERS, _INDEX = space.box(1.5, 0.9, 0.3)
 _NAMES = word("w", "x", "y", "z")[0]
 _BARS = word("q now; in red where it goes")[0]
 _AXIS, _TIP, _AIM = word("axis", "path of a corner", "where that corner ends")
-_TURNED, _W, _SAME, _LEFT = word("turned by", "w = cos(half)", "off the start", "off the end")
-_DOT, _DEG, _HALF = word("q · end, at the start", "°", "q on its circle: half the angle")
+_TURNED, _W, _SAME, _LEFT = word("turned by", "w = cos(half)", "angle from start", "angle to end")
+_DOT, _DEG, _HALF = word("first q · last q", "°", "q on its circle: half the angle")
 _SCENE, _PANEL, _ROUND = (0.1, 5.4, 0.1, 4.6), (6.35, 8.8, 2.75, 4.5), (6.85, 8.25, 0.5, 1.9)
 
 
@@ -118,9 +118,9 @@ PAPER = draw.Paper(TITLE, word, colour)
 READOUTS = {
     "turned by": "Angle of the rotation that the quaternion stands for.",
     "w = cos(half)": "Scalar part of the quaternion: the cosine of half the angle.",
-    "off the start": "Angle between the present orientation and the one at the start.",
-    "off the end": "Angle between the present orientation and the one at the end.",
-    "q · end, at the start": (
+    "angle from start": "Angle between the present orientation and the one at the start.",
+    "angle to end": "Angle between the present orientation and the one at the end.",
+    "first q · last q": (
         "Dot product of the first and the last quaternion. If it is negative, interpolation "
         "takes the long way round."
     ),
