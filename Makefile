@@ -23,9 +23,11 @@ unexport PYTHONPATH PYTHONHOME
 # The compiler's one-line announcements and a learner's progress are for a person, not for an output
 # that is compared. Small matrices are slower with threads, and two workers share the cores.
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
+# One worker more than two cores: browsers and what waits for a clock leave a core free.
+WORKERS := 3
 PYTEST := env $(QUIET) $(BIN)/pytest
 NBVAL := $(PYTEST) --nbval --nbval-current-env --nbval-sanitize-with tests/nbval_sanitize.cfg \
-	--nbval-cell-timeout=120 -n 2 --dist loadfile
+	--nbval-cell-timeout=120 -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean optional extras cpus
@@ -66,18 +68,18 @@ lab: setup ## set up, then open the course in JupyterLab, in copies under work/
 	@JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m tools.lab
 
 check: setup sphinx lint types ## lint, types and the quick tests, in about three minutes
-	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n 2 --dist worksteal
+	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n $(WORKERS) --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
 test: setup sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"
 
 optional: extras ## add the optional libraries, and run the tests that need them
-	COURSE_REQUIRE_OPTIONAL=1 $(PYTEST) -m optional $(OF_TOPIC) -n 2 --dist worksteal
+	COURSE_REQUIRE_OPTIONAL=1 $(PYTEST) -m optional $(OF_TOPIC) -n $(WORKERS) --dist worksteal
 	@echo "the tests of the optional libraries passed"
 
 prove: setup sphinx extras warm ## the long proofs: many seeds, the hostile suite, random properties, other CPUs
-	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n 2 --dist worksteal
+	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n $(WORKERS) --dist worksteal
 	$(MAKE) cpus CPUS='haswell nehalem'
 	@echo "all proofs passed"
 
@@ -87,7 +89,7 @@ cpus: setup sphinx ## the claims, the notebooks and what learns, computed as on 
 	@set -e; for cpu in $(CPUS); do \
 		$(BIN)/python -m tools.cpus $$cpu -- $(BIN)/python -m tools.warm; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(PYTEST) -q tests/learning \
-			tests/derivations/test_derivations.py -n 2 --dist worksteal; \
+			tests/derivations/test_derivations.py -n $(WORKERS) --dist worksteal; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(NBVAL) notebooks/; \
 	done
 
@@ -100,7 +102,7 @@ types: setup ## mypy
 	$(BIN)/mypy -n 2
 
 pytest: warm ## the tests without the notebooks
-	$(PYTEST) $(OF_TOPIC) -n 2 --dist worksteal
+	$(PYTEST) $(OF_TOPIC) -n $(WORKERS) --dist worksteal
 
 nbval: warm ## the notebooks, run again and compared with what they show
 	$(if $(NOTEBOOKS),$(NBVAL) $(NOTEBOOKS))

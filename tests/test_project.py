@@ -728,6 +728,14 @@ def test_the_readme_says_how_long_the_course_takes() -> None:
     assert front.hours() in text
 
 
+def test_the_first_link_of_the_readme_is_the_site_of_pyproject() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    first = re.search(r"(?<!!)\[[^\]]+\]\(([^)]+)\)", text)
+    assert first is not None and first[1] == settings["project"]["urls"]["Documentation"]
+    assert gallery.readme() == text
+
+
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
 

@@ -1,10 +1,13 @@
 """The gallery of charts and the moving picture of the README: `python -m tools.gallery`.
 
 The gallery, `docs/charts/README.md`, shows every chart of the course with what it says and its key
-figures; the film, `docs/film.png`, is a simulation of the course, recorded from its model.
+figures; the film, `docs/film.png`, is a simulation of the course, recorded from its model. The
+README's first link is the site's address, which a fork sets in pyproject.toml.
 """
 
 import json
+import re
+import tomllib
 from pathlib import Path
 
 import click
@@ -12,7 +15,9 @@ import click
 from course import CHAPTERS, charts
 from course.measure.figure import write
 
-FILM = Path(__file__).resolve().parents[1] / "docs" / "film.png"
+ROOT = Path(__file__).resolve().parents[1]
+README = ROOT / "README.md"
+FILM = ROOT / "docs" / "film.png"
 GALLERY = charts.PICTURES / "README.md"
 
 HEAD = """# The charts of the course
@@ -82,12 +87,21 @@ def readme_film() -> bytes:
     return film(MODEL, seconds=5.0)
 
 
+def readme() -> str:
+    """Return the README with the site's address, its first link, as pyproject.toml says it."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    address = settings["project"]["urls"]["Documentation"]
+    text = README.read_text(encoding="utf-8")
+    return re.sub(r"(?<=\]\()https://[^)]*(?=\))", lambda _: address, text, count=1)
+
+
 @click.command()
 def main() -> None:
-    """Write the gallery and the film."""
+    """Write the gallery, the film, and the site's address in the README."""
+    write(README, readme())
     write(GALLERY, gallery())
     write(FILM, lambda path: path.write_bytes(readme_film()))
-    click.echo(f"written: {GALLERY.name} and {FILM.name}")
+    click.echo(f"written: the README's link, {GALLERY.relative_to(ROOT)} and {FILM.name}")
 
 
 if __name__ == "__main__":

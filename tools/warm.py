@@ -28,6 +28,13 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # What stands beside the chapters is read with one of them.
 READ_WITH = {"sim_to_real": ("vector_env",)}
+# What is not in the package `course`: the learner's robot, which runs the chapters' loops.
+ELSEWHERE = {"robot": "drills.robot.compiled"}
+
+
+def module_of(topic: str) -> str:
+    """Return the name of the module whose `warm()` makes a topic ready."""
+    return ELSEWHERE.get(topic, f"course.{topic}")
 
 
 def topics() -> list[str]:
@@ -36,10 +43,10 @@ def topics() -> list[str]:
     for chapter in CHAPTERS:
         result += [*READ_WITH.get(chapter.topic, ()), chapter.topic]
     # The code of a chapter may be there before its notebook.
-    result = [topic for topic in result if importlib.util.find_spec(f"course.{topic}")]
-    return [
-        topic for topic in result if hasattr(importlib.import_module(f"course.{topic}"), "warm")
+    result = [
+        topic for topic in (*result, *ELSEWHERE) if importlib.util.find_spec(module_of(topic))
     ]
+    return [topic for topic in result if hasattr(importlib.import_module(module_of(topic)), "warm")]
 
 
 class Warmed(NamedTuple):
@@ -57,7 +64,7 @@ def warm_topic(name: str) -> Warmed:
 
     known = set(COMPILE_SECONDS)
     start = time.perf_counter()
-    importlib.import_module(f"course.{name}").warm()
+    importlib.import_module(module_of(name)).warm()
     seconds = time.perf_counter() - start
     new = [spent for key, spent in COMPILE_SECONDS.items() if key not in known]
     return Warmed(name, seconds, len(new), sum(new))

@@ -259,6 +259,8 @@ def deadlocks(bus: Bus) -> list[str]:
 
 
 def _name(callback: Callback) -> str:
+    if callback.kind == "timer":  # it has no name of its own
+        return f"the timer of {callback.node.name}"
     return f"{callback.kind} {callback.name} of {callback.node.name}"
 
 

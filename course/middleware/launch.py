@@ -30,9 +30,9 @@ def generate_launch_description():
     return LaunchDescription([
         # camera at 30 Hz, best effort
         Node(package="camera_driver", executable="camera", parameters=[{"profile": "640x480x30"}]),
-        # finds the objects in every picture
+        # finds the objects in every image
         Node(package="object_finder", executable="finder", parameters=[{"model": "small"}]),
-        # plans on request, reliable
+        # plans at 10 Hz, reliable
         Node(package="arm_planner", executable="planner", parameters=[{"timeout_ms": 500}]),
         # 1 kHz, real time, reliable
         Node(package="arm_control", executable="controller", parameters=[{"rate": 1000}]),
@@ -48,6 +48,7 @@ from launch_ros.actions import Node
 PICTURE = {"reliability": "best_effort", "history": "keep_last", "depth": 1}
 POSES = {"reliability": "best_effort", "history": "keep_last", "depth": 1,
          "deadline": 100_000_000}
+PLAN = {"reliability": "reliable", "history": "keep_last", "depth": 1}
 # The monitor is an ordinary process: under load it has been measured some 40 ms late, so that a
 # shorter lease would declare a healthy one dead.
 STATUS = {"reliability": "reliable", "durability": "transient_local", "history": "keep_last",
@@ -66,9 +67,11 @@ def generate_launch_description():
             {"model": "small"}, qos("/camera/image", "subscription", PICTURE),
             qos("/object_poses", "publisher", POSES)]),
         Node(package="arm_planner", executable="planner", parameters=[
-            {"timeout_ms": 500}, qos("/object_poses", "subscription", POSES)]),
+            {"timeout_ms": 500}, qos("/object_poses", "subscription", POSES),
+            qos("/trajectory", "publisher", PLAN)]),
         Node(package="controller_manager", executable="ros2_control_node", parameters=[
             {"update_rate": 1000, "lock_memory": True, "thread_priority": 50},
+            qos("/trajectory", "subscription", PLAN),
             qos("/safety/status", "subscription", STATUS)]),
         Node(package="arm_safety", executable="monitor", parameters=[
             {"max_force": 30.0}, qos("/safety/status", "publisher", STATUS)]),

@@ -83,5 +83,5 @@ def pictures(names: Iterable[str]) -> Iterator[Iterator[tuple[str, str]]]:
     # Only what is missing goes to the workers.
     missing = [name for name in ordered if not cached(name).is_file()]
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        drawn = dict(zip(missing, pool.map(narrow, missing, chunksize=4), strict=True))
-        yield ((name, drawn.get(name) or narrow(name)) for name in ordered)
+        drawn = {name: pool.submit(narrow, name) for name in missing}
+        yield ((name, drawn[name].result() if name in drawn else narrow(name)) for name in ordered)

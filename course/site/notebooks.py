@@ -35,6 +35,7 @@ TEXTS = {
     "modules": ROOT / "docs" / "howto" / "modules.md",
     "environments": ROOT / "docs" / "howto" / "vector_env.md",
     "drills_in_ci": ROOT / "docs" / "howto" / "drills_in_ci.md",
+    "your_method": ROOT / "docs" / "howto" / "chart.md",
 }
 _FILM = re.compile(r"!\[[^\]]+\]\(attachment:([\w.]+)\.png\)\n*")
 _LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")

@@ -6,7 +6,9 @@ tasks, the same images' noise and the same delays: common random numbers.
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +21,7 @@ ELBOW = 2.8  # rad, largest bend of the elbow
 MARGIN = 0.02  # m, clearance of the postures that count as free on the map
 ROOM = 0.065  # m, clearance of the ends of each motion
 FEEDER = (-0.15, -0.5, 0.1)  # m, a post that stands in every scene
-SCENE, CAMERA, PLANNER, BUS, TIP = range(5)  # streams of random numbers of a task
+SCENE, CAMERA, PLANNER, BUS, TIP, ENCODER = range(6)  # streams of random numbers of a task
 
 
 class Level(NamedTuple):
@@ -66,6 +68,10 @@ class World(NamedTuple):
         damping: viscous friction of each joint [N m s/rad].
         coulomb: dry friction of each joint [N m].
         delay: of a torque, in ticks.
+        payload: a point mass at the tip that the robot's programs ignore [kg].
+        motor: factor from the commanded torque to the motor's.
+        bias: offset of both encoders [rad].
+        noise: standard deviation of an encoder's reading [rad].
     """
 
     lengths: tuple[float, float]
@@ -73,6 +79,10 @@ class World(NamedTuple):
     damping: tuple[float, float] = (0.0, 0.0)
     coulomb: tuple[float, float] = (0.0, 0.0)
     delay: int = 0
+    payload: float = 0.0
+    motor: float = 1.0
+    bias: float = 0.0
+    noise: float = 0.0
 
 
 class Task(NamedTuple):
@@ -87,6 +97,7 @@ class Task(NamedTuple):
         posts: rows (x, y, radius), shape (m, 3) [m].
         clutter: other objects, rows (x, y, heading, half length, half width, height) [m, rad].
         offset: error of the camera's calibration, shape (2,) [m].
+        free: which postures of `joint_map` keep a margin to the posts, shape (n, m).
     """
 
     number: int
@@ -98,6 +109,7 @@ class Task(NamedTuple):
     posts: Array
     clutter: Array
     offset: Array
+    free: NDArray[np.bool_]
 
     def at(self, seconds: float) -> Array:
         """Return the position of the part on the belt, shape (2,) [m]."""
@@ -152,25 +164,32 @@ def clearance(lengths: tuple[float, float], posts: Array, q: Array) -> Array:
     return gap
 
 
-def mass_matrix(world: World, elbow: float) -> tuple[float, float, float]:
-    """Return M11, M12 and M22 of two uniform rods [kg m^2]."""
-    (l1, l2), (m1, m2) = world.lengths, world.masses
-    bend = 0.5 * m2 * l1 * l2 * math.cos(elbow)
-    far = m2 * l2 * l2 / 3.0
-    return (m1 / 3.0 + m2) * l1 * l1 + far + 2.0 * bend, far + bend, far
+def inertia(world: World) -> tuple[float, float, float, float, float]:
+    """Return what the equations of motion take from masses and lengths.
+
+    Returns:
+        M11 without its share of the elbow's cosine, that share's factor, M22 [kg m^2]; the weights
+        of the first link and of the second, over gravity [kg m].
+    """
+    (l1, l2), (m1, m2), load = world.lengths, world.masses, world.payload
+    outer = (m2 / 3.0 + load) * l2 * l2
+    bend = (0.5 * m2 + load) * l1 * l2
+    base = (m1 / 3.0 + m2 + load) * l1 * l1 + outer
+    return base, bend, outer, (0.5 * m1 + m2 + load) * l1, (0.5 * m2 + load) * l2
 
 
 def acceleration(
     world: World, gravity: float, tau: Array, v: Array, q: Array
 ) -> tuple[float, float]:
     """Return the joint accelerations under torques, gravity and friction [rad/s^2]."""
-    (l1, l2), (m1, m2) = world.lengths, world.masses
+    base, bend, m22, first, second = inertia(world)
     v1, v2 = float(v[0]), float(v[1])
     q1, q2 = float(q[0]), float(q[1])
-    m11, m12, m22 = mass_matrix(world, q2)
-    spin = 0.5 * m2 * l1 * l2 * math.sin(q2)
-    outer = 0.5 * m2 * gravity * l2 * math.cos(q1 + q2)
-    inner = (0.5 * m1 + m2) * gravity * l1 * math.cos(q1)
+    cosine = bend * math.cos(q2)
+    m11, m12 = base + 2.0 * cosine, m22 + cosine
+    spin = bend * math.sin(q2)
+    outer = gravity * second * math.cos(q1 + q2)
+    inner = gravity * first * math.cos(q1)
     # Dry friction, smooth within 10 mrad/s.
     drag1 = world.damping[0] * v1 + world.coulomb[0] * math.tanh(100.0 * v1)
     drag2 = world.damping[1] * v2 + world.coulomb[1] * math.tanh(100.0 * v2)
@@ -183,23 +202,33 @@ def acceleration(
 # --- the map of joint angles ----------------------------------------------------------------------
 
 
-def joint_map(cell: Cell, posts: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def grid() -> tuple[Array, Array]:
+    """Return the angles of both joints at which the map of postures is evaluated [rad]."""
+    first = np.arange(-math.pi + 0.5 * GRID, math.pi, GRID)
+    return first, np.arange(-ELBOW + 0.5 * GRID, ELBOW, GRID)
+
+
+def joint_map(cell: Cell, posts: Array, gaps: Callable[..., Array]) -> NDArray[np.bool_]:
     """Return which postures are free, on a grid of joint angles.
 
+    Args:
+        cell: with the arm.
+        posts: rows (x, y, radius), shape (m, 3) [m].
+        gaps: `clearance`, or its compiled form.
+
     Returns:
-        The grid's angles of each joint, and whether the arm has its margin there, shape (n, m).
+        Whether the arm has its margin at each posture of `grid`, shape (n, m).
     """
-    first = np.arange(-math.pi + 0.5 * GRID, math.pi, GRID)
-    second = np.arange(-ELBOW + 0.5 * GRID, ELBOW, GRID)
+    first, second = grid()
     q = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     wide = posts + np.array([0.0, 0.0, cell.width + MARGIN])
-    free = clearance(cell.lengths, wide, q) > 0.0
-    return first, second, free.reshape(first.size, second.size)
+    free = gaps(cell.lengths, wide, q) > 0.0
+    return np.asarray(free.reshape(first.size, second.size))
 
 
-def shadows(cell: Cell, posts: Array) -> Array:
-    """Return discs that cover the outline of the blocked postures, shape (n, 3) [rad]."""
-    first, second, free = joint_map(cell, posts)
+def shadows(free: NDArray[np.bool_]) -> Array:
+    """Return discs that cover the outline of the blocked postures of a map, shape (n, 3) [rad]."""
+    first, second = grid()
     near = np.zeros_like(free)
     near[1:] |= free[:-1]
     near[:-1] |= free[1:]
@@ -222,13 +251,12 @@ def postures(lengths: tuple[float, float], target: Array) -> Array:
     return np.array(rows)
 
 
-def _solvable(cell: Cell, posts: Array, ends: list[Array]) -> bool:
+def _solvable(cell: Cell, posts: Array, free: NDArray[np.bool_], ends: list[Array]) -> bool:
     """Return whether one region of free postures holds the home and a posture of each end."""
-    first, second, free = joint_map(cell, posts)
 
     def cell_of(q: Array) -> tuple[int, int]:
-        i = min(max(int((q[0] + math.pi) / GRID), 0), first.size - 1)
-        return i, min(max(int((q[1] + ELBOW) / GRID), 0), second.size - 1)
+        i = min(max(int((q[0] + math.pi) / GRID), 0), free.shape[0] - 1)
+        return i, min(max(int((q[1] + ELBOW) / GRID), 0), free.shape[1] - 1)
 
     wide = posts + np.array([0.0, 0.0, cell.width])
     reached = np.zeros_like(free)
@@ -256,7 +284,13 @@ def _solvable(cell: Cell, posts: Array, ends: list[Array]) -> bool:
     return bool(clearance(cell.lengths, wide, np.array(cell.home))[0] > ROOM)
 
 
-def make_task(cell: Cell, level: Level, seed: int, number: int) -> Task:
+def make_task(
+    cell: Cell,
+    level: Level,
+    seed: int,
+    number: int,
+    gaps: Callable[..., Array] = clearance,
+) -> Task:
     """Return task k: the same whichever parts are in the robot.
 
     Args:
@@ -264,6 +298,7 @@ def make_task(cell: Cell, level: Level, seed: int, number: int) -> Task:
         level: what it asks.
         seed: of all tasks.
         number: k, from 0.
+        gaps: `clearance`, or its compiled form.
     """
     rng = stream(seed, number, SCENE)
     while True:
@@ -284,7 +319,8 @@ def make_task(cell: Cell, level: Level, seed: int, number: int) -> Task:
         ends = (
             [part, slot] if not velocity else [part, part + 2.0 * speed, part + 4.0 * speed, slot]
         )
-        if not _solvable(cell, posts, ends):
+        free = joint_map(cell, posts, gaps)
+        if not _solvable(cell, posts, free, ends):
             continue
         clutter: list[list[float]] = []
         for (x, y), turn, low in zip(spots, turns, lows, strict=True):
@@ -298,12 +334,13 @@ def make_task(cell: Cell, level: Level, seed: int, number: int) -> Task:
                 clutter.append([*place, turn, 0.03 + 0.01 * low, 0.025, height])
         offset = level.offset * np.array([math.cos(bearing), math.sin(bearing)])
         rows = np.array(clutter).reshape(-1, 6)
-        return Task(number, seed, part, heading, speed, slot, posts, rows, offset)
+        return Task(number, seed, part, heading, speed, slot, posts, rows, offset, free)
 
 
 # --- the camera -----------------------------------------------------------------------------------
 
 
+@functools.cache
 def _faces(half: tuple[float, float], top: tuple[float, float], height: float) -> Array:
     """Return the planes n . x <= d of a body with sloped sides, rows (nx, ny, nz, d)."""
     (a, b), (c, d) = half, top
@@ -315,7 +352,8 @@ def _faces(half: tuple[float, float], top: tuple[float, float], height: float) -
     return np.asarray(planes / np.linalg.norm(planes[:, :3], axis=1)[:, None])
 
 
-def _rays(cell: Cell) -> Array:
+@functools.cache
+def rays_of(cell: Cell) -> Array:
     """Return the direction of each pixel's ray in the base, of depth 1, shape (3, n)."""
     v, u = np.mgrid[: cell.pixels[0], : cell.pixels[1]].reshape(2, -1)
     (fx, fy), (cx, cy) = cell.focal, cell.axis
@@ -335,14 +373,9 @@ def render(cell: Cell, level: Level, task: Task, frame: int, seconds: float) -> 
         frame: number of the image, which determines its noise.
         seconds: time of the capture [s].
     """
-    rays = _rays(cell)
-    eye = np.array(cell.camera) + np.append(task.offset, 0.0)
+    rays, eye = rays_of(cell), eye_of(cell, task)
     depth = np.full(rays.shape[1], eye[2]) / -rays[2]
-    bodies = [(*task.at(seconds), task.heading, _faces(cell.base, cell.top, cell.height))]
-    for x, y, turn, long, wide, height in task.clutter:
-        box = _faces((long, wide), (0.9 * long, 0.9 * wide), height)
-        bodies.append((x, y, turn, box))
-    for x, y, turn, planes in bodies:
+    for x, y, turn, planes in bodies_of(cell, task, seconds):
         c, s = math.cos(turn), math.sin(turn)
         R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         start, along = R @ (eye - np.array([x, y, 0.0])), R @ rays
@@ -354,6 +387,26 @@ def render(cell: Cell, level: Level, task: Task, frame: int, seconds: float) -> 
         entry = np.where(slope < 0.0, at, -np.inf).max(axis=0)
         leave = np.where(slope > 0.0, at, np.inf).min(axis=0)
         depth = np.where(entry <= leave, np.minimum(depth, entry), depth)
+    return sense(cell, level, task, frame, depth)
+
+
+def eye_of(cell: Cell, task: Task) -> Array:
+    """Return where the camera really is, shape (3,) [m]."""
+    return np.asarray(np.array(cell.camera) + np.append(task.offset, 0.0))
+
+
+def bodies_of(cell: Cell, task: Task, seconds: float) -> list[tuple[float, float, float, Array]]:
+    """Return what lies on the table: x, y, heading, and the planes of its faces in its frame."""
+    x, y = task.at(seconds)
+    bodies = [(float(x), float(y), task.heading, _faces(cell.base, cell.top, cell.height))]
+    for x, y, turn, long, wide, height in task.clutter.tolist():
+        box = _faces((long, wide), (0.9 * long, 0.9 * wide), height)
+        bodies.append((x, y, turn, box))
+    return bodies
+
+
+def sense(cell: Cell, level: Level, task: Task, frame: int, depth: Array) -> Array:
+    """Return the picture in counts, with noise and lost pixels, of exact depths (n,) [m]."""
     rng = stream(task.seed, task.number, CAMERA, frame)
     depth = depth + level.noise * rng.standard_normal(depth.size)
     # Of the pixels without a measurement some hold 0, some NaN.

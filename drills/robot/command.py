@@ -18,8 +18,6 @@ from drills.progress import NOT_ATTEMPTED, SOLVED
 from drills.robot import inside, report, store
 from drills.robot.cell import World
 from drills.robot.holders import (
-    COURSE,
-    YOURS,
     Holder,
     chosen,
     course_part,
@@ -30,13 +28,14 @@ from drills.robot.holders import (
 from drills.robot.levels import LEVELS, exact_world, level
 from drills.robot.play import Played, part_names, play
 from drills.robot.report import Summary
-from drills.robot.slots import NAMED, NAMES, SLOTS, STAGES, Part, of_stage, stage_of
+from drills.robot.slots import COURSE, NAMED, NAMES, SLOTS, STAGES, YOURS, Part, of_stage, stage_of
 from drills.robot.store import Stored
 from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import bar
 from drills.workspace import Misuse
 
 TASKS = 200
+GAP = 0.25  # of the twin: at 1, chapter 8's far end, no part reaches its slot
 INLINE = 300  # characters of a call that a terminal shows
 LEVEL = click.IntRange(1, len(LEVELS))
 HIDDEN = 6  # the level with a hidden fault
@@ -164,6 +163,12 @@ def _change(session: Session, edit: Any) -> None:
 @click.option(
     "--twin", is_flag=True, help="The imperfect arm of chapter 8 in place of the exact one."
 )
+@click.option(
+    "--gap",
+    type=click.FloatRange(0.0, 1.25),
+    help="How far the twin is from what the robot believes: chapter 8's gap, usually "
+    f"{GAP:g}. Implies --twin.",
+)
 @options
 @body
 def run(
@@ -174,6 +179,7 @@ def run(
     own: tuple[str, ...],
     seed: int,
     twin: bool,
+    gap: float | None,
 ) -> int:
     """Play tasks, and compare with the course's parts on the same tasks and noise."""
     session.command = "robot"
@@ -181,8 +187,10 @@ def run(
     number = number or _next_level(stored)
     if number == HIDDEN:
         return _run_hidden(session, stored, held, tasks)
-    parts = chosen(session.work, held, choices, own)
-    one, world = level(number), _world(twin)
+    parts = chosen(session.work, held, choices, own, session.notices)
+    if gap is None and twin:
+        gap = GAP
+    one, world = level(number), _world(gap)
     terminal = session.terminal
     session.say(terminal.paint(f"Level {number}: {one.title}", "head"))
     session.wrap(f"What usually breaks: {one.breaks}", "  ", "  ")
@@ -194,7 +202,7 @@ def run(
         return _stopped(session, played, parts, payload)
     mine = report.summarise(played)
     all_course = all(part.holder == COURSE for part in parts)
-    course = mine if all_course else _course(session, stored, number, tasks, seed, twin)
+    course = mine if all_course else _course(session, stored, number, tasks, seed, gap)
     _say_summary(session, mine, None if all_course else course)
     named = report.diagnose(played, mine, None if all_course else course)
     _say_named(session, named, parts, played)
@@ -214,14 +222,14 @@ def run(
         more = " More tasks narrow the interval." if mine.rate > one.threshold else ""
         word = terminal.paint(f"Level {number} not passed", "wrong")
         session.wrap(f"{word}: {rule}, and the interval begins at {lower}.{more}")
-    entry = _entry(mine, parts, number, tasks, seed, twin)
+    entry = _entry(mine, parts, number, tasks, seed, gap)
     previous = _previous(stored, entry)
     if previous is not None:
         _say_change(session, previous, mine, entry)
-    _remember(session, entry, passed and not twin and not empty, number)
+    _remember(session, entry, passed and gap is None and not empty, number)
     payload |= {
         "passed": passed,
-        "counts": passed and not twin and not empty,
+        "counts": passed and gap is None and not empty,
         "success": mine.rate,
         "low": mine.low,
         "high": mine.high,
@@ -240,12 +248,12 @@ def _stages_without(parts: list[Part]) -> list[str]:
     return [stage for stage in STAGES if stage not in own]
 
 
-def _world(twin: bool) -> World:
-    if not twin:
+def _world(gap: float | None) -> World:
+    if gap is None:
         return exact_world()
     from drills.robot.twin import imperfect_world
 
-    return imperfect_world()
+    return imperfect_world(gap=gap)
 
 
 def _progress(session: Session, robot: str) -> Any:
@@ -265,21 +273,24 @@ def _progress(session: Session, robot: str) -> Any:
 
 def _version() -> str:
     """Return a hash of the robot and the course's parts: results of another version don't count."""
-    return digest_of(inside.bundle() + "".join(course_part(name).source for name in NAMES))
+    compiled = Path(inside.__file__).with_name("compiled.py").read_text(encoding="utf-8")
+    parts = (course_part(name).source for name in NAMES)
+    return digest_of("".join((inside.bundle(), compiled, *parts)))
 
 
 def _course(
-    session: Session, stored: Stored, number: int, tasks: int, seed: int, twin: bool
+    session: Session, stored: Stored, number: int, tasks: int, seed: int, gap: float | None
 ) -> Summary:
     """Return how the course's parts do on the same tasks; they are played once."""
-    key = f"{number}/{tasks}/{seed}/{'twin' if twin else 'exact'}/{_version()}"
+    world = "exact" if gap is None else f"twin {gap:g}"
+    key = f"{number}/{tasks}/{seed}/{world}/{_version()}"
     try:
         return report.restored(stored.course[key])
     except (KeyError, TypeError, ValueError):
         pass
     parts = [course_part(name) for name in NAMES]
     played = play(
-        parts, level(number), tasks, seed=seed, world=_world(twin),
+        parts, level(number), tasks, seed=seed, world=_world(gap),
         progress=_progress(session, "the course's"),
     )  # fmt: skip
     summary = report.summarise(played)
@@ -422,7 +433,7 @@ def _say_named(
 
 
 def _entry(
-    mine: Summary, parts: list[Part], number: int, tasks: int, seed: int, twin: bool
+    mine: Summary, parts: list[Part], number: int, tasks: int, seed: int, gap: float | None
 ) -> dict[str, Any]:
     """Return what is stored of a run."""
     return {
@@ -430,7 +441,7 @@ def _entry(
         "level": number,
         "tasks": tasks,
         "seed": seed,
-        "twin": twin,
+        "twin": False if gap is None else gap,
         "parts": {part.slot: [part.holder, digest_of(part.source)] for part in parts},
         "robot": digest_of("".join(sorted(part.slot + part.source for part in parts))),
         "version": _version(),
@@ -638,7 +649,7 @@ def film_(
     session.command = "robot"
     stored, held = _load(session)
     number = number or min(_next_level(stored), HIDDEN - 1)
-    parts = chosen(session.work, held, choices, own)
+    parts = chosen(session.work, held, choices, own, session.notices)
     every = frozenset(range(tasks))
     progress_bar = _progress(session, "yours")
     played = play(parts, level(number), tasks, seed=seed, filmed=every, progress=progress_bar)

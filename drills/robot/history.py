@@ -15,7 +15,11 @@ def versions(runs: list[dict[str, Any]], number: int) -> list[dict[str, Any]]:
     """Return the runs of a level in the order of time, one for each robot: its last one."""
     last: dict[str, dict[str, Any]] = {}
     for run in runs:
-        if run.get("level") == number and not run.get("twin") and isinstance(run.get("robot"), str):
+        if (
+            run.get("level") == number
+            and run.get("twin", False) is False
+            and isinstance(run.get("robot"), str)
+        ):
             last.pop(run["robot"], None)
             last[run["robot"]] = run
     return list(last.values())

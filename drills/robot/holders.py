@@ -10,11 +10,10 @@ from typing import NamedTuple
 from drills import cards as catalogue
 from drills import progress, workspace
 from drills.progress import SOLVED
-from drills.robot.slots import FUNCTIONS, NAMED, NAMES, SLOTS, STAGES, Part
+from drills.robot import libraries
+from drills.robot.slots import COURSE, FUNCTIONS, NAMED, NAMES, SLOTS, STAGES, YOURS, Part
 from drills.robot.store import Stored
 from drills.workspace import Misuse
-
-YOURS, COURSE = "yours", "course"
 
 
 class Holder(NamedTuple):
@@ -82,7 +81,11 @@ def holders(work: Path, loaded: progress.Loaded, stored: Stored) -> dict[str, Ho
 
 
 def chosen(
-    work: Path, defaults: dict[str, Holder], choices: Sequence[str], own: Sequence[str]
+    work: Path,
+    defaults: dict[str, Holder],
+    choices: Sequence[str],
+    own: Sequence[str],
+    notices: list[str] | None = None,
 ) -> list[Part]:
     """Return the parts of a run.
 
@@ -92,6 +95,7 @@ def chosen(
         choices: "SLOT=HOLDER" or "STAGE=HOLDER", where the holder is "yours", "course" or a
             library.
         own: "FUNCTION=FILE": a function of `records.Stages` that a file defines.
+        notices: receives a sentence for each library that is not installed.
 
     Raises:
         Misuse: for a slot, a holder or a file that does not exist.
@@ -106,6 +110,15 @@ def chosen(
                 f"There is no slot or stage {where!r}. {near}drills robot status lists them."
             )
         for name in names:
+            if holder in libraries.offers(name) and not libraries.installed(holder):
+                instead = "your part" if parts[name].holder == YOURS else "the course's part"
+                package = libraries.PACKAGES.get(holder, holder)
+                if notices is not None:
+                    notices.append(
+                        f"{holder} is not installed, so {instead} stays in {name}. "
+                        f"pip install {package}"
+                    )
+                continue
             parts[name] = _part(work, name, holder, whole=where in STAGES, default=parts[name])
     result = list(parts.values())
     for choice in own:
@@ -133,8 +146,6 @@ def _part(work: Path, name: str, holder: str, whole: bool, default: Part) -> Par
         if own is None:
             raise Misuse(f"You have no {name} yet. drills start {name} begins.")
         return own
-    from drills.robot import libraries
-
     part = libraries.part(name, holder)
     if part is None and whole:
         return default

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from drills.robot.cell import Level, World, make_task
+from drills.robot.engine import PLAIN, Engine
 from drills.robot.faults import with_fault
 from drills.robot.loop import run_task
 from drills.robot.parts import CALL, Bench, PartFailed
@@ -23,7 +24,18 @@ from drills.robot.records import Cell, Estimate, Motion, Outcome, Sighting
 from drills.robot.slots import NAMED, Part
 from drills.robot.stages import build
 
-MODULES = ("records", "slots", "cell", "parts", "promises", "stages", "faults", "loop", "inside")
+MODULES = (
+    "records",
+    "slots",
+    "cell",
+    "engine",
+    "parts",
+    "promises",
+    "stages",
+    "faults",
+    "loop",
+    "inside",
+)
 # What a function of the learner's own may return as a plain tuple.
 RECORDS: dict[str, Any] = {"perceive": Sighting, "estimate": Estimate, "plan": Motion}
 _BOOT = """
@@ -58,6 +70,7 @@ class Robot:
         seed: of all tasks.
         limit: processor time of a call [s]; 0 for trusted parts.
         fault: a stage and a direction, for level 6.
+        engine: compiled functions for a robot of known parts.
     """
 
     def __init__(
@@ -68,22 +81,34 @@ class Robot:
         seed: int,
         limit: float = CALL,
         fault: tuple[str, float] | None = None,
+        engine: Engine = PLAIN,
     ) -> None:
         self.cell, self.level, self.world, self.seed = Cell(), level, world, seed
-        checks = {p.slot: promises_of(p.slot, p.holder) for p in parts if p.slot in NAMED}
-        self.bench = Bench({part.slot: part for part in parts}, checks, limit)
-        self.stages = build(self.cell, self.bench)
+        # What the engine brings is the course's: the tests hold it to its promises.
+        checks = {
+            part.slot: promises_of(part.slot, part.holder)
+            for part in parts
+            if part.slot in NAMED and part.slot not in engine.functions
+        }
+        self.engine = engine
+        self.bench = Bench({part.slot: part for part in parts}, checks, limit, engine.functions)
+        self.stages = build(self.cell, self.bench, engine)
         for part in parts:
             if part.slot not in NAMED:
                 own = _own_function(self.bench, part.slot)
                 self.stages = self.stages._replace(**{part.slot: own})
+        if fault is not None and fault[0] == "control":
+            # A faulty law is called at each tick.
+            self.engine = engine._replace(drive=None)
         if fault is not None:
             self.stages = with_fault(self.stages, *fault)
 
     def play(self, number: int, filmed: bool = False) -> Outcome:
         """Play task `number`; `filmed` records its motion."""
-        task = make_task(self.cell, self.level, self.seed, number)
-        return run_task(self.cell, self.world, self.level, self.stages, self.bench, task, filmed)
+        task = make_task(self.cell, self.level, self.seed, number, self.engine.clearance)
+        return run_task(
+            self.cell, self.world, self.level, self.stages, self.bench, task, filmed, self.engine
+        )
 
 
 def _own_function(bench: Bench, name: str) -> Callable[[Any], Any]:
@@ -118,7 +143,8 @@ def prepare(
 ) -> list[Any] | None:
     """Load the parts in the child; returns the failure of one, or None."""
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # what parts print would flood the pipe
-    given = World(tuple(world[0]), tuple(world[1]), tuple(world[2]), tuple(world[3]), world[4])
+    values: list[Any] = [tuple(v) if isinstance(v, list) else v for v in world]
+    given = World(*values)
     try:
         listed = [Part(*part) for part in parts]
         chosen = (str(fault[0]), float(fault[1])) if fault else None

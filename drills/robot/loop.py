@@ -13,6 +13,7 @@ import numpy as np
 
 from drills.robot import cell as scene
 from drills.robot.cell import Level, Task, World, tip_of, tip_rate
+from drills.robot.engine import PLAIN, Engine
 from drills.robot.parts import Bench, PartFailed
 from drills.robot.records import (
     Array,
@@ -38,6 +39,7 @@ SETTLE, CLOSE = 8, 20  # ticks
 DAMPING = 0.02  # m/rad
 DRIFT = 1e-4  # m^2/s^3, density of the part's acceleration as the tracker believes it
 PLANNED = 0.008  # m, clearance that a plan keeps
+RUNAWAY = 60.0  # rad/s, of both joints together
 # Positions in the base that the log of a task holds, each as x and y [m].
 SIGNALS = (
     "part_at_grip",
@@ -63,9 +65,17 @@ class Arm:
     """The arm, its clock and its log during one task."""
 
     def __init__(
-        self, cell: Cell, world: World, stages: Stages, bench: Bench, task: Task, filmed: bool
+        self,
+        cell: Cell,
+        world: World,
+        stages: Stages,
+        bench: Bench,
+        task: Task,
+        filmed: bool,
+        engine: Engine,
     ) -> None:
         self.cell, self.world, self.stages, self.bench = cell, world, stages, bench
+        self.engine = engine
         self.task, self.filmed = task, filmed
         self.q, self.v = np.array(cell.home), np.zeros(2)
         self.reference = np.array(cell.home)  # where the arm should be now
@@ -73,6 +83,7 @@ class Arm:
         self.log: list[Array] = []
         self.kp, self.kd = stages.gains(cell.tick)
         self.queue = [np.zeros(2)] * world.delay  # torques on their way
+        self.readings = scene.stream(task.seed, task.number, scene.ENCODER)
         self.posts = task.posts + np.array([0.0, 0.0, cell.width])
         self.closest = math.inf
 
@@ -83,33 +94,61 @@ class Arm:
 
     def follow(self, q: Array, v: Array, a: Array, hold: bool = False) -> None:
         """Follow a reference, one row of each array a tick; then the reference is at the end."""
+        positions = np.empty((len(q), 2))
+        noise = self._noise(len(q))
+        if self.engine.drive is not None:
+            self._drive(np.stack((q, v, a), axis=1), noise, positions)
+        else:
+            self._tick(q, v, a, hold, noise, positions)
+        self._watch(positions)
+
+    def _noise(self, ticks: int) -> Array:
+        """Return the errors of the encoders' readings, shape (ticks, 2) [rad]."""
+        if not self.world.noise:
+            return np.full((ticks, 2), self.world.bias)
+        drawn = self.readings.standard_normal((ticks, 2))
+        return np.asarray(self.world.bias + self.world.noise * drawn)
+
+    def _tick(self, q: Array, v: Array, a: Array, hold: bool, noise: Array, out: Array) -> None:
+        """Call the control part and the physics part at each tick; write the angles into out."""
         cell, world, gravity = self.cell, self.world, self.cell.gravity
-        limits, positions = np.array(cell.torques), np.empty((len(q), 2))
+        limits = np.array(cell.torques)
         for i in range(len(q)):
             self.bench.tick = self.ticks
             reference = np.array((q[i], v[i], a[i]))
-            tau = self.stages.control(Command(self.q, self.v, reference, self.kp, self.kd, hold))
+            measured = self.q + noise[i]
+            tau = self.stages.control(Command(measured, self.v, reference, self.kp, self.kd, hold))
             tau = np.minimum(np.maximum(tau, -limits), limits)
             if self.queue:
                 self.queue.append(tau)
                 tau = self.queue.pop(0)
-            rate = self.v
+            tau, rate = world.motor * tau, self.v
 
             def acceleration(x: Array, tau: Array = tau, rate: Array = rate) -> Array:
                 return np.array(scene.acceleration(world, gravity, tau, rate, x))
 
             self.q, self.v = self.stages.move(Tick(self.q, self.v, acceleration, cell.tick))
             self.ticks += 1
-            positions[i] = self.q
-            if not abs(self.v[0]) + abs(self.v[1]) < 60.0:
+            out[i] = self.q
+            if not abs(self.v[0]) + abs(self.v[1]) < RUNAWAY:
                 raise Stopped("the arm ran away")
-        self._watch(positions)
+
+    def _drive(self, references: Array, noise: Array, out: Array) -> None:
+        """Play all ticks at once: the law and the integrator are compiled into one loop."""
+        assert self.engine.drive is not None
+        self.bench.tick = self.ticks
+        self.q, self.v, self.queue, spent = self.engine.drive(self, references, noise, out)
+        self.ticks += len(references)
+        for stage, seconds in spent.items():
+            self.bench.seconds[stage] += seconds
+        if not abs(self.v[0]) + abs(self.v[1]) < RUNAWAY:
+            raise Stopped("the arm ran away")
 
     def _watch(self, positions: Array) -> None:
         """Note the clearance of the motion, and stop at a collision."""
         if self.filmed:
             self.log.extend(positions[::4])
-        gaps = scene.clearance(self.world.lengths, self.posts, positions[::2])
+        gaps = self.engine.clearance(self.world.lengths, self.posts, positions[::2])
         self.closest = min(self.closest, float(np.min(gaps, initial=math.inf)))
         if self.closest <= 0.0:
             raise Stopped("the arm touched a post")
@@ -118,6 +157,10 @@ class Arm:
         """Stay at the reference."""
         zero = np.zeros((ticks, 2))
         self.follow(np.tile(self.reference, (ticks, 1)), zero, zero, hold=True)
+
+    def encoder(self) -> Array:
+        """Return the joint angles as the encoders read them on average, shape (2,) [rad]."""
+        return np.asarray(self.q + self.world.bias)
 
     def tip(self) -> Array:
         """Return where the tip really is, shape (2,) [m]."""
@@ -163,7 +206,7 @@ class Tracker:
         number, now = self.frames, arm.now
         self.frames += 1
         arm.bench.tick = arm.ticks
-        depth = scene.render(cell, level, task, number, now)
+        depth = arm.engine.render(cell, level, task, number, now)
         latency = scene.make_latency(level, task, number)
         if not math.isfinite(latency):
             return
@@ -179,12 +222,17 @@ class Tracker:
         self.seen.append(one)
 
     def _update(self, position: Array, now: float) -> None:
-        F = np.eye(4) + (now - self.last) * np.eye(4, k=2)
         age, self.last = now - self.last, now
-        growth = DRIFT * np.array([[age**3 / 3.0, age**2 / 2.0], [age**2 / 2.0, age]])
-        if not self.level.speed:
-            growth = 0.0 * growth
-        state, P = F @ self.state, F @ self.covariance @ F.T + np.kron(growth, np.eye(2))
+        F = np.eye(4)
+        F[0, 2] = F[1, 3] = age
+        state, P = F @ self.state, F @ self.covariance @ F.T
+        if self.level.speed:
+            # White noise of the acceleration, the same along x and y.
+            for i in (0, 1):
+                P[i, i] += DRIFT * age**3 / 3.0
+                P[i, i + 2] += DRIFT * age**2 / 2.0
+                P[i + 2, i] += DRIFT * age**2 / 2.0
+                P[i + 2, i + 2] += DRIFT * age
         # A centimetre of noise per pixel would still give a millimetre in the pose.
         S = P[:2, :2] + (0.5 * self.level.noise + 1e-5) ** 2 * np.eye(2)
         K = np.linalg.solve(S, P[:2]).T
@@ -220,6 +268,7 @@ def run_task(
     bench: Bench,
     task: Task,
     filmed: bool = False,
+    engine: Engine = PLAIN,
 ) -> Outcome:
     """Play one task.
 
@@ -231,6 +280,7 @@ def run_task(
         bench: its parts, for times, failures and broken promises.
         task: one part.
         filmed: whether to record the motion for an animation.
+        engine: what computes the world; compiled for a robot of known parts.
 
     Returns:
         Plain data: "success", "why" (empty for a success), "seconds" of the cycle, "error" of the
@@ -255,7 +305,7 @@ def run_task(
     }
     arm = None
     try:
-        arm = Arm(cell, world, stages, bench, task, filmed)
+        arm = Arm(cell, world, stages, bench, task, filmed, engine)
         _play(arm, level, outcome)
     except Stopped as stop:
         outcome["why"] = str(stop)
@@ -286,7 +336,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     messages = tracker.messages()
     if messages is None:
         raise Stopped("perception never saw the part")
-    shadow = scene.shadows(cell, task.posts)
+    shadow = scene.shadows(task.free)
     ahead = 0.0
     for attempt in range(1 if level.speed == 0.0 else 3):
         estimate = stages.estimate(messages)
@@ -307,7 +357,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     grasp = tip - part
     outcome["grasp"] = grasp.tolist()
     grip = _shares(arm, grasp, perceived, command - part)
-    aimed, measured = tip_of(cell.lengths, arm.reference), tip_of(cell.lengths, arm.q)
+    aimed, measured = tip_of(cell.lengths, arm.reference), tip_of(cell.lengths, arm.encoder())
     signals = [part, part + perceived, command, aimed, measured, tip]
     outcome["signals"][:6] = [x.tolist() for x in signals]
     if math.hypot(*grasp) > cell.cup:
@@ -330,7 +380,7 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     outcome["seconds"] = outcome["moments"][1] = arm.now
     # The part is off by what the grasp was off, the other way round, and by what came after it.
     place = dict.fromkeys(STAGES, np.zeros(2))
-    believed, aimed = tip_of(cell.lengths, arm.q), tip_of(cell.lengths, arm.reference)
+    believed, aimed = tip_of(cell.lengths, arm.encoder()), tip_of(cell.lengths, arm.reference)
     signals = [task.slot, goal, aimed, believed, tip, tip + carried + slide]
     outcome["signals"][6:] = [x.tolist() for x in signals]
     place["kinematics"] = goal - task.slot
@@ -357,7 +407,7 @@ def _shares(arm: Arm, grasp: Array, perceived: Array, commanded: Array) -> dict[
     """Return which stage owns how much of the grasp error; the parts add up to it."""
     shares = dict.fromkeys(STAGES, np.zeros(2))
     lengths = arm.cell.lengths
-    aimed, believed = tip_of(lengths, arm.reference), tip_of(lengths, arm.q)
+    aimed, believed = tip_of(lengths, arm.reference), tip_of(lengths, arm.encoder())
     part = arm.tip() - grasp
     shares["perception"] = perceived
     shares["estimation"] = commanded - perceived

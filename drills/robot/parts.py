@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 import types
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -99,6 +99,8 @@ class Bench:
         parts: one for each slot.
         promises: checks of a slot's results, by its name: (args, result) -> "" or a sentence.
         limit: processor time of one call [s]; 0 for trusted parts.
+        functions: known parts by slot, whose results need no check; the others are loaded from
+            their text.
     """
 
     def __init__(
@@ -106,10 +108,14 @@ class Bench:
         parts: dict[str, Part],
         promises: dict[str, Callable[[tuple[Any, ...], Any], str]],
         limit: float = CALL,
+        functions: Mapping[str, Callable[..., Any]] | None = None,
     ) -> None:
         self.parts, self.promises, self.limit = parts, promises, limit
         self.entering: Callable[[str, int, str], object] | None = None  # called before each call
-        self.functions = {name: load_part(part) for name, part in parts.items()}
+        self.known = ready = functions or {}
+        self.functions = {
+            name: ready[name] if name in ready else load_part(part) for name, part in parts.items()
+        }
         self.task = self.tick = 0
         self.seconds = dict.fromkeys(STAGES, 0.0)
         self.counts: dict[str, int] = {}
@@ -155,6 +161,8 @@ class Bench:
         if self.limit and self.seconds[stage_of(name)] > TASK:
             text = f"{self.counts.get(name, 0) + 1} calls in this task; its stage took {TASK:g} s"
             raise self.failed(name, "too slow", text, args)
+        if name in self.known:
+            return result
         if name in NAMED:
             result = self._results(name, result, args)
         count = self.counts.get(name, 0)

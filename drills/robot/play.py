@@ -1,6 +1,8 @@
-"""Play many tasks: in two child processes of the sandbox, a task at a time, with a progress bar.
+"""Play many tasks, with a progress bar.
 
-The learner's parts never run in this process. What comes back is plain data, checked by shape.
+A robot with a part of the learner's runs in two child processes of the sandbox, a task at a time:
+the learner's parts never run in this process, and what comes back is plain data, checked by shape.
+A robot of the course's and libraries' parts runs here, compiled.
 """
 
 from __future__ import annotations
@@ -18,8 +20,9 @@ from course.check import count
 from drills.robot import inside
 from drills.robot.cell import Level, World
 from drills.robot.levels import exact_world
+from drills.robot.parts import PartFailed
 from drills.robot.records import Array, Breach, Failure, Outcome
-from drills.robot.slots import NAMED, STAGES, Part
+from drills.robot.slots import NAMED, STAGES, YOURS, Part
 from drills.sandbox import Child, Ended, Limits, Raised
 
 CHILDREN = 2
@@ -89,6 +92,8 @@ def play(
         All outcomes; up to the failure where a part stops the run.
     """
     count("tasks", tasks, 1)
+    if all(part.holder != YOURS for part in parts):
+        return _known(parts, level, tasks, seed, world or exact_world(), fault, filmed, progress)
     outcomes: list[Outcome] = []
     stop, lock, remaining = threading.Event(), threading.Lock(), iter(range(tasks))
     source = inside.bundle()
@@ -127,6 +132,33 @@ def play(
                     progress(len(outcomes), tasks)
         finally:
             stop.set()
+    return gather(outcomes)
+
+
+def _known(
+    parts: list[Part],
+    level: Level,
+    tasks: int,
+    seed: int,
+    world: World,
+    fault: tuple[str, float] | None,
+    filmed: frozenset[int],
+    progress: Progress | None,
+) -> Played:
+    """Play with parts of the course and of libraries, in this process and compiled."""
+    from drills.robot.compiled import engine_of
+
+    try:
+        robot = inside.Robot(parts, level, world, seed, 0.0, fault, engine_of(parts))
+    except PartFailed as failed:
+        return gather([_stopped(failed.failure)])
+    outcomes: list[Outcome] = []
+    for number in range(tasks):
+        outcomes.append(robot.play(number, number in filmed))
+        if progress is not None:
+            progress(len(outcomes), tasks)
+        if outcomes[-1]["failure"]:
+            break
     return gather(outcomes)
 
 

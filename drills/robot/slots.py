@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+YOURS, COURSE = "yours", "course"  # holders of a slot; the others are names of libraries
 STAGES = ("perception", "estimation", "kinematics", "planning", "control", "physics")
 
 

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from drills.robot.engine import PLAIN, Engine
 from drills.robot.parts import Bench
 from drills.robot.records import (
     Array,
@@ -40,12 +41,13 @@ STATE_COST = ((90_000.0, 300.0), (300.0, 90.0))
 COMMAND_COST = 1.5
 
 
-def build(cell: Cell, bench: Bench) -> Stages:
+def build(cell: Cell, bench: Bench, engine: Engine = PLAIN) -> Stages:
     """Return the stages that call the parts of a bench.
 
     Args:
         cell: what the robot's programs believe.
         bench: with a part for each slot, or for a whole stage.
+        engine: what computes the adapters' own arithmetic.
     """
     model, normals, spare = part_model(cell)
 
@@ -79,21 +81,21 @@ def build(cell: Cell, bench: Bench) -> Stages:
 
     def _pose(cloud: Array) -> Sighting:
         middle = cloud[:2].mean(axis=1)
-        spread = np.cov(cloud[:2])
-        axis = np.linalg.eigh(spread)[1][:, 1]
-        R = _about_z(math.atan2(axis[1], axis[0]))
+        xx, xy, yy = _spread(cloud)
+        # Along the direction of the largest variance.
+        R = _about_z(0.5 * math.atan2(2.0 * xy, xx - yy))
         p = np.append(middle, 0.0)
         # Low points are close to the table, where the cluster may have lost some.
         weights = np.where(cloud[2] > 0.4 * cell.height, 1.0, 0.5)
         # Point to point first: robust far away, slow near by.
         for _ in range(2):
-            source = _nearest(R.T @ (cloud - p[:, None]), model)
+            source = engine.nearest(R.T @ (cloud - p[:, None]), model)
             R, p = bench.call("rigid_fit", source, cloud, weights)
             R, p = _flat(R, p)
         # Point to plane near by, without what lies on an edge.
         for _ in range(3):
             inside = R.T @ (cloud - p[:, None])
-            inside = inside[:, _on_a_face(inside, model, spare)]
+            inside = inside[:, engine.on_a_face(inside, model, spare, CREASE)]
             if inside.shape[1] < 8:
                 break
             dR, dp = bench.call("point_to_plane_step", inside, model, normals)
@@ -253,13 +255,20 @@ def _of_the_part(cell: Cell, cloud: Array, labels: Array) -> Array | None:
         cluster = cloud[:, labels == label]
         if cluster.shape[1] < 10:
             continue
-        top = float(np.quantile(cluster[2], 0.9))
-        size = math.sqrt(float(np.trace(np.cov(cluster[:2]))))
+        tall = np.sort(cluster[2])
+        top = float(tall[round(0.9 * (tall.size - 1))])
+        size = math.sqrt(float(np.sum(_spread(cluster)[[0, 2]])))
         # As tall as the part, and as wide: a tenth of the height counts as much as 4 mm.
         unlike = abs(top - 0.95 * cell.height) + abs(size - 0.032)
         if unlike < best:
             best, chosen = unlike, cluster
     return chosen if best < 0.03 else None
+
+
+def _spread(cloud: Array) -> Array:
+    """Return the variance along x, the covariance, and the variance along y [m^2]."""
+    x, y = cloud[:2] - cloud[:2].mean(axis=1, keepdims=True)
+    return np.array([x @ x, x @ y, y @ y]) / (x.size - 1)
 
 
 def _about_z(angle: float) -> Array:
@@ -270,21 +279,3 @@ def _about_z(angle: float) -> Array:
 def _flat(R: Array, p: Array) -> tuple[Array, Array]:
     """Return a pose with the part upright on the table."""
     return _about_z(math.atan2(R[1, 0], R[0, 0])), np.array([p[0], p[1], 0.0])
-
-
-def _squares(points: Array, model: Array) -> Array:
-    """Return the squared distance of each point to each model point, shape (n, k) [m^2]."""
-    near = np.sum(points**2, axis=0)[:, None] + np.sum(model**2, axis=0)
-    return np.asarray(np.maximum(near - 2.0 * points.T @ model, 0.0))
-
-
-def _nearest(points: Array, model: Array) -> Array:
-    return np.asarray(model[:, _squares(points, model).argmin(axis=1)])
-
-
-def _on_a_face(points: Array, model: Array, faces: Array) -> Array:
-    """Return which points belong to one face clearly: the next face is farther by `CREASE`."""
-    apart = _squares(points, model)
-    each = np.sqrt(np.stack([apart[:, faces == face].min(axis=1) for face in range(5)]))
-    each.sort(axis=0)
-    return np.asarray(each[1] - each[0] > CREASE)

@@ -1,18 +1,46 @@
-"""The imperfect arm: what chapter 8's real machine does to the same stages."""
+"""The imperfect arm: the parameters of chapter 8's real machine on the robot's own links."""
 
 from __future__ import annotations
 
+from course.sim_to_real import real
+from course.sim_to_real.plants import ARM
 from drills.robot.cell import World
 from drills.robot.levels import CELL
 from drills.robot.records import Cell
 
+DELAY = 0.01  # s, of a torque, as in that chapter
 
-def imperfect_world(cell: Cell = CELL) -> World:
-    """Return an arm that differs from what the robot's programs believe, as arms do.
 
-    Links are heavier by 8 %, one is a millimetre longer than measured, the joints have viscous and
-    dry friction, and a torque takes effect two ticks late (see `course.sim_to_real.plants`).
+def imperfect_world(gap: float, cell: Cell = CELL, delay: float = DELAY) -> World:
+    """Return the arm at a distance from what the robot's programs believe, as in chapter 8.
+
+    `course.sim_to_real.real` moves all parameters along one direction: heavier links, an unknown
+    payload, viscous and dry friction, a weak motor, and encoders with an offset and noise. The
+    second joint has half the dry friction of the first, as there.
+
+    Args:
+        gap: 0 for an arm as believed but for the damping of chapter 8's arm, up to 1.25.
+        cell: what the programs believe.
+        delay: of a torque [s], rounded to ticks.
     """
-    l1, l2 = cell.lengths
+    plant = real(gap, delay)
+    mass, payload, viscous, coulomb, motor, late, bias, noise = (
+        float(value[0])
+        for value in (
+            plant.mass, plant.payload, plant.viscous, plant.coulomb, plant.torque, plant.delay,
+            plant.bias, plant.noise,
+        )
+    )  # fmt: skip
     m1, m2 = cell.masses
-    return World((l1 + 0.001, l2), (1.08 * m1, 1.08 * m2), (0.4, 0.2), (0.3, 0.1), 2)
+    c1, c2 = ARM.damping
+    return World(
+        cell.lengths,
+        (mass * m1, mass * m2),
+        damping=(viscous * c1, viscous * c2),
+        coulomb=(coulomb, 0.5 * coulomb),
+        delay=round(late / cell.tick),
+        payload=payload,
+        motor=motor,
+        bias=bias,
+        noise=noise,
+    )

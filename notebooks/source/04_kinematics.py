@@ -6,10 +6,10 @@
 # computed.*
 #
 # Below, an arm of two links follows a target in small steps. Each step is computed from how the tip moves when a joint
-# turns a little.
+# turns a little. Section 1 explains the numbers below the picture.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
-# exercises {exercise minutes} minutes.
+# exercises {exercise minutes} minutes. The interview answers in section 9 are not counted.
 
 # %%
 from course.cards import predict
@@ -31,9 +31,8 @@ simulation("arm")
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and then shows the answer in a simulation, a drawing or
-# a chart. On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are
-# folded away. Every measured number comes from a cell on this page or from a check that `python -m course.derivations
+# On the cards that show a statement you choose between *true*, *false* and *true only if*. Derivations are folded away.
+# Every measured number comes from a cell on this page, from a chart, or from a check that `python -m course.derivations
 # 4` runs again. The code is the package `course.kinematics`. These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
@@ -149,9 +148,10 @@ show("fk_is_a_product")
 # belt, its encoder reports the angle from the $x$ axis (the orange arc), and $q_1+q_2$ in the formula is replaced by
 # $q_2$.
 #
-# The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R
-# arm**, with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit
-# quaternion. This cell multiplies the transforms and compares the result with the library function `tip`:
+# The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R arm**,
+# with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit quaternion.
+# This cell multiplies the fixed transforms (`arm.placement`, `arm.tool`) and the turns, and compares the result with
+# the library function `tip`:
 
 # %% tags=["show-code"]
 arm = panda()
@@ -170,17 +170,16 @@ more_claims("two_link_position")
 # %% [markdown]
 # ### Denavit-Hartenberg parameters and the product of exponentials
 #
-# A data sheet has to say where the joints are. Three descriptions are in use, and an interviewer expects you to know
-# them all.
+# A data sheet has to say where the joints are. Three descriptions are in use.
 #
 # **Homogeneous transforms** with six numbers per joint are the most direct. URDF files and this course's `Chain` use
 # them.
 #
-# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. A frame may be
-# shifted along its own joint axis and turned about it without changing the arm, and this freedom removes two numbers.
-# The transform of one joint is
+# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. Of the six numbers
+# that place a frame, two don't matter: where on the joint's axis the origin lies, and where $x$ points. The transform
+# of one joint, turn included, is
 #
-# $$A_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
+# $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
 # For our two links, $a_1 = l_1$, $a_2 = l_2$, and every $d$ and $\alpha$ is zero. Two conventions exist: the original
 # one (1955), shown here, and Craig's, which orders the factors differently and is used for the published numbers of
@@ -225,8 +224,9 @@ plt.show()
 
 # %% [markdown]
 # Left: a twist assigns a velocity to every point of space; these velocities circle around the axis. The red arrow is
-# $v$ (drawn shorter), the velocity at the origin. Following a constant twist for the angle $q$ is the matrix
-# exponential $e^{[S]q}$, the rotation about that axis. With $M$, the pose of the tip in the zero posture,
+# $v$ (drawn shorter), the velocity at the origin. A body that moves with the constant twist $S$ through the angle $q$
+# is displaced by the matrix exponential $e^{[S]q}$, the rotation about that axis. With $M$, the pose of the tip in the
+# zero posture,
 #
 # $$T_{\text{tip}} = e^{[S_1]q_1}\;e^{[S_2]q_2}\cdots e^{[S_n]q_n}\;M .$$
 #
@@ -244,7 +244,7 @@ plt.show()
 #
 # It says where the axis of joint $i$ is after the joints before it have moved: $J_i = \mathrm{Ad}_{T_{i-1}} S_i$ with
 # $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$. So the product of exponentials also provides the velocity of the
-# tip, joint by joint. The cell checks both against the library:
+# tip, joint by joint. The cell checks both for `two`, the arm of the drawings, with its `lengths` and its `posture`:
 
 # %% tags=["show-code"]
 from scipy.linalg import expm
@@ -284,8 +284,7 @@ print("velocities the same:", np.allclose(J, jacobian(two, posture)[:3], atol=1e
 # \begin{pmatrix} -l_1s_1-l_2s_{12} & -l_2s_{12} \\ l_1c_1+l_2c_{12} & l_2c_{12} \end{pmatrix} .$$
 #
 # Column $i$ is the tip velocity that joint $i$ causes when it turns alone at 1 rad/s. You can draw it without
-# differentiating: it is perpendicular to the line from the joint to the tip, and its length is the length of that
-# line.
+# differentiating: it is perpendicular to the line from the joint to the tip, and as long as that line.
 
 # %% tags=["hide-code"]
 J = jacobian(two, posture)[:2]
@@ -296,6 +295,7 @@ for i, colour in enumerate(("tab:orange", "tab:green")):
     _ = axes.quiver(*joints[:, 2], *J[:, i], color=colour, scale=2.5, scale_units="xy", angles="xy")
     _ = axes.text(*(joints[:, 2] + 0.44 * J[:, i]), f"column {i + 1}", color=colour, ha="right")
 _ = axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.6, 1.6), ylim=(-0.1, 2.0))
+_ = axes.set_title("the columns of J, drawn at 0.4 of their length")
 plt.show()
 for i in range(2):
     line = joints[:, 2] - joints[:, i]
@@ -315,9 +315,10 @@ for i in range(2):
 # \quad\text{if joint } i \text{ is revolute},\qquad
 # \begin{pmatrix} z_i \\ 0\end{pmatrix} \quad\text{if it is prismatic.}$$
 #
-# This is the **geometric Jacobian**. Its lower three rows give the angular velocity, which is not the derivative of
-# any three angles. The **analytic Jacobian** replaces these rows by the rates of Euler angles. It becomes singular at
-# gimbal lock, even where the arm itself is fine.
+# This is the **geometric Jacobian**, with the linear rows first (in the twists above, $\omega$ came first). Pinocchio
+# calls this choice of point and axes `LOCAL_WORLD_ALIGNED`. The lower three rows give the angular velocity, which is
+# not the derivative of any three angles. The **analytic Jacobian** replaces these rows by the rates of Euler angles.
+# Close to gimbal lock its entries grow without bound, even where the arm itself is fine.
 #
 # **Forces use the transpose.** The power that a force delivers at the tip equals the power that the torques deliver at
 # the joints; this is the principle of **virtual work**. So $F^\mathsf{T}J\dot q = \tau^\mathsf{T}\dot q$ for every
@@ -328,8 +329,7 @@ for i in range(2):
 # **Worked example.** Hang a weight of 10 N on the tip, $F = (0, -10)$ N. Then $-J^\mathsf{T}F = (8.66,\; 0)$ N m. The
 # shoulder holds 10 N at a lever arm of 0.866 m. The elbow is directly below the weight and feels nothing.
 #
-# The cell checks both uses of $J$ on the 7-R arm: it predicts a small motion, and the additional torques when someone
-# pulls at the hand.
+# The cell checks both uses of $J$ on the 7-R arm:
 
 # %% tags=["show-code"]
 J, rest = jacobian(arm, q), np.zeros(7)
@@ -349,8 +349,8 @@ more_claims("euler_jacobian_locks")
 # %% [markdown]
 # ### Inverse kinematics: which angles reach a target?
 #
-# The task says where the tip should be; the motors need angles. **Inverse kinematics**, IK, finds the joint values
-# that put the tip at a target. There may be no solution, one, several, or infinitely many.
+# The task says where the tip should be; the motors need angles. **Inverse kinematics**, IK, finds the joint values that
+# put the tip at a target.
 #
 # Two links reach a point with the elbow on either side of the line from base to target. The two solutions are called
 # **elbow up** and elbow down. The points that the tip can reach are its **workspace**. If both joints can turn all the
@@ -413,8 +413,8 @@ for name, r in (
     )
 
 # %% [markdown]
-# On each edge the two solutions merge into one. Click inside the hole and outside the ring, and watch the dashed exact
-# solutions:
+# On each edge the two solutions merge into one. Drag the target from inside the ring to the outside and into the hole.
+# The dashed arms are the exact solutions; on the edge they merge:
 
 # %%
 simulation("arm", "Target out of reach")
@@ -435,8 +435,8 @@ more_claims("number_of_solutions")
 # Stretch your arm and try to push your hand straight outwards. It can't move in that direction, whatever your joints
 # do.
 #
-# Take all joint velocities $\dot q$ of length one. The tip velocities that they produce fill an ellipse. Its half axes
-# are the **singular values** $s_1\ge s_2\ge\dots$ of $J$. The **singular value decomposition** $J =
+# Take all joint velocities $\dot q$ of length at most one. The tip velocities that they produce fill an ellipse. Its
+# half axes are the **singular values** $s_{\max}\ge\dots\ge s_{\min}$ of $J$. The **singular value decomposition** $J =
 # U\,\mathrm{diag}(s)\,V^\mathsf{T}$ pairs a direction of joint motion (a column of $V$) with a direction of the tip (a
 # column of $U$), and $s$ is the speed of the tip per joint speed. Conversely, moving the tip by one metre along that
 # direction costs $1/s$ radians. A posture where the smallest singular value is zero is a **singularity**: the ellipse
@@ -451,12 +451,14 @@ for axis, bend in zip(axes, (90.0, 8.0), strict=True):
     ellipse = points[:, 2:] + 0.4 * U @ (s[:, None] * circle)
     _ = axis.plot(*points, "o-", color="#9bb7d4", linewidth=6, markersize=9)
     _ = axis.fill(*ellipse, color="tab:green", alpha=0.3)
-    for k, name in enumerate(("s_1", "s_2")):
-        end = points[:, 2] + 0.4 * s[k] * U[:, k]
+    for k, (name, side) in enumerate((("max", -1.0), ("min", 1.0))):
+        half = 0.4 * s[k] * U[:, k] * side * np.sign(U[0, k])
+        end = points[:, 2] + half
         _ = axis.plot([points[0, 2], end[0]], [points[1, 2], end[1]], color="tab:green")
-        _ = axis.text(*end, f"${name}$ = {s[k]:.2f}")
-    _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.2, 2.5), ylim=(-0.9, 1.5))
-    _ = axis.set(title=f"elbow bent by {bend:.0f} degrees")
+        ha, gap = ("right", [-0.05, 0.0]) if k == 0 else ("left", [0.08, 0.05])
+        _ = axis.text(*(end + gap), f"$s_{{\\{name}}}$ = {s[k]:.2f}", ha=ha, va="bottom")
+    _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.5, 2.7), ylim=(-0.6, 1.6))
+    _ = axis.set(title=f"elbow bent by {bend:.0f} degrees; half axes in m/rad (at 0.4)")
 plt.show()
 
 # %%
@@ -474,9 +476,9 @@ show("singular_stretched_or_folded")
 # %% [markdown]
 # Two numbers are commonly used to say how close a posture is to a singularity. The **manipulability** $\sqrt{\det
 # JJ^\mathsf{T}}$ (Yoshikawa 1985) is the product of all singular values, because $\det JJ^\mathsf{T} =
-# \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. It shrinks with the size of the arm. The **condition number**
-# $s_1/s_{\min}$ is the ratio of the largest to the smallest. It doesn't depend on the size of the arm, but it has
-# another weakness.
+# \det(U\,\mathrm{diag}(s^2)\,U^\mathsf{T})$. A smaller arm has a smaller manipulability. The **condition number**
+# $s_{\max}/s_{\min}$ is the ratio of the largest to the smallest. For position rows alone it doesn't depend on the size
+# of the arm. With rotation rows it has a weakness.
 
 # %%
 predict("millimetres")
@@ -489,10 +491,10 @@ for unit, length in (("metres", 1.0), ("millimetres", 1e-3), ("units of the reac
 print(f"{'condition number, position rows only':<48}: {np.linalg.cond(J[:3]):7.1f}")
 
 # %% [markdown]
-# Same posture, same arm. Metres and radians have no common scale, so you first have to choose a **characteristic
-# length** that converts between them, and state it. That is why `condition_number(J, length)` has no default. A better
-# question is how fast the tip can move in its worst direction: if the joint velocities have a norm of at most $\dot
-# q_{\max}$, that is $s_{\min}\,\dot q_{\max}$, in metres per second, for the rows of $J$ that you care about.
+# Metres and radians have no common scale, so you first have to choose a **characteristic length** that converts between
+# them, and state it. A better question is how fast the tip can move in its worst direction. Take the rows of $J$ that
+# you care about. If the norm of the joint velocities is at most $\dot q_{\max}$, the tip reaches $s_{\min}\,\dot
+# q_{\max}$ metres per second there.
 
 # %%
 show("condition_above_hundred")
@@ -507,33 +509,35 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat.
 #
 # **The error of a pose.** For the position, subtract. Orientations can't be subtracted. Compute the rotation that is
-# missing, $\delta = q_{\text{target}}\otimes q_{\text{hand}}^{*}$, as a unit quaternion $(w, v)$. A quaternion and its
-# negative describe the same rotation, so if $w < 0$, flip the sign of $\delta$; otherwise the hand takes the long way
-# round. The error is the **rotation vector** $2\operatorname{atan2}(\lvert v\rvert, w)\,v/\lvert v\rvert$, an axis
-# times an angle. It belongs to the lower rows of the geometric Jacobian.
+# missing, $\delta = Q_{\text{target}}\otimes Q_{\text{hand}}^{*}$, as a unit quaternion $(w, \vec v)$. A quaternion and
+# its negative describe the same rotation, so if $w < 0$, flip the sign of $\delta$; otherwise the hand takes the long
+# way round. The error is the **rotation vector** $2\operatorname{atan2}(\lvert\vec v\rvert, w)\,\vec v/\lvert\vec
+# v\rvert$, an axis times an angle. Put it below the position error. Both are in world axes, like the rows of the
+# geometric Jacobian.
 #
-# **The step.** Split the error along the columns of $U$. Every method multiplies each component by a factor that
-# depends on its singular value. We call this factor the **gain**, in radians per metre:
+# **The step.** Split the error into components along the columns $u_k$ of $U$. A component along $u_k$ turns the joints
+# along $v_k$, the column of $V$ that belongs to it. By how much, per metre of error, is the **gain** [rad/m]. The
+# methods differ only in their gain at a singular value $s$:
 #
 # | step | $\Delta q$ | gain at $s$ |
 # |---|---|---|
 # | transpose | $\alpha J^\mathsf{T}e$, with a small number $\alpha$ | $\alpha s$ |
 # | **pseudo-inverse** | $J^+e$, the minimum-norm least-squares solution | $1/s$; 0 where $s=0$ |
 # | **damped least squares** (DLS) | $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^2 I)^{-1}e$ | $s/(s^2+\lambda^2)$ |
-# | adaptive | damped only where $s<\lambda$ | $1/s$ for $s\ge\lambda$, else $s/\lambda^2$ |
+# | adaptive | damped only where $s<\lambda$ | $1/s$ for $s\ge\lambda$, else $s/\lambda^2$; at most $1/\lambda$ |
 # | **Levenberg-Marquardt** (LM) | as DLS; $\lambda$ shrinks after a step that reduced the error and grows after one that did not | as DLS, with the current $\lambda$ |
 
 # %% tags=["hide-code"]
 s, damping = np.logspace(-3, 0.3, 300), 0.1
 figure_, axes = plt.subplots(figsize=(7.5, 3.4), layout="constrained")
-_ = axes.loglog(s, 1 / s, label="pseudo-inverse 1/s")
+_ = axes.loglog(s, 1 / s, label="pseudo-inverse 1/s", linewidth=5, alpha=0.4)
 _ = axes.loglog(s, s / (s**2 + damping**2), label="damped, λ = 0.1 m/rad")
 _ = axes.loglog(s, np.where(s < damping, s / damping**2, 1 / s), "--", label="adaptive")
-_ = axes.loglog(s, 0.3 * s, ":", label="transpose, α = 0.3")
+_ = axes.loglog(s, 0.3 * s, ":", label="transpose, α = 0.3 rad²/m²")
 _ = axes.axvline(damping, color="0.6")
 _ = axes.axhline(0.5 / damping, color="0.6")
 _ = axes.text(damping * 1.05, 2e-3, "s = λ")
-_ = axes.text(1.2e-3, 0.55 / damping, "1/(2λ)")
+_ = axes.text(1.2e-3, 0.6 / damping, "1/(2λ)")
 _ = axes.set(xlabel="singular value s [m/rad]", ylabel="gain [rad/m]", ylim=(1e-3, 1e3))
 _ = axes.legend(loc="upper right")
 plt.show()
@@ -542,9 +546,10 @@ plt.show()
 predict("gain_of_a_step")
 
 # %% [markdown]
-# The damped step minimises $\lvert J\,\Delta q - e\rvert^2 + \lambda^2\lvert\Delta q\rvert^2$: the remaining error
-# plus a penalty on motion. The **damping** $\lambda$ has the unit of $s$, metres per radian, so a value that works on
-# one arm does not carry over to an arm of another size.
+# The damped step minimises $\lvert J\,\Delta q - e\rvert^2 + \lambda^2\lvert\Delta q\rvert^2$: the remaining error plus
+# a penalty on motion. The **damping** $\lambda$ has the unit of $s$, for position rows metres per radian, so a value
+# that works on one arm does not carry over to an arm of another size. (With rotations in the error, radians must first
+# be weighed against metres.)
 #
 # **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm
 # closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With
@@ -556,8 +561,8 @@ predict("gain_of_a_step")
 show("damped_gain")
 
 # %% [markdown]
-# In this preset the arm is almost stretched and uses the pseudo-inverse: the joints jump. Choose the damped step and
-# move $\lambda$. The red glow grows with $1/s_{\min}$:
+# Here the arm starts almost stretched, with the pseudo-inverse. Press *Play*: the joints jump at once, and *largest
+# gain so far* records the jump. Then try the damped step and move $\lambda$. The red glow grows with $1/s_{\min}$:
 
 # %%
 simulation("arm", "Jump beside the singularity")
@@ -586,25 +591,27 @@ show("damping_is_free")
 #
 # </div>
 #
-# Joint limits enter the same least-squares problem as constraints: minimise $\lvert J\dot q - \dot x\rvert^2 +
-# \lambda^2\lvert\dot q\rvert^2$ subject to $\dot q_{\min}\le\dot q\le\dot q_{\max}$. This is a **quadratic program**,
-# and libraries such as pink and mink solve one per control tick. Clamping an unconstrained step instead changes its
-# direction.
+# Limits on joint speeds enter the same least-squares problem as constraints: minimise
+# $\lvert J\dot q-\dot x\rvert^2+\lambda^2\lvert\dot q\rvert^2$ subject to $\dot q_{\min}\le\dot q\le\dot q_{\max}$. A
+# position limit bounds the speed too: within one control cycle, a **tick**, a joint may move at most to its limit. This
+# is a **quadratic program**. The libraries pink (for Pinocchio) and mink (for MuJoCo) solve one per tick. Clamping an
+# unconstrained step instead changes its direction.
 #
 # ### Redundancy and the null space
 #
 # Put your palm flat on the table and move your elbow up and down. The hand stays where it is, because your arm has one
-# joint more than the task needs. This is **redundancy**: with more joints than task dimensions, the solutions of IK
-# form curves. The joint velocities that do not move the tip, $J\,\dot q = 0$, are the **null space** of $J$.
+# joint more than the task needs. This is **redundancy**: with one joint more than task dimensions the solutions of IK
+# form a curve, with two more a surface. Joint velocities that do not move the tip, $J\,\dot q = 0$, are the
+# **null space** of $J$.
 #
 # You can use this freedom for a **secondary objective**, such as staying away from an obstacle. Call the joint step
-# that it prefers $\dot q_0$. The **projector** $N$ removes the part that would move the tip:
+# that it prefers $\Delta q_0$. The **projector** $N$ removes the part that would move the tip:
 #
-# $$N = I - J^+J, \qquad \Delta q = J^+e + N \dot q_0 .$$
+# $$N = I - J^+J, \qquad \Delta q = J^+e + N\,\Delta q_0 .$$
 #
 # **Worked example.** Two joints, and a task with one number: $J = (3, 4)$. Then $J^+ = (3, 4)^\mathsf{T}/25$, and
-# $\dot q_0 = (1, 0)$ is projected to $(1, 0) - \tfrac{3}{25}(3, 4) = (0.64, -0.48)$. Check: $3\cdot0.64 - 4\cdot0.48 =
-# 0$.
+# $\Delta q_0 = (1, 0)$ is projected to $(1, 0) - \tfrac{3}{25}(3, 4) = (0.64, -0.48)$. Check: $3\cdot0.64 - 4\cdot0.48
+# = 0$.
 
 # %%
 show("one_joint_to_spare")
@@ -636,13 +643,17 @@ plt.show()
 # %%
 predict("tip_in_the_null_space")
 
+# %% [markdown]
+# The green ball is the elbow, with its path. The orange arrows are the target frame of the hand, the black ones its
+# present frame. *Off by one step / h²* hardly changes when you change $h$.
+
 # %%
 simulation("elbow")
 
 # %% [markdown]
-# Here is a practical use. The hand of the 7-R arm is at its target, but the elbow is close to a pillar. In each step
-# the cell moves the arm along the gradient of the elbow's distance from the pillar, projected onto the null space, and
-# then corrects the hand with IK:
+# Here is a practical use. The hand of the 7-R arm is at its target, but the arm is close to a pillar. In each step the
+# cell moves the arm's nearest point away from it, along the gradient of the gap (dotted) projected onto the null space,
+# and then corrects the hand with IK:
 
 # %% tags=["hide-code"]
 crowded = np.array([-0.79, -0.70, 0.78, -1.87, 0.53, 1.56, 0.17])
@@ -660,11 +671,18 @@ for name, posture_, colour in (("before", crowded, "0.6"), ("after", moved, "#3b
         [np.zeros(3), kinematics.frames(arm, posture_)[:3], tip(arm, posture_)[:3]]
     )
     _ = axes[0].plot(*places[:2], "o-", color=colour, linewidth=4, label=name)
+    ends = np.arange(places.shape[1])
+    dense = [np.interp(np.linspace(0, ends[-1], 2000), ends, row) for row in places[:2]]
+    near = np.array(dense)[:, np.argmin(np.hypot(*(np.array(dense) - pillar[:, None])))]
+    rim = pillar + radius * (near - pillar) / np.linalg.norm(near - pillar)
+    _ = axes[0].plot(*np.column_stack([near, rim]), "k:", linewidth=2)
 _ = axes[0].add_patch(plt.Circle(pillar, radius, color="tab:red", alpha=0.6))
 _ = axes[0].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="the arm from above")
-_ = axes[0].legend()
+_ = axes[0].legend(loc="lower right")
 _ = axes[1].plot(np.arange(len(gaps)), 1e3 * np.array(gaps))
-_ = axes[1].set(xlabel="steps", ylabel="gap to the pillar [mm]", title="the elbow moves away")
+_ = axes[1].set(
+    xlabel="steps", ylabel="gap to the pillar [mm]", title="the arm moves away from the pillar"
+)
 plt.show()
 for name, posture_ in (("one IK run after each step", moved), ("never corrected", plain)):
     deviation = np.linalg.norm(kinematics.pose_error(target, tip(arm, posture_))[:3])
@@ -726,15 +744,16 @@ plt.show()
 # | algorithm | computes | idea | cost |
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
-# | **composite rigid body** (CRBA) | $M$ | treat all links behind a joint as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | the inertia that a link feels while the joints behind it are free to move | $O(n)$ |
+# | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
+# | **articulated body** (ABA) | $\ddot q$ | the inertia that a link feels while the joints beyond it are free to move | $O(n)$ |
 #
-# RNEA is short enough to explain in an interview. *Outwards from the base*: a link's angular velocity is that of its
-# parent plus $\dot q_i z_i$. Differentiate this for the angular acceleration $\alpha$, and add $\alpha\times r +
-# \omega\times(\omega\times r)$ to carry the acceleration to the next origin. Now every link knows its motion, so it
-# needs the force $m\,a$ and the torque $I\alpha + \omega\times I\omega$. *Inwards from the tip*: each joint must
-# deliver what its own link needs plus what the link behind it takes. The motor supplies the component along its axis;
-# the bearing carries the rest. Gravity costs nothing extra: let the base accelerate upwards at $g$.
+# RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
+# Differentiate this for the angular acceleration $\alpha$. A point of the link at $r$ from the joint accelerates by
+# $\alpha\times r + \omega\times(\omega\times r)$ more than the joint. Use this for the next joint, and for the
+# acceleration $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and the torque $I\alpha+\omega\times
+# I\omega$. *Inwards from the tip*: each joint must deliver what its own link needs plus what the next link takes. The
+# motor supplies the component along its axis, the bearing the rest. Gravity costs nothing extra: let the base
+# accelerate upwards at $g$.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
@@ -742,7 +761,7 @@ plt.show()
 # The three algorithms must agree with each other, which makes a good test:
 
 # %% tags=["show-code"]
-free = replace(arm, damping=0.0)
+free = replace(arm, damping=0.0)  # joints without friction
 v, a = np.array([0.5, -0.8, 0.3, 1.0, -0.6, 0.9, -1.2]), np.linspace(-1.0, 1.0, 7)
 tau = kinematics.inverse_dynamics(free, q, v, a)
 M, h = kinematics.mass_matrix(free, q), kinematics.bias(free, q, v)
@@ -755,7 +774,8 @@ print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
 # A second test is energy. Without motors and friction, the energy of a falling arm is constant, so any drift is the
-# error of the integrator. With RK4 from chapter 1 it must fall by $2^4 = 16$ when the step is halved:
+# error of the integrator. With RK4 from chapter 1 the drift must fall by a factor of $2^4 = 16$ when the step is
+# halved:
 
 # %% tags=["hide-code"]
 fall = rigid_body.System("arm", kinematics.acceleration, kinematics.pack(free), q, v)
@@ -775,17 +795,17 @@ more_claims("articulated_bodies_lose_fewer_digits")
 #
 # The data sheet is wrong, or a gripper was added. Can you measure the masses without taking the arm apart?
 #
-# Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second
-# moments. Torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the
-# **regressor**. So you can move the arm, record torques, and fit $\theta$ by least squares. But some numbers never
-# show: the first link only turns about one axis, so its weight rests entirely on the bearing.
+# Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second moments.
+# Torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you
+# can move the arm, record torques, and fit $\theta$ by least squares. But some numbers never show. The first axis of
+# our arm is vertical, so the weight of the first link never loads the motor, and of its inertia only the part about
+# that axis counts.
 
 # %%
 show("torques_tell_ten_numbers")
 
 # %% [markdown]
-# This cell identifies the 7-R arm from 60 random motions with noisy torques, predicts the torques of new motions, and
-# compares one fitted mass with the true one:
+# This cell fits $\theta$ to the noisy torques of 60 random motions and predicts new ones:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -806,7 +826,9 @@ theta, _, rank, _ = np.linalg.lstsq(Y, noisy, rcond=1e-9)
 fresh, truth = motions(40)
 rms = np.sqrt(np.mean((fresh @ theta - truth) ** 2))
 print(f"unknown numbers {Y.shape[1]}, identifiable combinations {rank}")
-print(f"noise 0.05 N m; new torques ({truth.std():.1f} N m rms) predicted to {rms:.3f} N m")
+print(
+    f"noise 0.05 N m; new torques (typical size {truth.std():.1f} N m) predicted to {rms:.3f} N m"
+)
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
 # %% [markdown]
@@ -829,9 +851,14 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 
 # %% tags=["hide-code"]
 LEVELS = (
-    ("task space", "poses of the hand", "tens of Hz to 1 kHz", "planner or operator"),
-    ("joint space", "angles and velocities", "hundreds of Hz to 1 kHz", "joint controller"),
-    ("actuator space", "torques, currents", "1 kHz; current loop 10 kHz and more", "motor driver"),
+    ("task space", "poses of the hand", "10 to 100 Hz", "planner or operator"),
+    ("joint space", "angles and velocities", "100 Hz to 1 kHz", "joint controller"),
+    (
+        "actuator space",
+        "torques, currents",
+        "torque 1 kHz and more, current 10 kHz and more",
+        "motor driver",
+    ),
 )
 DOWN = ("inverse kinematics", "dynamics, feedback")
 UP = ("forward kinematics", "encoders")
@@ -853,14 +880,14 @@ axes.set_axis_off()
 plt.show()
 
 # %% [markdown]
-# Follow one command downwards. The task specifies a pose, and IK finds joint angles. A spring-like law turns the joint
-# error into a desired acceleration, and inverse dynamics turns that into torques. This is **computed torque** control;
-# chapter 6 continues from here.
+# Follow one command downwards. The task specifies a pose, and IK finds joint angles. The controller asks for an
+# acceleration in proportion to the joint error (and damps the joint rates, which are zero here), and inverse dynamics
+# turns that into torques. This is **computed torque** control; chapter 6 continues from here.
 
 # %% tags=["show-code"]
 desired = tip(arm, q) + np.array([0.0, 0.1, -0.05, 0.0, 0.0, 0.0, 0.0])
 outcome = ik(arm, desired, q)
-requested = 100.0 * (outcome.q - q)  # rad/s^2: a spring of 100 1/s^2, from rest
+requested = 100.0 * (outcome.q - q)  # rad/s^2; at rest, so no damping
 torques = kinematics.inverse_dynamics(arm, q, rest, requested)
 print("task space:     hand to", listed(desired[:3]), "m")
 print(f"joint space:    {listed(outcome.q)} rad ({outcome.reason} in {outcome.iterations} steps)")
@@ -870,22 +897,20 @@ print("actuator space:", listed(torques), "N m")
 # ### Where to solve inverse kinematics
 #
 # You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
-# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap and
-# follows a straight line of the tip, but it doesn't look ahead: it may run into a joint limit or a singularity.
+# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap. The
+# tip follows $\dot x$ to first order, and feeding back the tip's error removes the drift. But it doesn't look ahead: it
+# may run into a joint limit or a singularity.
 #
-# A third approach plans points of the tip and solves IK for each of them. Between two points the tip then moves on a
-# straight line, and that line may cross the hole around the base or pass close to a singularity.
+# A third approach plans points of the tip and solves IK for each of them. If the joints are interpolated in between,
+# the tip leaves the straight line, and two neighbouring solutions may lie on different branches. If you solve IK all
+# along the line, the line may cross the hole around the base or pass close to a singularity.
 
 # %%
 show("tip_plans_need_joints")
 
 # %% [markdown]
-# Three trade-offs to mention in an interview:
-#
-# * A faster task loop rejects more disturbances, but it leaves less separation from the joint loop below.
-# * One more joint adds a null space, and you need a rule for what to do with it.
-# * Restarts make a solver succeed more often, but its run time is harder to bound. A real-time loop therefore starts
-#   from the last posture, takes a fixed number of steps, and reports whether it succeeded.
+# A real-time loop starts from the last posture, takes a fixed number of steps, and reports whether it succeeded.
+# Restarts would solve more poses, but then the run time is hard to bound.
 #
 # ## 3 · Code: the reference functions
 #
@@ -898,7 +923,8 @@ source(kinematics.two_link.branches)
 
 # %% [markdown]
 # The Jacobian takes one column for each joint between the base and the tip: walk from the tip inwards, from each joint
-# to its parent. The same walk works on a tree of links. Below it is the gain of each step, and the projector:
+# to its parent. The same walk works on a tree of links. Below it are the gain of the steps that work with singular
+# values (the caller skips directions where $s$ is zero) and the projector:
 
 # %%
 source(kinematics.motion.columns, kinematics.inverse.gain)
@@ -958,15 +984,13 @@ for attempt in (
 # ## 4 · The simulation in full
 #
 # Click or drag to set the target, inside or outside the ring; the arrow keys move it by five centimetres. Choose the
-# step rule, the damping (0.10 m/rad at the start), and the units of the condition number. The numbers below the
-# picture show the distance to the target, the condition number, the manipulability, the smallest singular value of
-# $J$, and the gain of the last step with its bound $1/(2\lambda)$. Before you choose a preset, predict what will
-# happen:
+# step rule, the damping, and the units of the condition number. Before you choose a preset, predict what the numbers
+# below the picture will do:
 #
 # 1. *Stretched, target inward*: which of the five step rules moves?
-# 2. *Target out of reach*: what does the red glow do? What changes when you then choose the pseudo-inverse?
-# 3. *Jump beside the singularity*: how much damping does it take until the arm stays calm?
-# 4. *The same arm in millimetres*: what changes in the picture, apart from the number?
+# 2. *Target out of reach*: what does the smallest value do? What changes with the pseudo-inverse?
+# 3. *Jump beside the singularity*: with the damped step, how does the largest gain depend on the damping?
+# 4. *The same arm in millimetres*: which numbers change when you choose metres?
 
 # %%
 simulation("arm")
@@ -977,9 +1001,9 @@ simulation("arm")
 # ### How many states per second?
 #
 # A planner or a learning algorithm evaluates millions of postures. **Pinocchio** (Carpentier and others 2019) is the
-# C++ library that professionals use for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Both compute
-# one state per call. A call from Python takes about as long as the
-# algorithm itself. This course's compiled loop accepts a whole **batch** of states in one call.
+# C++ library that professionals use for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Their usual
+# functions compute one state per call, and every call from Python costs extra time. This course's compiled loop accepts
+# a whole **batch** of states in one call.
 
 # %%
 predict("one_call_or_a_batch")
@@ -995,9 +1019,11 @@ predict("one_call_or_a_batch")
 figures(read("arm_throughput"), summary="Ratios of the times, one state and 10,000, with quartiles")
 
 # %% [markdown]
-# All three agree up to rounding, so no accuracy is traded for speed. What differs is the overhead of a call: with one
-# state per call we pay for checking the arguments and creating NumPy arrays. Where the curves cross, the batch has
-# paid for that.
+# All three agree up to rounding, so no accuracy is traded for speed. With one state per call, the course spends most of
+# its time on checking arguments and creating arrays. A batch shares this fixed cost: to the right of the crossing the
+# course is faster. Pinocchio's batch calls save the overhead of Python too, but close only a part of the gap; we did
+# not measure where the rest comes from. With the largest batch the course's Jacobians are hardly faster than
+# Pinocchio's.
 #
 # ### Jacobians from finite differences
 #
@@ -1017,17 +1043,19 @@ print_figures(
 )
 
 # %% [markdown]
-# Over $h$, the error of a difference is a V: the truncation error of the Taylor series shrinks with $h$, and the
-# rounding error grows with $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no
+# Drawn against $h$, the error of a difference is a V: the truncation error of the Taylor series shrinks with $h$, and
+# the rounding error grows with $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no
 # subtraction, so $h$ can be tiny (Squire and Trapp 1998). To *check* a Jacobian, use central differences with $h$ near
-# the cube root of machine precision, about $10^{-5}$, and expect agreement to about ten digits, not sixteen.
+# the cube root of machine precision, about $10^{-5}$, and expect agreement to about ten digits, not sixteen. The times
+# compare Python loops with a compiled Jacobian.
 #
 # ### How many poses does a solver find?
 #
 # The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
-# and a microradian. The *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse
-# step, no limits, one start. Two more curves add joint limits and restarts, and then also full steps. The *table*
-# starts from the nearest of many stored random postures:
+# and a microradian. The Python loops get three hundred of them, hence their wide bands. The *usual loop* is the example
+# from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start. *Clamped, 20 starts* adds
+# joint limits and restarts, *same with full steps* whole steps. The course's compiled solver begins at random postures
+# (*uniform starts*) or at the *nearest of a table* of random postures:
 #
 # ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
@@ -1038,10 +1066,10 @@ show("converged_within_limits")
 # Every solution was checked with forward kinematics; none of our reported successes was wrong. The right-hand panel
 # shows poses near a singular posture of the shoulder. For poses beyond the reach the solver never reports success.
 #
-# The speeds compare a compiled batch with a Python loop around Pinocchio's functions, which is how people use it. That
-# mixes three effects: the algorithm, the overhead of Python, and the batch. So the data contain two more rows where
-# they were measured: *our method in Python* takes our steps with Pinocchio's functions, and *a call a pose* calls our
-# compiled method for one pose at a time.
+# Comparing compiled code with Python loops around Pinocchio's functions mixes three effects: the algorithm, the
+# overhead of Python, and the batch. The rows below separate them. *Our method in Python* takes our steps with
+# Pinocchio's functions. *A call a pose* calls our compiled solver for one pose at a time. The last number is the rate
+# of the table method in a batch, divided by that of the row:
 
 # %%
 rates = [line for line in read("ik_success").splitlines() if "solved a second" in line]
@@ -1049,8 +1077,9 @@ print("\n".join(rates[: min(len(rates) // 2, 6)]))  # of the left-hand panel
 figures(read("ik_success"), summary="Steps, starts, and poses solved per second")
 
 # %% [markdown]
-# What makes the difference is not the single step but what surrounds it: joint limits enforced in every step, a
-# restart when the error stops shrinking, and a good initial guess.
+# Joint limits in every step and restarts decide *whether* a pose is solved. Full steps instead of tenths make the same
+# loop several times as fast. A start from the table saves steps, but the look-up costs time: it pays here only in a
+# batch of ordinary poses.
 #
 # ### Which step for which tolerance?
 #
@@ -1084,9 +1113,9 @@ result = measure(
     lambda remaining, zero: float(np.median(remaining)),
     reference_check=np.zeros(40),
     tolerance=1e-6,
-    repeats=3,
+    repeats=15,
     best=True,
-    question="How large is the error after a given number of steps?",
+    question="How large is the error after given steps, and after a given time?",
     error_unit="m, rad",
     converges=False,
 )
@@ -1095,7 +1124,7 @@ print(f"fewest steps for an error below 1e-6: {best.count:.0f} (remaining error 
 TradeOff(result)
 
 # %% [markdown]
-# Counted in steps, every method whose damping vanishes near the solution converges like Newton's method. In time,
+# Counted in steps, every method without damping near the solution converges like Newton's method. In time,
 # Levenberg-Marquardt is ahead, because it solves a small linear system where the others here compute singular values.
 # The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
 # solution itself is singular:
@@ -1106,15 +1135,17 @@ TradeOff(result)
 print_figures("ik_residual", "A target on")
 
 # %% [markdown]
-# With constant damping the error shrinks by a constant factor per step; the other methods converge faster and faster.
-# On the edge, only the pseudo-inverse and Levenberg-Marquardt arrive.
+# For the ordinary target, constant damping ($\lambda = 0.1$, full steps) shrinks the error by the same factor in every
+# step. On the edge $J$ is singular at the solution, so the pseudo-inverse and Levenberg-Marquardt only divide the error
+# by four per step. The damped and the adaptive step get slower and slower: after $n$ steps the error is proportional to
+# $1/n$.
 #
 # ### When is a planar model enough?
 #
-# A planar two-link arm has a closed form for everything and needs only a small fraction of the time of a general
-# physics engine (the chart [vector_env](../docs/charts/README.md) has the ratio). Real arms are never perfectly
-# planar. We tilted the base and skewed the elbow's axis, simulated the arm in space with MuJoCo, and compared the
-# position of the tip after one second with the planar model:
+# A planar two-link arm has closed forms for its kinematics and its equations of motion, so it is cheap to simulate.
+# Real arms are never perfectly planar. Chapter 8's arm moves in a level plane for one second, with both joints turning
+# at the start and constant torques. We simulated the same second in space with MuJoCo, with the base tilted, so that
+# gravity pulls along the plane, or the elbow's axis skewed. The chart shows how far apart the tips end:
 #
 # ![Error of the planar arm against the tilt of its base and of its elbow axis](../docs/charts/two_links_enough.png)
 
@@ -1127,17 +1158,17 @@ figures(
 )
 
 # %% [markdown]
-# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. As long as both faults stay below
-# these angles, the planar model is good enough for that task.
+# The tolerance is a tenth of the target's radius in the reaching task of chapter 8. Each fault was varied alone. The
+# errors of both can add up, and their sum must stay below the tolerance.
 #
 # ### What to pick
 #
 # * *Two or three joints in a plane, or a wrist whose axes meet*: the closed form. It returns all solutions, without
 #   iterations and without a start.
-# * *Following a path, at every tick*: one or two damped steps from the last posture, with adaptive $\lambda$, checked
+# * *Following a path, at every tick*: one or two steps from the last posture, adaptive or Levenberg-Marquardt, checked
 #   by forward kinematics. With hard limits, a quadratic program.
-# * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits, starting from the nearest
-#   stored posture, then from random ones; with a time limit, and a reason when it fails.
+# * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
+#   first from a table); with a time limit, and a reason when it fails.
 # * *Torques*: RNEA. *Simulation*: ABA, or CRBA with a Cholesky factorisation for a short arm. *Tests*: each against
 #   the others.
 # * *Thousands of states*: a batch in one call, with any library.
@@ -1146,19 +1177,22 @@ figures(
 #
 # ### How much damping is enough?
 #
-# The tip must move at a constant speed of 0.1 m/s, and each joint can turn at most at 2 rad/s. The left-hand map shows
-# the joint speed over the bend of the elbow and the damping: it is above the limit in the orange area. The predicted
-# boundary, where $s/(s^2+\lambda^2)$ equals the limit of 20 rad/m, lies on the measured one. The right-hand panel
-# shows the price: the largest tracking error when the tip passes close to the inner edge of the workspace.
+# The tip is commanded to move at 0.1 m/s, and the joints can do 2 rad/s (the norm of both), so the gain must stay below
+# 20 rad/m. In the orange area of the map it does not. The predicted boundary, $s/(s^2+\lambda^2)$ equal to that limit,
+# lies on the measured one. In the right-hand panel the tip is led past the hole around the base in points 2 mm apart,
+# with one damped step per point. Weak damping costs nothing, and strong damping makes the tip miss its points by up to
+# centimetres. In between there is no simple rule: the curves rise, fall and cross.
 #
-# ![Joint speed over elbow bend and damping, and the tracking error that damping costs](../docs/charts/damping_map.png)
+# ![Joint speed against elbow bend and damping, and the tracking error that damping
+# costs](../docs/charts/damping_map.png)
 
 # %%
 print_figures("damping_map", "never", "without")
 
 # %% [markdown]
-# With $\lambda$ above $1/(2\cdot\text{limit})$ no posture violates the limit. With less damping, postures *near* the
-# singularity do. Exactly *at* the singularity the gain of the lost direction is zero, so nothing happens there.
+# With $\lambda$ above $1/(2\cdot\text{limit})$ no posture violates the limit at this commanded speed. (Feedback of the
+# position error asks for more.) With less damping, postures *near* the singularity do. Exactly *at* the singularity the
+# gain of the lost direction is zero, so nothing happens there.
 #
 # This also explains the first question of this page. The arm is straight, so both columns of $J$ are perpendicular to
 # it, and the error lies along it: $J^\mathsf{T}e = 0$. Every step that starts from $J^\mathsf{T}e$, damped or not, is
@@ -1167,12 +1201,9 @@ print_figures("damping_map", "never", "without")
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
 _ = axes.plot([0, 1, 1.8], [0, 0, 0], "o-", color="#9bb7d4", linewidth=8, markersize=10)
-for shift, length, colour, name in (
-    (0.0, 1.8, "tab:orange", "column 1"),
-    (0.03, 0.8, "tab:green", "column 2"),
-):
+for length, colour, name in ((1.8, "tab:orange", "column 1"), (0.8, "tab:green", "column 2")):
     _ = axes.quiver(
-        1.8 + shift, 0, 0, 0.3 * length, color=colour, angles="xy", scale_units="xy", scale=1,
+        1.8, 0, 0, 0.3 * length, color=colour, angles="xy", scale_units="xy", scale=1,
         label=name,
     )  # fmt: skip
 _ = axes.quiver(
@@ -1189,7 +1220,8 @@ _ = axes.quiver(
 )
 _ = axes.plot(1.3, 0, "kx", markersize=10, zorder=6, label="target")
 _ = axes.set(aspect="equal", xlim=(-0.2, 2.9), ylim=(-0.2, 0.7), xlabel="x [m]", ylabel="y [m]")
-_ = axes.legend(loc="upper right")
+_ = axes.set_title("both columns (drawn at 0.3 of their length) are perpendicular to the error")
+_ = axes.legend(loc="upper left")
 plt.show()
 
 # %%
@@ -1198,8 +1230,8 @@ more_claims("rank_loss_is_failure", "singular_start")
 # %% [markdown]
 # ### Targets at the edge and beyond
 #
-# We try targets just inside, on and just beyond the edge, and one that only a limit of the elbow makes unreachable.
-# The true answer is known for each, so we can check the reason that the solver reports:
+# The true answer is known for each of these targets, so we can check the reason that the solver reports. It may restart
+# twenty times:
 
 # %% tags=["hide-code"]
 stiff = replace(planar((1.0, 0.8)), lower=(-np.pi, -2.0), upper=(np.pi, 2.0))
@@ -1235,7 +1267,8 @@ print_figures("null_space_step", "exact", "damped")
 
 # %% [markdown]
 # The drift of the tip per step is $O(h^2)$ with the exact projector, $O(h^4)$ after one corrective IK step, and $O(h)$
-# with a damped projector. So use the exact projector for the null space, and damping only for the task.
+# with a damped projector. So use the exact projector for the null space, and damping only for the task. Close to a
+# singularity the projector changes quickly, so take smaller steps there.
 #
 # ### Debugging table
 #
@@ -1286,32 +1319,26 @@ print_figures("null_space_step", "exact", "damped")
 # <tr><td>convergence is slow everywhere, although FK is right</td> <td>$J$ is wrong (tool offset, frame of the
 # angular rows)</td> <td>$J$ against central differences</td> <td>compute $J$ and error at one point, in one
 # frame</td></tr>
+# <tr><td>the robot stops at a limit although IK converged</td> <td>limits not enforced, or off by a full turn</td>
+# <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
+# <tr><td>the arm sags when it carries a load</td> <td>gravity or payload missing in the model</td> <td>torques at
+# rest in two postures</td> <td>identify the base parameters</td></tr>
 # </table>
 
 # %%
 predict("error_that_stays")
 
 # %% [markdown]
-# <table>
-# <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>the robot stops at a limit although IK converged</td> <td>limits not enforced, or off by a full turn</td>
-# <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
-# <tr><td>the arm sags when it carries a load</td> <td>gravity or payload missing in the model</td> <td>torques at
-# rest in two postures</td> <td>identify the base parameters</td></tr>
-# </table>
-#
 # ## 7 · Exercises
 #
-# Warm up with a drill: `drills start fk3` opens forward kinematics of three links in your editor. After a correct
-# solution, `check(fk3).chart()` compares its speed with the reference and with Pinocchio.
+# Warm up with a **drill**, a short exercise in your own editor: `drills start fk3` opens forward kinematics of three
+# links. After a correct solution, `check(fk3).chart()` compares its speed with the reference and with Pinocchio.
 #
-# Each exercise below has a card with the task and three hints, a cell to change, and a check. The check runs your code
-# in a separate process on new random cases. It says what is right, what is wrong and, if it recognises the mistake,
-# why.
+# Each exercise below has a card with the task and three hints, a cell to change, and a check on new random cases.
 #
 # ### Inverse kinematics of two links
 #
-# Use the triangle of section 1. Your solution must also work on both edges of the annulus, where arccos loses digits.
+# Use the triangle of section 1.
 
 # %%
 card("two_link_ik")
@@ -1342,8 +1369,7 @@ check(two_link_ik)
 # %% [markdown]
 # ### The Jacobian of an arm in space
 #
-# Each column is the joint's axis crossed with the line from the joint to the tool. Compare your result with central
-# differences before you check it; the V of section 5 says how closely the two can agree.
+# Each column is the joint's axis crossed with the line from the joint to the tool.
 
 # %%
 card("jacobian")
@@ -1410,7 +1436,7 @@ card("null_space_step")
 
 # %%
 def null_space_step(J, dx, secondary, weights):
-    """Return the step that moves the tip by dx and, for the rest, follows a second wish.
+    """Return the step that moves the tip by dx and otherwise follows a preferred step.
 
     Args:
         J: Jacobian, shape (m, n) [m/rad].
@@ -1431,8 +1457,7 @@ check(null_space_step)
 # %% [markdown]
 # ### Recursive Newton-Euler for a planar arm
 #
-# Compute the torques in one pass outwards and one pass inwards. The cost must grow in proportion to the number of
-# links.
+# One pass outwards, one pass inwards:
 
 # %%
 card("rnea_planar")
@@ -1463,9 +1488,9 @@ check(rnea_planar)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# An IK loop runs until forward kinematics agrees with the target. So its result is correct even if its Jacobian is
-# wrong, and bugs can hide there. Here is an example. The **flange** is the plate at the end of the arm to which a tool
-# is screwed. This loop computes the Jacobian at the flange, although the tip of the tool is 25 cm away:
+# An IK loop runs until forward kinematics agrees with the target. So if it converges, its result is correct even with a
+# wrong Jacobian, and bugs can hide there. Here is an example. The **flange** is the plate at the end of the arm to
+# which a tool is screwed. This loop computes the Jacobian at the flange, although the tip of the tool is 25 cm away:
 
 # %%
 longer = replace(arm, tool=(0.0, 0.25, 0.107 + 0.25, 1.0, 0.0, 0.0, 0.0))
@@ -1486,9 +1511,9 @@ for name, point in (("at the tool", longer.tool[:3]), ("at the flange", flange))
     )
 
 # %% [markdown]
-# Both loops return correct angles, and who would notice two more steps? A wrong Jacobian shows in the *number of
-# steps* or in a comparison with finite differences, but never in the remaining error. The same matrix also turns
-# forces into torques, printed here for the first three joints. Nothing corrects those.
+# Both loops return correct angles. If the loop converges, a wrong Jacobian shows in the *number of steps* or in a
+# comparison with finite differences, but not in the remaining error. (With a flipped sign the loop would not converge.)
+# The same matrix also turns forces into torques, printed here for the first three joints. Nothing corrects those.
 #
 # Now find a bug yourself. The next function reports success every time, and on the robot it tears a cable.
 
@@ -1550,10 +1575,7 @@ check(wrist_ik)
 # ### Formulas
 #
 # The check is symbolic, so any equivalent form is accepted. For a wrong formula it shows numbers at which yours
-# differs.
-# <span class="kernel-only">Replace the text in quotes until the check accepts it.</span> First: what is the
-# determinant of the Jacobian of two links? Second: what is the largest gain of a
-# damped step?
+# differs. <span class="kernel-only">Replace the text in quotes until the check accepts it.</span>
 
 # %%
 answer("two_link_jacobian", "l1*l2*sin(q2)")
@@ -1562,15 +1584,13 @@ answer("two_link_jacobian", "l1*l2*sin(q2)")
 answer("damped_gain", "1/lambda")
 
 # %% [markdown]
-# Four more formulas: `damping_is_free` (the fraction of an error that remains after a damped step),
-# `null_motion_leaves_the_tip` (how far a null-space step moves the tip), `projector_of_the_null_space` (how much
-# motion a damped projector lets through), and `second_task` (the fraction of a secondary objective that survives the
-# projection).
+# Four more formulas to answer in the same way: `damping_is_free`, `null_motion_leaves_the_tip`,
+# `projector_of_the_null_space` and `second_task`.
 #
 # ## 8 · Frontier: learned inverse kinematics
 #
-# Grasp planning needs *many* postures for one pose of the hand: covering all solutions and away from obstacles. And
-# every iterative solver is faster if it starts close to a solution. Could a network propose the starts? The simplest
+# A grasp planner needs *many* postures for one pose of the hand, so that it can pick one that avoids obstacles. And an
+# iterative solver needs fewer steps if it starts close to a solution. Could a network propose the starts? The simplest
 # competitor is a **lookup table**: sample random postures once, store the pose of the tip for each, and start from the
 # nearest stored poses. A k-d tree finds them quickly.
 
@@ -1581,7 +1601,8 @@ predict("what_a_learned_start_must_beat")
 # A **normalizing flow** is an invertible network that bends a cloud of random noise into a cloud of postures. A
 # **conditional** flow receives the pose as an additional input, so one pass produces thousands of candidates for it.
 # Because the flow is continuous and the noise is one connected cloud, it cannot cut the cloud into separate pieces.
-# Where the solutions form separate branches, some samples fall between them:
+# Where the solutions form separate branches, some samples fall between them (drawn with a simple formula, not a trained
+# flow):
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(3)
@@ -1591,12 +1612,12 @@ figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.2), layout="constrained")
 _ = axes[0].scatter(*noise, s=6, color="#3b6ea5")
 _ = axes[0].set(title="noise", xlabel="z1", ylabel="z2")
 _ = axes[1].scatter(
-    1.2 * bend + 0.05 * noise[1], -0.6 * bend + 0.08 * noise[1], s=6, color="#3b6ea5"
+    -0.6 * bend + 0.08 * noise[1], 1.2 * bend + 0.05 * noise[1], s=6, color="#3b6ea5"
 )
 for side in (-1, 1):
-    _ = axes[1].plot(1.2 * side, -0.6 * side, "x", color="tab:red", markersize=14, mew=3)
+    _ = axes[1].plot(-0.6 * side, 1.2 * side, "x", color="tab:red", markersize=14, mew=3)
 _ = axes[1].set(
-    title="two solutions (crosses), and samples between", xlabel="q2 [rad]", ylabel="q1 [rad]"
+    title="two solutions (crosses), and samples between", xlabel="q1 [rad]", ylabel="q2 [rad]"
 )
 plt.show()
 
@@ -1621,10 +1642,10 @@ show("flow_samples_all")
 # and least squares on CPU and GPU</td></tr>
 # </table>
 #
-# The course trains a small network with several outputs, each proposing one start for Levenberg-Marquardt. The left
-# panel shows the share of poses of the 7-R arm that are solved within a given number of steps. The right panel shows
-# which part of all solutions of a planar three-joint arm is found, the *coverage*; for that arm the curve of solutions
-# is known exactly:
+# The course trains something simpler than a flow: a small network with several outputs, each proposing one start for
+# Levenberg-Marquardt. The left panel shows the share of poses of the 7-R arm that are solved within a given number of
+# steps. The right panel shows which part of all solutions of a planar three-joint arm is found, the *coverage*; for
+# that arm the curve of solutions is known exactly:
 #
 # ![Poses solved, and solutions covered, with random starts, a lookup table and a
 # network](../docs/charts/learned_seeds.png)
@@ -1633,13 +1654,12 @@ show("flow_samples_all")
 figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
 # %% [markdown]
-# The network needs as many steps as the lookup table and covers no more solutions. Here, training brought no advantage
-# over a table.
+# The network needs as many steps as the lookup table. Neither covers more solutions than random starts. Here, training
+# brought no advantage.
 #
-# **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it:
-# from a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of
-# section 5 that way, one row per backward pass. It is exact; the chart there shows its cost. What a gradient cannot do
-# is move between separate branches of solutions.
+# **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
+# a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of section
+# 5 that way, one row per backward pass. What a gradient cannot do is move between separate branches of solutions.
 #
 # ## 9 · Interview
 #
@@ -1653,8 +1673,7 @@ figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 #
 # </div>
 #
-# Answer each question aloud before you open it. The first answer takes about a minute, the full answer follows, and
-# then what an interviewer may ask next.
+# Answer each question aloud before you open it.
 
 # %%
 interview("kinematics")

@@ -28,9 +28,8 @@ simulation("middleware")
 # has an effect.
 #
 # No ROS 2 installation is needed. The examples run on a small simulated message bus that imitates DDS, the system below
-# ROS 2. It has its own simulated clock, so ten seconds take a fraction of a second, and every run of it is identical.
-# (Timings of real threads, of Cyclone and of Linux differ from run to run.) We checked its compatibility rules against
-# a real DDS, Eclipse Cyclone.
+# ROS 2. It has its own simulated clock, and every run of it is identical. We checked its compatibility rules against a
+# real DDS, Eclipse Cyclone.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -39,6 +38,7 @@ badges(10)
 
 # %% tags=["hide-code"]
 import inspect
+import re
 import tempfile
 import textwrap
 from dataclasses import replace
@@ -85,8 +85,7 @@ def timeline(axis, rows, unit="ms"):
 #
 # A robot's software consists of many programs that run at different rates on different computers. **Middleware** is the
 # layer that carries messages between them, so that no program needs to know where the others run. **ROS 2** is a widely
-# used one. By default it is built on **DDS** (Data Distribution Service), a standard of the Object Management Group
-# (OMG) with several implementations.
+# used one. By default it is built on **DDS** (Data Distribution Service), a standard with several implementations.
 #
 # A **node** is a software component with a name. It publishes messages, subscribes to messages of other nodes and
 # answers requests. A named stream of messages is a **topic**. The publisher's end of a topic is called a **writer** in
@@ -100,7 +99,7 @@ def timeline(axis, rows, unit="ms"):
 layers = {
     "Behaviour, 1-10 Hz": "state machines, behaviour trees: choose the next action\n"
     "if late: the robot hesitates",
-    "ROS 2, 10-100 Hz": "perception, planning, coordination: soft real time\n"
+    "Perception and planning, 10-100 Hz": "find objects, plan motions: soft real time\n"
     "if late: the result is older",
     "Real-time thread, 1 kHz": "read encoders, compute torques, write them: hard real time\n"
     "if late: the arm shakes or is damaged",
@@ -227,10 +226,9 @@ table(
 )
 
 # %% [markdown]
-# None of these forms has a latency of its own. A topic takes as long as its path and its receiver take. A service is a
+# These times are not properties of the four forms: each depends on its path and its receiver. A service is a
 # request topic, a reply topic and a callback, so it answers when its server has time for that callback. An action is
-# made of services and topics. (Reading a parameter inside the node is a dictionary lookup, so its time cannot be
-# compared with the others.)
+# made of services and topics. (A parameter is read inside the node.)
 
 # %% tags=["hide-code"]
 more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node_is_a_process")
@@ -246,17 +244,19 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # * Durability: *volatile*: nothing is stored for later subscribers. **Transient local**: the writer stores its last
 #   messages, for as long as it lives, and gives them to a **late joiner**, a reader that appears after they were
 #   written.
-# * Deadline: the longest allowed time between two messages; a violation raises an event at both ends.
+# * Deadline: the longest allowed time between two messages; a violation raises an event at both ends: a callback of
+#   your program, if you have set one.
 # * **Liveliness**: how a writer proves that it is alive: automatically, or by asserting it on the topic (*manual by
 #   topic*). Without a sign it counts as dead after a time called its **lease**.
-# * History, depth: how many messages each end's queue holds.
+# * History, depth: with **keep last**, each end's queue holds the newest messages, as many as its depth; with **keep
+#   all**, every message until it is taken.
 # * **Lifespan**: the age at which a message is discarded.
 #
-# The writer *offers*, the reader *requests*. Five policies are ranked: reliability, durability, deadline, liveliness
-# with its lease, and (used in an exercise) the order of messages at the destination. If the writer offers less than the
-# reader requests in any of them, DDS does not connect the two at all. For times, shorter means more: a writer with a 50
-# ms deadline promises more than one with 100 ms. Each end sets its queue and the lifespan for itself; these are not
-# compared and never prevent a connection.
+# The writer *offers*, the reader *requests*. Five policies used here are ranked: reliability, durability, deadline,
+# liveliness with its lease, and (only in an exercise, as ROS 2 does not offer it) the order of messages at the
+# destination. If the writer offers less than the reader requests in any of them, DDS does not connect the two at all.
+# For times, shorter means more: a writer with a 50 ms deadline promises more than one with 100 ms. Each end sets its
+# own queue, and the writer the lifespan; these are not compared and never prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -292,8 +292,8 @@ plt.show()
 
 # %% [markdown]
 # The most frequent case in practice: a camera driver publishes with the best-effort profile for sensors, and a display
-# tool subscribes with the reliable default. The tool's window stays empty. Both ends receive an event about it. ROS 2
-# logs a warning ("incompatible QoS") by default, which is easy to overlook among other messages.
+# tool subscribes with the reliable default. The tool's window stays empty. ROS 2 logs a warning ("incompatible QoS"),
+# which is easy to overlook.
 
 # %%
 show("stronger_offer")
@@ -302,8 +302,7 @@ show("stronger_offer")
 show("volatile_is_no_past")
 
 # %% [markdown]
-# Are these rules those of a real system? Seven combinations, checked on Cyclone DDS while this page was built ("heard"
-# means that the two ends connect):
+# Seven combinations, on Cyclone DDS while this page was built ("heard": the two ends connect):
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 queried = {
@@ -333,19 +332,20 @@ table(*rows)
 
 # %% [markdown]
 # We tested every pair of values of each policy, then queue depths, late subscribers and events, on the bus and on
-# Cyclone. The first line counts the agreement. The fold-out lists every row.
+# Cyclone. The first line counts the agreement. A gap of 0.12 s contains two deadlines of 0.05 s, so five such gaps
+# raise ten events. The fold-out lists every row, also of policies that only DDS has.
 
 # %% tags=["hide-code"]
 figures(read("qos_verdicts"), "93", "deadline mis")
 
 # %% [markdown]
-# Two more things can keep a topic silent before QoS matters. Discovery in ROS 2 works only within one **domain**, a
-# number that every process takes from `ROS_DOMAIN_ID`; and it uses multicast (one packet sent to all members of a
-# group), which some networks block. The message types have to agree as well.
+# Three more things can keep a topic silent: another **domain** (a number that each process takes from `ROS_DOMAIN_ID`;
+# discovery works only within one), a network that blocks multicast (one packet sent to all members of a group), which
+# discovery uses, and different message types.
 #
-# *Do DDS vendors differ?* ROS 2's default profile fixes reliability, history, depth and durability, so these do not
-# depend on the vendor. Defaults that the profile leaves open can differ, for instance socket buffer sizes or the moment
-# at which a lifespan starts (rmw and DDS tuning, ROS 2 documentation, Jazzy 2024).
+# *Do DDS vendors differ?* ROS 2's default profile fixes reliability, history, depth and durability. Other defaults can
+# differ, for instance socket buffer sizes or the moment at which a lifespan starts (rmw and DDS tuning, ROS 2
+# documentation, Jazzy 2024).
 
 # %% tags=["hide-code"]
 more_claims("reliability_both_ways", "deadline_for_deadline", "event_names_all")
@@ -353,9 +353,9 @@ more_claims("reliability_both_ways", "deadline_for_deadline", "event_names_all")
 # %% [markdown]
 # ### Queues: what is stored, and how old it gets
 #
-# Each reader has a queue. **Depth** $d$ is the number of messages that fit. When a new message finds the queue full,
-# the oldest one is dropped. This happens under both reliabilities: reliable delivery repairs losses on the network, not
-# in the queue.
+# Each reader has a queue. **Depth** $d$ is the number of messages that fit. With keep last, a new message that finds
+# the queue full replaces the oldest one. This happens under both reliabilities: reliable delivery repairs losses on the
+# network, not in the queue.
 #
 # The queue also decides how old the data are. A reader that is slower than its writer always finds a full queue, and it
 # takes the oldest message first. With a writer's period $T$, the oldest of $d$ messages was written at least
@@ -378,12 +378,12 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# **A worked example.** A camera writes every 33 ms, and the reader's depth is 10. The images that a slow reader takes
-# are at least $9 \cdot 33 = 297$ ms old. With depth 1 it always takes the newest image. The chart compares the formula
-# with the bus and with Cyclone DDS. The lowest curve is a reader that empties its queue and uses only the newest
-# message: its data are fresh, however deep the queue.
+# **A worked example.** A camera writes every 33.3 ms, and the reader's depth is 10. The images that a slow reader takes
+# are at least $9 \cdot 33.3 = 300$ ms old. With depth 1 it always takes the newest image. The chart compares this least
+# age with the bus and with Cyclone DDS. The lowest curve is a reader that empties its queue and uses only the newest
+# message.
 #
-# ![Age of what a slow reader takes over the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
+# ![Least age of what a slow reader takes against the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 #
 # What else can a reader find at its first look? In the table a writer publishes 10 messages, numbered 0 to 9, one each
 # 0.1 s, and the reader looks after one second. A late reader joins after all have been written.
@@ -410,7 +410,7 @@ for name, case in {
     "depth 1": (QoS(), QoS(depth=1)),
     "depth 3": (QoS(), QoS(depth=3)),
     "depth 3, best effort": (QoS("best_effort"), QoS("best_effort", depth=3)),
-    "depth 10, lifespan 0.35 s": (QoS(lifespan=0.35), QoS()),
+    "depth 10, writer's lifespan 0.35 s": (QoS(lifespan=0.35), QoS()),
     "late, volatile": (QoS(), QoS(), 0.95),
     "late, transient local, writer's depth 2": (QoS(depth=2, **local), QoS(**local), 0.95),
     "late, transient local, depths 2 and 1": (
@@ -426,8 +426,7 @@ table(*rows)
 
 # %% [markdown]
 # Messages whose lifespan has ended are gone, but they do not count as dropped. And a late joiner gets nothing from a
-# volatile writer: the history is stored at the writer, and only if it is transient local. The next question combines
-# this with the rule of offer and request.
+# volatile writer: the history is stored at the writer, and only if it is transient local.
 
 # %%
 predict("late_screen")
@@ -470,11 +469,11 @@ _ = axes[1].set(xlim=(-0.1, 7.1))
 plt.show()
 
 # %% [markdown]
-# The dotted lines are the releases, the orange bars the work. The **release** of cycle $k$ is the time at which it
-# should start: start time plus $k\,T$. **Lateness** is how long after its release a cycle really starts. The upper loop
-# drifts away from the dotted lines; the lower one sleeps *until* the next release, so an error in one cycle is not
-# passed on to the next. The table runs both loops on one simulated clock, with 0.1 ms of work and a wake-up that is
-# 0.06 ms late:
+# The dotted lines are the releases, the orange bars the work (drawn longer and later than below). The **release** of
+# cycle $k$ is the time at which it should start: start time plus $k\,T$. **Lateness** is how long after its release a
+# cycle really starts. The upper loop drifts away from the dotted lines; the lower one sleeps *until* the next release,
+# so an error in one cycle is not passed on to the next. The table runs both loops on one simulated clock, with 0.1 ms
+# of work and a wake-up that is 0.06 ms late:
 
 # %% tags=["hide-code"]
 
@@ -506,8 +505,8 @@ for name, relative, hiccup in (
 table(*rows)
 
 # %% [markdown]
-# In the last row one wake-up comes 5.3 ms late. The loop skips the cycles that it has missed, counts them, and
-# continues on the original grid. Running the missed cycles one after another would send a burst of commands.
+# In the last row the loop skips the cycles that it has missed, counts them, and continues on the original grid. Running
+# the missed cycles one after another would send a burst of commands.
 #
 # *Derive it yourself.* The wrong loop sleeps for the period $T$, works for $C$ and wakes up late by $L$ each time. At
 # which rate does it run? The formula in the cell forgets something; correct it.
@@ -524,9 +523,10 @@ answer("relative_sleep", "1/(T + C)")
 # priority to the task with the shortest period.
 #
 # A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
-# task delays it. If one of them started a little earlier, some of its work would be over before ours begins, so it
-# would delay ours less. So the worst case is a **critical instant**: all tasks are released at the same moment. The
-# picture shows it for a controller, a filter and a planner.
+# task delays it. It delays ours most if as many of its runs as possible fall into our window: if its first run starts
+# just when ours is released. Earlier, part of that run would be over; later, the last run could fall outside. So the
+# worst case is a **critical instant**: all tasks are released at the same moment. The picture shows it for a controller
+# (period 1 ms), a filter (10 ms) and a planner (100 ms).
 
 # %% tags=["hide-code"]
 C, T = np.array([0.25, 2.0, 40.0]), np.array([1.0, 10.0, 100.0])
@@ -558,8 +558,8 @@ _ = axis.set_xlim(0, 90)
 plt.show()
 
 # %% [markdown]
-# The planner needs 40 ms of computing, but ends much later, because the others interrupt it again and again. Its
-# worst-case response time is the smallest $R_i$ that solves
+# The planner needs 40 ms but ends much later, because the others interrupt it again and again. Its worst-case response
+# time is the smallest $R_i$ that solves
 #
 # $$R_i = C_i + B_i + \sum_{j<i} \left\lceil \frac{R_i}{T_j} \right\rceil C_j .$$
 #
@@ -601,9 +601,9 @@ table(
 )
 
 # %% [markdown]
-# Both simple tests reject a set that is in time. The left panel of the chart shows which share of random task sets each
-# test accepts. For the right panel, all computing times are lengthened by the same factor until a deadline is missed;
-# it shows the utilization at that point.
+# The left panel of the chart shows which share of random task sets each test accepts; triangles are simulated runs. For
+# the right panel, all computing times are lengthened by the same factor until a deadline is missed. The utilization at
+# that point is called **breakdown utilization**; the band holds the middle 90% of the sets.
 #
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
 
@@ -614,8 +614,7 @@ show("by_rate_is_best")
 # ### Locks: priority inversion
 #
 # A **lock** protects data that two tasks share: only one task can hold it, and the other has to wait. That wait is the
-# term $B_i$ of the formula. Now consider three tasks. The least urgent one holds a lock. The most urgent one wants it.
-# The middle one uses no lock at all, but computes for a long time.
+# term $B_i$ of the formula. Consider three tasks, of which the least urgent holds a lock.
 
 # %%
 predict("middle_priority")
@@ -649,7 +648,7 @@ plt.show()
 # %% tags=["hide-code"]
 # high, middle, low: the low one has the lock when the high one comes, 2 ms later.
 C3, T3 = np.array([5e-3, 100e-3, 25e-3]), np.full(3, 1.0)
-rows = [("lock", "the most urgent task waits")]
+rows = [("protocol", "the most urgent task waits")]
 for protocol in ("none", "inheritance", "ceiling"):
     over = schedule.run(
         C3,
@@ -661,7 +660,7 @@ for protocol in ("none", "inheritance", "ceiling"):
         lock=[0, -1, 0],
         protocol=protocol,
     ).longest
-    rows.append((f"protocol: {protocol}", f"{1e3 * (over[0] - C3[0]):.0f} ms"))
+    rows.append((protocol, f"{1e3 * (over[0] - C3[0]):.0f} ms"))
 table(*rows)
 
 # %% [markdown]
@@ -680,7 +679,7 @@ show("inversion_is_bounded")
 # In ROS 2 a callback can wait even if the processor is idle. An **executor** calls your callbacks. Each of its threads
 # runs one callback at a time and never interrupts it. ROS 2's executor makes a list of the callbacks that are ready,
 # its **ready set**, and runs the whole list. One that becomes ready meanwhile waits for the next list (Casini and
-# others, 2019). So a fast callback may have to wait for all the others, whatever its rate.
+# others, 2019).
 #
 # With several threads, a **callback group** says which callbacks may run at the same time. Callbacks in a *mutually
 # exclusive* group, the default, never overlap. Those in a *reentrant* group may.
@@ -706,9 +705,9 @@ _ = axes[0].set_xlabel("")
 plt.show()
 
 # %% [markdown]
-# To protect the control callback, put it in a group of its own and give it a thread. The table compares the longest
-# time from the control callback's due time to its end with a computed bound. On one thread, the bound is the sum of
-# both callbacks:
+# To protect the control callback, put it in a group of its own and give it a thread. The first column of the table is
+# the longest time from when control is due until it ends, in eight runs. The second is a computed bound; on one thread,
+# the sum of both callbacks:
 
 # %% tags=["hide-code"]
 works = [Work("control", 0.001, 0.050), Work("camera", 0.025, 0.033, "subscription")]
@@ -729,12 +728,13 @@ table(*rows)
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
-# A callback can even wait for itself. Below, a timer callback calls a service of its own node and waits for the reply.
-# Timer and service are both in the node's default group. The bus reports who waits for whom:
+# The order in which one thread runs the callbacks makes no difference to the longest wait. A callback can even wait for
+# itself. Below, a timer callback calls a service of its own node and waits for the reply. Timer and service are both in
+# the node's default group. The bus reports who waits for whom:
 
 # %% tags=["hide-code"]
 bus = Bus()
-node = bus.node("planner", Executor(bus, 2))
+node = bus.node("hand", Executor(bus, 2))
 node.service("grasp", lambda request: request)
 client = node.client("grasp")
 
@@ -750,7 +750,7 @@ print(*(textwrap.fill(one, 96, subsequent_indent="    ") for one in deadlocks(bu
 # %% [markdown]
 # The service may not run while the timer callback runs, because they share an exclusive group. The timer callback does
 # not end before the service has replied. This is a **deadlock**, a circle in which each waits for the other. The
-# executor above has two threads.
+# executor of this run had two threads, so a second thread alone does not help.
 
 # %%
 show("threads_cure_deadlock")
@@ -762,10 +762,10 @@ more_claims("not_real_time_by_default", "callback_over_a_period", "callback_sets
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Silent and late are different faults. If two nodes share a topic and a type, have discovered each
-# other and nothing arrives, not even a small message, compare their QoS profiles. If data are late, they waited
-# somewhere: in a queue, for retransmission on the link, behind other callbacks in the executor, or behind other tasks
-# on the core. Find out where, and compute the longest possible wait. A wait without an upper limit needs a limit or an
-# alarm.
+# other and nothing arrives, not even a small message (large ones can all be lost on the link), compare their QoS
+# profiles; if they are compatible, look for a callback that waits for itself. If data are late, they waited somewhere:
+# in a queue, for retransmission on the link, behind other callbacks in the executor, or behind other tasks on the core.
+# Find out where, and compute the longest wait.
 #
 # </div>
 
@@ -777,7 +777,7 @@ more_claims("not_real_time_by_default", "callback_over_a_period", "callback_sets
 # **Interview question.** *A camera at 30 Hz, a planner at 10 Hz, a controller at 1 kHz. Draw the nodes, and give the
 # quality of service of every connection.*
 #
-# Answer aloud first. Then compare your sketch with the picture, and your reasons with the table.
+# Answer aloud first. Then compare with the picture and the table.
 #
 # </div>
 
@@ -797,12 +797,12 @@ for name, (x, y) in boxes.items():
     _ = axis.text(x, y, name, ha="center", va="center", fontsize=9, bbox={
         "boxstyle": "round,pad=0.4", "fc": "#ffebee" if real_time else "#e8eaf6", "ec": "black"})  # fmt: skip
 arrows = [
-    ((0.55, 0), (1.75, 0), "best effort\ndepth 1"),
-    ((3.05, 0), (4.2, 0), "depth 1\ndeadline"),
+    ((0.55, 0), (1.65, 0), "best effort\ndepth 1"),
+    ((3.15, 0), (4.2, 0), "best effort\ndepth 1\ndeadline"),
     ((5.4, 0), (6.55, 0), "reliable\ndepth 1"),
     ((7.85, 0), (8.95, 0), "same\nthread"),
     ((5.6, -1.4), (7.0, -0.4), "reliable, transient\nlocal, lease"),
-    ((4.0, -1.5), (2.9, -1.5), "same"),
+    ((4.0, -1.5), (2.9, -1.5), "reliable\ntransient\nlocal, lease"),
 ]
 for begin, end, words in arrows:
     _ = axis.annotate("", end, begin, arrowprops={"arrowstyle": "->"})
@@ -814,9 +814,9 @@ for begin, end, words in arrows:
         words,
         ha="left" if slanted else "center",
         va="top" if slanted else "bottom",
-        fontsize=7.5,
+        fontsize=8.5,
     )
-_ = axis.set(xlim=(-0.8, 10.2), ylim=(-1.9, 0.7))
+_ = axis.set(xlim=(-0.8, 10.2), ylim=(-1.8, 0.75))
 axis.axis("off")
 plt.show()
 
@@ -832,7 +832,7 @@ plt.show()
 # needs the current status; a controller that no longer hears the monitor must stop the arm</td></tr> </table>
 #
 # How old is the image behind a command at the drives? Chapter 0 added up the execution times and the waits between
-# stages. The chart does the same for four variants of this stack. Each coloured part is one wait.
+# stages. The chart does the same for four variants of this stack. Blue is computing; each other colour is one wait.
 
 # %% tags=["hide-code"]
 rows = {
@@ -885,14 +885,13 @@ plt.show()
 table(*lines)
 
 # %% [markdown]
-# The first three columns are computed; the last is the average of 16 simulated runs with random phases. Much of the
-# delay comes from the planner's fixed 10 Hz timer. If the planner starts when a new scene arrives, the scene no longer
-# waits for the timer, and plans come three times as often. That works if planning finishes before the next image. (That
-# row also uses a faster planner, 30 instead of 40 ms, because 40 ms is longer than the camera's period.) A full queue
-# is worse than everything else together.
+# Least, mean and largest age are computed; the last column is the average of 16 simulated runs with random phases. The
+# camera takes 5 ms, perception 20 (slow: 50), the planner 40. Much of the delay comes from the planner's fixed 10 Hz
+# timer. If the planner starts when a new scene arrives, the scene no longer waits for the timer, and plans come three
+# times as often. That works only if planning finishes before the next image, so that row uses a planner of 30 ms.
 #
-# Next, the bandwidth. An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs
-# $w\,h\,c\,f$ bytes per second. Colour takes three bytes per pixel and depth two.
+# An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs $w\,h\,c\,f$ bytes per
+# second. Colour takes three bytes per pixel and depth two.
 
 # %% tags=["hide-code"]
 STREAMS = {"VGA colour": (640, 480, 3, 30), "720p colour and depth": (1280, 720, 5, 30)}
@@ -903,22 +902,26 @@ for name, shape in STREAMS.items():
 table(*lines)
 
 # %% [markdown]
-# Gigabit Ethernet carries at most 125 MB/s. So the larger stream does not fit uncompressed: run camera and perception
-# on one computer, or compress. Even on one computer a burst can be lost. An image is split into many packets, and if
-# they arrive faster than the receiving program reads them, the socket's receive buffer overflows. Ten images of 720p,
+# Gigabit Ethernet carries at most 125 MB/s, so the larger stream does not fit: run camera and perception on one
+# computer, or compress. Even on one computer a burst can be lost. An image is split into many packets, and if they
+# arrive faster than the receiving program reads them, the socket's receive buffer overflows. Ten images of 720p,
 # written at once on Cyclone DDS to another process on this machine:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
     from course.oracles.slow_reader import flood
 
-    lines = [("reliability", "images received", "throughput")]
+    lines = [("reliability", "images received", "from the first to the last")]
     for how in ("reliable", "best_effort"):
         came = flood(
             transport.stream(*STREAMS["720p colour and depth"])[0], 10, 10, reliability=how
         )
         lines.append(
-            (how.replace("_", " "), f"{came.received} of 10", f"{came.through / 1e6:.0f} MB/s")
+            (
+                how.replace("_", " "),
+                f"{came.received} of 10",
+                f"{came.through / 1e6:.0f} MB/s" if came.received > 1 else "-",
+            )
         )
     result = table(*lines)
 except ImportError as missing:
@@ -936,14 +939,16 @@ for output, some in {
     "controller and planner": [0, 2],
 }.items():
     ends = ", ".join(
-        f"{1e3 * x:.1f} ms" if np.isfinite(x) else "never" for x in response_times(C[some], T[some])
+        f"{1e3 * x:.1f} ms" if np.isfinite(x) else "no bound"
+        for x in response_times(C[some], T[some])
     )
     lines.append((output, f"{float(utilization(C[some], T[some])):.2f}", ends))
 table(*lines)
 
 # %% [markdown]
-# All three need more than a whole core. The planner, which has the lowest priority, would never finish. Perception uses
-# the most time, so it gets a core of its own.
+# All three need more than a whole core. The planner has the lowest priority and gets less time than it needs: its first
+# plan is late, and every later one is later still, so no bound exists. Perception uses the most time, so it gets a core
+# of its own.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -966,9 +971,9 @@ Markdown(f"```python\n{launch.USUAL[launch.USUAL.index('def ') :].strip()}\n```"
 predict("five_comments")
 
 # %% [markdown]
-# We ran this file against a small stand-in for ROS 2's launch system that records what is set. Policies can be set from
-# outside with parameters that begin with `qos_overrides` (since ROS 2 Galactic, 2021), one policy at a time, with times
-# in nanoseconds. The node's source has to allow it.
+# We ran this file against a stand-in for ROS 2's launch system. Policies can be set from outside with parameters that
+# begin with `qos_overrides` (since ROS 2 Galactic, 2021), one policy at a time, with times in nanoseconds. The node's
+# source has to allow it.
 
 # %% tags=["hide-code"]
 usual, ours = (launch.nodes(text) for text in (launch.USUAL, launch.OURS))
@@ -978,8 +983,7 @@ table(
 )
 
 # %% [markdown]
-# The file below sets them. It is in the fold-out, and the table lists what differs
-# from the defaults:
+# The file in the fold-out sets them. The table lists what differs from the defaults:
 
 # %% tags=["hide-code"]
 Markdown(
@@ -1001,11 +1005,13 @@ for node in ours:
             for k, v in vars(qos).items()
             if v != getattr(QoS(), k) and isinstance(v, float)
         ]
-        lines.append((node.executable, topic, end, ", ".join([*unlike, *times]) or "depth only"))
+        if qos.depth != QoS().depth:
+            times.append(f"depth {qos.depth}")
+        lines.append((node.executable, topic, end, ", ".join([*unlike, *times])))
 table(*lines)
 
 # %% [markdown]
-# The same stand-in also checks whether any topic would be silent, and names the topic if one end is forgotten:
+# The stand-in also finds silent topics, for instance when one end is forgotten:
 
 # %% tags=["hide-code"]
 broken = launch.OURS.replace(
@@ -1018,17 +1024,15 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 # %% [markdown]
 # What was decided, and what it costs:
 #
-# * *Processes.* If perception crashes in its own process, the controller goes on running. That the arm then holds its
-#   position is not automatic: somebody has to program what happens when no new plan arrives. The price is one copy
-#   of every image between the processes.
+# * *Processes.* If perception crashes in its own process, the controller goes on running. The arm does not hold its
+#   position by itself: somebody has to program what happens when no new plan arrives. The price is that every image is
+#   serialised and copied several times on its way.
 # * *The controller* is a plug-in of **ros2_control**, ROS 2's framework for controllers. Its manager has parameters for
-#   rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024). If you write a node of your own, a
-#   parameter called `rate` does only what your code does with it.
-# * *The planner's topic* needs no override for reliability, because reliable is the default.
+#   rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024).
+# * *The planner's topic* needs an override only for its depth, because reliable is the default.
 # * *Names depend on the version.* For RealSense cameras, `depth_module.profile` became `depth_module.depth_profile`
 #   with driver 4.55.1 (May 2024). ROS 2 ignores a name that the node does not declare, without a message.
-# * *Tuning at run time* works only if the node reads the parameter again or registers a callback for changes. A value
-#   that was copied into a variable at the start stays as it was.
+# * *Tuning at run time* works only if the node reads the parameter again or registers a callback for changes.
 
 # %%
 show("processes_isolate")
@@ -1041,8 +1045,8 @@ more_claims("gigabit_is_enough", "launch_comments", "parameters_are_tunable")
 #
 # ### Compatibility in twelve lines
 #
-# The rule of offer and request is short enough to write on a whiteboard. The function compares ranked policies, then
-# durations, then the policies that have to be equal (such as DDS's ownership, which ROS 2 does not use):
+# The function compares ranked policies, then durations, then the policies that have to be equal (such as DDS's
+# ownership, which ROS 2 does not use):
 
 # %% tags=["hide-code"]
 body = inspect.getsource(compatible)
@@ -1054,9 +1058,8 @@ Markdown(
 # ### A controller in C++
 #
 # Below is the update function of a controller in the form that ros2_control uses. Array sizes are checked once, when
-# the controller is configured. So `update` needs no check of sizes and no memory allocation, and it never waits for a
-# lock. That matters because an allocation or a wait for a lock can take arbitrarily long. The picture shows where
-# `update` is called:
+# the controller is configured. So `update` checks no sizes, allocates no memory and never waits for a lock: an
+# allocation or a lock can take arbitrarily long. The picture shows where `update` is called:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.6, 1.7), layout="constrained")
@@ -1070,6 +1073,9 @@ for k, word in enumerate(("configure:\ncheck sizes", "activate")):
 for k, word in enumerate(("read encoders", "update", "write torques")):
     _ = axis.text(5.9 + 1.45 * k, 0, word, ha="center", va="center", fontsize=9,
                   bbox={"boxstyle": "round,pad=0.3", "fc": "#ffebee", "ec": "#c62828"})  # fmt: skip
+for begin in (6.65, 7.8):
+    _ = axis.annotate("", (begin + 0.25, 0), (begin, 0), arrowprops={"arrowstyle": "->"})
+_ = axis.annotate("", (5.15, 0), (4.65, 0), arrowprops={"arrowstyle": "->", "ls": "--"})
 _ = axis.annotate("", (5.9, -0.25), (8.8, -0.25), arrowprops={
     "arrowstyle": "->", "connectionstyle": "arc3,rad=-0.25"})  # fmt: skip
 _ = axis.text(7.35, -0.82, "every millisecond, while active", ha="center", va="center", fontsize=8)
@@ -1085,8 +1091,8 @@ folded = f"<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n<
 Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 
 # %% [markdown]
-# A caution about the zero torque in the case of an error: an arm without brakes falls. A real system engages the
-# brakes, or holds the last safe position, when a controller returns `ERROR`.
+# In the error case the torque is zero, and an arm without brakes falls. A real system engages the brakes, or holds the
+# last safe position, when a controller returns `ERROR`.
 #
 # The common alternative computes inside a subscription's callback, like this:
 
@@ -1112,8 +1118,8 @@ predict("six_positions")
 #
 # </details>
 #
-# We compiled both with a **sanitizer**, a compiler option that adds checks of memory accesses and other operations to
-# the running program. Then both received messages:
+# We compiled both with a **sanitizer**, a compiler option that adds checks of memory accesses to the running program.
+# Then both received messages:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 rng, six = np.random.default_rng(2), 6
@@ -1135,7 +1141,7 @@ else:
         torques = [controller.torques(s[:six], s[six:], *first) for s in states]
         gap = np.abs(np.array(good.torque) - torques).max()
         took_ = sum(good.allocations)
-        print(f"update: differs from Python by at most {gap:.1e} N m, {took_} allocations")
+        print(f"update: differs from Python by at most {gap:.2g} N m, {took_} allocations")
         sizes = {"six joints": (6, 6), "seven joints": (7, 7), "no velocities": (6, 0)}
         for name, row in sizes.items():
             bad = controller.drive(program, "callback", [np.zeros(six)], [message(*row)])
@@ -1149,9 +1155,10 @@ more_claims("any_joint_message")
 # ## 5 · The simulation in full
 #
 # Select a topic, and set the policies of its publisher and its subscriber. A red line is a silent pair, with the policy
-# that fails. The node with the red border has to be in time. Below the graph you see which task has the processor, and
-# the age of the command that acts at the drives. Start with the preset *Deep queue*, and set the subscriber's depth to
-# 1: what happens to the age?
+# that fails; bold lines belong to the selected node. The node with the red border has to be in time. Below the graph
+# you see which tasks run at each moment, and the age of the command that acts at the drives. The numbers below have
+# tooltips; all but the first are about the whole run, five seconds. Start with the preset *Deep queue*, and set the
+# subscriber's depth to 1: what happens to the age?
 
 # %%
 simulation("middleware", "Deep queue")
@@ -1170,47 +1177,48 @@ table(
     ("Mismatch", "best effort offered, reliable requested", "silence",
         f"{', '.join(compatible(QoS('best_effort'), QoS()))} is incompatible"),
     ("Lossy wire", "one packet in a thousand is lost", "images are missing",
-        f"{transport.expected_loss(PACKETS, 1e-3):.0%} of the images; with reliable, "
-        f"{transport.expected_rounds(PACKETS, 1e-3):.2f} transmission rounds per image"),
+        f"{transport.expected_loss(PACKETS, 1e-3):.0%} of the images; with reliable, on average "
+        f"{transport.expected_rounds(PACKETS, 1e-3):.2f} transmissions, all but the first partial"),
     ("Deep queue", "perception slower than the camera, depth 10", "all commands are old",
-        f"9 camera periods of {1e3 * CAMERA:.0f} ms in the queue: {9e3 * CAMERA:.0f} ms"),
+        f"9 camera periods of {1e3 * CAMERA:.1f} ms in the queue: {9e3 * CAMERA:.0f} ms"),
     ("Overload", "the loop shares perception's thread", "cycles late and skipped",
-        f"late by up to {1e3 * (once + LOOP):.1f} ms"),
-    ("Inversion", "a lock shared with the logger", "the loop waits for perception",
+        f"late by up to {1e3 * (once + LOOP):.1f} ms: perception, slowed by other load, and a tick"),
+    ("Inversion", "a lock shared with a logger, a task on perception's processor", "the loop waits for perception",
         f"{1e3 * HOLD:.0f} ms for the lock and {1e3 * SEEING:.0f} ms for perception; with "
         f"inheritance only {1e3 * HOLD:.0f} ms"),
-    ("Late monitor", "volatile, published once", "the monitor never receives the zone",
+    ("Late monitor", "volatile, published once", "the monitor never receives the zone, its message from the planner",
         "fix: transient local at both ends"),
 )  # fmt: skip
 
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# How long does a message take to another process and back? All transports here return exactly the same bytes, so
-# accuracy is equal, and only speed and convenience differ. Times are multiples of that of a message of 64 bytes passed
-# between two threads through a queue.
+# How long does a message take to another process, or thread, and back? All transports return exactly the same bytes, so
+# accuracy is equal. (Zenoh is another middleware, see section 9.) Times are multiples of that of a message of 64 bytes
+# passed between two threads through a queue. Bands, here and in the next charts, show the spread.
 #
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
 # %% tags=["hide-code"]
 lines = [("transport", "64 bytes", "16 kB", "one VGA image", "4 MB")]
 for one in stored("round_trips")[0].series:
-    by_size = dict(zip(map(int, one.x), one.y, strict=True))
-    cells = [f"{by_size[s]:,.3g}" if s in by_size else "-" for s in (64, 16384, 921600, 4194304)]
-    if any(cell != "-" for cell in cells):
-        lines.append((one.label, *cells))
+    # The stored sizes are rounded to six digits.
+    by_size = {size: y for x, y in zip(one.x, one.y, strict=True)
+               for size in (64, 16384, 921600, 4194304) if abs(x / size - 1) < 1e-3}  # fmt: skip
+    if 16384 in by_size:
+        cells = [f"{y:,.0f}" if y >= 100 else f"{y:.2g}" for y in by_size.values()]
+        lines.append((one.label, *cells, *["-"] * (4 - len(cells))))
 table(*lines)
 
 # %% [markdown]
 # For small messages the differences are overhead: waking a background thread, numbering messages, acknowledging them.
-# For large ones each copy costs time. Up to the size of an image, the curve *Cyclone DDS, sequence* is slow because of
-# Python: a message field declared as `sequence[uint8]` turns every byte into a Python object. Declare it as
-# `array[uint8, n]`. At 4 MB, Cyclone DDS no longer fits the message into the socket's receive buffer. Then packets can
-# be lost and have to be sent again, and the time jumps.
+# For large ones each copy costs time, also that into bytes (**serialisation**). The curve *Cyclone DDS, sequence* is
+# slow because of Python: a message field declared as `sequence[uint8]` turns every byte into a Python object. Declare
+# it as `array[uint8, n]`. At 4 MB, Cyclone DDS no longer fits the message into the socket's receive buffer. Then
+# packets can be lost and have to be sent again, and the time jumps.
 #
 # *What to choose.* In one process, hand over a pointer. On one machine, use shared memory for large messages. Between
-# machines, use what the rest of your robots use, and compute bandwidth and packets first. No transport makes an old
-# image new.
+# machines, use what the rest of your robots use, and compute bandwidth and packets first.
 #
 # Large and small messages can also get in each other's way, when they share a wire:
 
@@ -1218,8 +1226,7 @@ table(*lines)
 show("command_waits_for_picture")
 
 # %% [markdown]
-# How fast are the course's own tools? The bus simulates this many messages per second, and the analysis checks a
-# thousand task sets in this time:
+# The speed of the course's own tools:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 bus, count = Bus(), 20_000
@@ -1236,7 +1243,8 @@ print(f"response times of 1,000 sets of 8 tasks: {1e3 * (perf_counter() - begun)
 
 # %% [markdown]
 # The bus has a simple model: no processes, no copies, no discovery, and its acknowledgements are never lost. So it
-# predicts which pairs connect and what the queues hold, but no times.
+# predicts which pairs connect, and how long messages wait for queues, callbacks and a link of known speed, but not the
+# overhead of a real middleware.
 #
 # ## 7 · Debug: messages that are lost or late
 #
@@ -1256,15 +1264,16 @@ predict("one_in_ten_thousand")
 # %% [markdown]
 # A reliable reader repairs this. It sends a **negative acknowledgement**, the list of the fragments that are missing,
 # and the writer sends those again. This happens in rounds. After $k$ rounds a given fragment is still missing with
-# probability $p^k$, and the image needs another round with probability $1 - (1 - p^k)^n$. The mean of a count is the
-# sum, over $k$, of the probability that more than $k$ rounds are needed:
+# probability $p^k$, and the image needs another round with probability $1 - (1 - p^k)^n$. The mean number of rounds is
+# P(more than 0 are needed) + P(more than 1) + P(more than 2) and so on, because an image with $m$ rounds is counted in
+# $m$ of these terms:
 #
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
 #
 # Each round after the first costs one more trip there and back. The chart compares both formulas with the bus and with
 # a real socket whose packets we dropped at random.
 #
-# ![Lost messages and rounds over packets, theory beside bus and socket](../docs/charts/lost_fragments.png)
+# ![Lost messages and rounds against packets, theory, bus and socket](../docs/charts/lost_fragments.png)
 
 # %%
 show("reliable_resends_all")
@@ -1273,8 +1282,9 @@ show("reliable_resends_all")
 # ### Late, or lost?
 #
 # A servo receives a position command every 10 ms, and one in twenty is lost. With reliable delivery, the lost command
-# arrives late, and the later ones wait behind it, because a reliable topic preserves the order. With best effort the
-# lost command is simply replaced by the next one. Which of the two follows the desired motion more closely?
+# arrives late, and later ones wait behind it, because a reliable topic preserves the order. In the picture a trip takes
+# 6 ms, and the repair costs one trip back and one more there. With best effort the lost command is simply replaced by
+# the next one. Which of the two follows the desired motion more closely?
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 3.2), layout="constrained", sharex=True)
@@ -1287,7 +1297,7 @@ for axis, again in zip(axes, (False, True), strict=True):
             _ = axis.plot([sent, sent + 3], [1, 0.5], color=RED)
             _ = axis.plot(sent + 3, 0.5, "x", color=RED)
             continue
-        came = came + 18.0 if missing else came
+        came = came + 12.0 if missing else came
         shown = max(came, free)
         free = shown if again else 0.0
         ink = RED if missing else (ORANGE if shown > came else BLUE)
@@ -1300,20 +1310,19 @@ for axis, again in zip(axes, (False, True), strict=True):
     _ = axis.set_title(
         "reliable: the lost one is sent again" if again else "best effort", fontsize=9
     )
-_ = axes[1].set_xlabel("time [ms] (red: the lost command, orange: commands that wait behind it)")
+_ = axes[1].set_xlabel("time [ms] (red: the lost command, orange: the one that waits behind it)")
 plt.show()
 
 # %%
 predict("late_or_lost")
 
 # %% [markdown]
-# ![Tracking error that the loss adds, over the delay of the link, both reliabilities](../docs/charts/late_or_lost.png)
+# ![Tracking error added by loss, against the delay of the link, both reliabilities](../docs/charts/late_or_lost.png)
 #
-# The horizontal axis is the one-way delay of the link. On a fast link, the repaired command arrives before the next one
-# is due, and reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and
-# best effort is better. The curves cross where the round trip takes somewhat less than one command period, so compare
-# these two times. A message that is sent *once* (a goal, a change of mode, a stop) has no successor, and needs
-# reliable.
+# The delay on the axis is one-way. On a fast link, the repaired command arrives before the next one is due, and
+# reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and best effort is
+# better. The curves cross where the round trip takes somewhat less than one command period, so compare these two times.
+# A message that is sent *once* (a goal, a change of mode, a stop) has no successor, and needs reliable.
 
 # %% tags=["hide-code"]
 more_claims("joint_states_reliable")
@@ -1323,7 +1332,7 @@ more_claims("joint_states_reliable")
 #
 # An ordinary Linux scheduler is fair. It gives every process slices of the processor in turn, also while your
 # controller is due. `SCHED_FIFO` is another scheduling class: its tasks run before all ordinary ones, highest priority
-# first, until they finish or sleep. `nice -20` stays in the fair class and only asks for larger slices.
+# first, until they finish or sleep. `nice -20` only asks for larger slices.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 2.6), layout="constrained", sharex=True)
@@ -1342,25 +1351,28 @@ plt.show()
 # %% [markdown]
 # We ran a 1 kHz loop in Python next to four processes that always compute, on two cores:
 #
-# ![Lateness of a loop beside busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
+# ![Lateness of a loop next to busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
+#
+# The right panel compares the two loops of section 2 on a computer whose other programs disturbed both. Where the lower
+# curve falls slowly, it crosses skipped periods. Neither panel counts them; the table does:
 
 # %% tags=["hide-code"]
-lines = [("scheduler", "median lateness", "99th percentile", "largest", "largest stable gain")]
-for one in stored("loop_lateness")[0].series:
-    half, nearly_all, all_ = (1e-3 * np.interp(q, one.x, one.y) for q in (0.5, 0.99, 1.0))
-    gain = delay_limit(0.5, 0.5, nearly_all + 0.5e-3)[0]
-    lines.append(
-        (one.label, *(f"{1e3 * v:.2f} ms" for v in (half, nearly_all, all_)), f"{gain:.0f} N m/rad")
-    )
+row = r"(.+): skipped (\d+) of (\d+) periods; late by ([\d.]+) ms \(half\), ([\d.]+) \(99 %\), ([\d.]+)"
+lines = [("scheduler", "periods skipped", "median lateness", "99th percentile", "largest",
+          "largest stable gain")]  # fmt: skip
+for name, *numbers in re.findall(row, read("loop_lateness")):
+    skipped, periods, *late_ms = map(float, numbers)
+    gain = delay_limit(0.5, 0.5, 1e-3 * late_ms[1] + 0.5e-3)[0]
+    lines.append((name, f"{skipped / periods:.0%}", *(f"{v:.2f} ms" for v in late_ms),
+                  f"{gain:.0f} N m/rad"))  # fmt: skip
 table(*lines)
 
 # %% [markdown]
-# The last column says what that means for control: if every cycle were as late as the 99th percentile, it is the
-# largest proportional gain with which the joint of chapter 6 is stable. Under this assumption the default scheduler
-# allows only a much softer controller.
+# The last column says what that means for control. It is the largest proportional gain (torque per angle of error) at
+# which the joint of chapter 6 stays stable if every cycle is as late as the 99th percentile. With the default scheduler
+# the controller has to be much softer.
 #
-# Requesting a priority does not mean that you get it: the request needs a permission. So read back what was granted.
-# For this process, now:
+# A real-time priority needs a permission, so read back what was granted. For this process, now:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 with loop.urgent() as granted:
@@ -1376,8 +1388,9 @@ with loop.urgent() as granted:
 # * A **page fault**: memory that the loop touches is not in RAM yet. *Locking* the memory beforehand prevents it.
 # * A **garbage collection**: Python pauses the program to find unused objects.
 # * Locks, hardware interrupts, and tasks of the class SCHED_DEADLINE, which run first.
-# * **Real-time throttling**: by default Linux gives real-time tasks at most 950 ms of each second
-#   (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never sleeps is stopped for the other 50 ms.
+# * **Real-time throttling**: until version 6.11, Linux by default gave real-time tasks at most 950 ms of each second
+#   (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never slept was stopped for the other 50 ms. Since 6.12 a
+#   deadline server reserves time for ordinary tasks instead.
 #
 # A real-time kernel shortens some of these waits, but page faults and garbage collection remain. *PREEMPT_RT* is a
 # configuration of the Linux kernel that makes most of the kernel's own code interruptible. Xenomai's *Cobalt* is a
@@ -1438,9 +1451,9 @@ plt.show()
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The controller is jittery.* Record the three timestamps of each cycle. It is not enough that your
-# callback is shorter than a period, because it also waits for other callbacks. Setting `use_sim_time` does not help:
-# it only selects the simulated clock.
+# **Debugging tip.** *The controller is jittery*: it runs at uneven intervals. Record the three timestamps of each
+# cycle. A callback shorter than a period is not enough, because it also waits for other callbacks. Setting
+# `use_sim_time` does not help: it only selects the simulated clock.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1456,19 +1469,19 @@ more_claims("mismatch_is_late")
 
 # %% [markdown]
 # <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>nothing arrives</td>
-# <td>incompatible QoS; or another topic name, type or domain; or no server for a service</td> <td>compare both
-# profiles; list the matched ends</td> <td>raise the offer, or lower the request</td></tr> <tr><td>messages late by
-# whole periods</td> <td>a full queue</td> <td>set the depth to 1</td> <td>depth 1, or read everything and use the
-# newest</td></tr> <tr><td>the larger the message, the later it is</td> <td>serialisation, or fragments sent again</td>
-# <td>send a small message; then the same over loopback</td> <td>another message type, one process, shared memory,
-# compression</td></tr> <tr><td>late between reception and callback</td> <td>other callbacks run first</td> <td>time
-# each callback, add them up</td> <td>a group and a thread of its own, or a process</td></tr> <tr><td>jitter grows with
-# load</td> <td>ordinary scheduling, or a lock</td> <td>read back scheduler, core and memory locking; test under
-# load</td> <td>SCHED_FIFO; priority inheritance; no lock in the loop</td></tr> <tr><td>period too long by a
-# constant</td> <td>the loop sleeps for a period</td> <td>measure the drift over a thousand periods</td> <td>sleep until
-# the release</td></tr> <tr><td>a display that starts late stays empty</td> <td>durability is volatile, or transient
-# local at one end only</td> <td>start it first</td> <td>transient local at both ends; treat unknown as unsafe</td></tr>
-# </table>
+# <td>incompatible QoS; or another topic name, type or domain; or no server for a service, or a callback that waits for
+# itself</td> <td>compare both profiles; list the matched ends</td> <td>raise the offer, or lower the request</td></tr>
+# <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set the depth to 1</td> <td>depth 1, or read
+# everything and use the newest</td></tr> <tr><td>the larger the message, the later it is</td> <td>serialisation, or
+# fragments sent again</td> <td>send a small message: fast, so size matters; then the large one within one computer:
+# fast, so it is the link</td> <td>another message type, one process, shared memory, compression</td></tr> <tr><td>late
+# between reception and callback</td> <td>other callbacks run first</td> <td>time each callback, add them up</td> <td>a
+# group and a thread of its own, or a process</td></tr> <tr><td>jitter grows with load</td> <td>ordinary scheduling, or
+# a lock</td> <td>read back scheduler, core and memory locking; test under load</td> <td>SCHED_FIFO; priority
+# inheritance; no lock in the loop</td></tr> <tr><td>period too long by a constant</td> <td>the loop sleeps for a
+# period</td> <td>measure the drift over a thousand periods</td> <td>sleep until the release</td></tr> <tr><td>a display
+# that starts late stays empty</td> <td>durability is volatile, or transient local at one end only</td> <td>start it
+# first</td> <td>transient local at both ends; treat unknown as unsafe</td></tr> </table>
 #
 # ## 8 · Exercises
 #
@@ -1616,7 +1629,7 @@ check(wake_ups)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# Two nodes that follow a part on a conveyor belt. Each worked when its author tested it alone.
+# Two nodes that follow a part on a conveyor belt.
 
 # %%
 card("follow_part")
@@ -1708,7 +1721,7 @@ plt.show()
 predict("chunk_hides")
 
 # %% [markdown]
-# The table compares three lengths of the chunk, with an inference of 100 ms and actions of 20 ms:
+# Three lengths of the chunk, with the times of the question:
 
 # %% tags=["hide-code"]
 think, step = 0.1, 0.02
@@ -1725,14 +1738,15 @@ for n in (1, 5, 10):
 table(*lines)
 
 # %% [markdown]
-# A chunk hides the *pause*, not the age. With five actions the arm moves all the time. Its images are as old as before
-# on average (if the command that is held during a pause is counted); with ten they are older. The last action of a
-# chunk uses an image that is older by the inference and the whole chunk together. So keep the fast feedback loop in its
-# own real-time thread, and watch the policy's output with a deadline.
+# A chunk hides the *pause*, not the age. With five actions the arm moves all the time. Its images are on average as old
+# as with one action (whose command is held during each pause); with ten they are older. When the last action of a chunk
+# ends, its image is as old as one inference plus the whole chunk. The table also counts the camera's own time and the
+# waits for its next image and for the arm's next action. So keep the fast feedback loop in its own real-time thread,
+# and watch the policy's output with a deadline.
 #
 # Where should a large model run? Each inference reads all weights of the model from memory once. With $n$ weights of
 # $b$ bytes, $k$ actions per inference and $f$ actions per second, it reads $n\,b\,f/k$ bytes per second. Compare this
-# with the memory bandwidth of a computer: two memory channels of a PC give about 90 GB/s.
+# with the memory bandwidth of a computer: two memory channels of a PC give about 90 GB/s. Weights often have two bytes.
 
 # %%
 show("seven_billion_on_board")

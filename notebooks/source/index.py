@@ -60,6 +60,7 @@ ticks()
 # ## How to
 #
 # - [Use a chapter's module in your own project](../docs/howto/modules.md)
+# - [Put your own method on a work-precision chart](../docs/howto/chart.md)
 # - [Write a vector environment of your own](../docs/howto/vector_env.md)
 # - [Grade drills in continuous integration](../docs/howto/drills_in_ci.md)
 #

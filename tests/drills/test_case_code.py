@@ -24,7 +24,7 @@ from drills.grader import attempt
 from drills.reasons import Reason
 from drills.values import identical
 from drills.verify import in_this_process
-from tests.budget import examples, exercise_topics
+from tests.budget import PROVE, examples, exercise_topics
 from tests.drills.place import Place, a_place
 
 __all__ = ["a_place"]
@@ -87,9 +87,10 @@ def assert_reproduced(card: Card, report: Report) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXERCISES)
 def test_the_case_of_every_slip_fails_below_it(name: str) -> None:
+    """The first slip and the last; all of them in the long tier."""
     card, exercise = catalogue.card(name), exercises.of(name)
     compared = 0
-    for slip in exercise.slips:
+    for slip in exercise.slips if PROVE else (exercise.slips[0], exercise.slips[-1]):
         if slip.ends is not None:  # it never answers: `test_a_case_that_never_ends`
             continue
         report = attempt(
@@ -99,7 +100,7 @@ def test_the_case_of_every_slip_fails_below_it(name: str) -> None:
         assert_reproduced(card, report)
         compared += "expected = " in report.case
     # A judge written by hand may compare what it computes of the answers, and not these.
-    if card.kind == "function" and name != "rrt":
+    if PROVE and card.kind == "function" and name != "rrt":
         assert compared > 0
 
 

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 
 # The long tier takes 50 seeds, in the sandbox.
-EFFORT = Effort(seeds=2, slip_seeds=1, place=verify.in_this_process)
+EFFORT = Effort(seeds=1, slip_seeds=1, place=verify.in_this_process)
 EXERCISES = [
     pytest.param(name, id=name, marks=pytest.mark.topic(topic))
     for name, topic in exercise_topics().items()

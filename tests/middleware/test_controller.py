@@ -148,11 +148,12 @@ def test_ours_sets_what_it_says_name_by_name():
         liveliness="manual_by_topic",
         liveliness_lease_duration=0.1,
     )
+    plan = QoS(depth=1)
     assert ends == [
         {("/camera/image", "publisher"): picture},
         {("/camera/image", "subscription"): picture, ("/object_poses", "publisher"): poses},
-        {("/object_poses", "subscription"): poses},
-        {("/safety/status", "subscription"): status},
+        {("/object_poses", "subscription"): poses, ("/trajectory", "publisher"): plan},
+        {("/trajectory", "subscription"): plan, ("/safety/status", "subscription"): status},
         {("/safety/status", "publisher"): status},
     ]
     assert launch.silent(result) == {}

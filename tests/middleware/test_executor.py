@@ -103,8 +103,8 @@ def test_a_service_call_inside_a_callback_of_its_own_group_never_ends():
     bus.run(3.0)
     assert got == []
     assert deadlocks(bus) == [
-        "timer control of control waits for client plan/reply of control, which needs "
-        "the default group of control, held by timer control of control"
+        "the timer of control waits for client plan/reply of control, which needs "
+        "the default group of control, held by the timer of control"
     ]
 
 
@@ -117,7 +117,7 @@ def test_a_group_of_its_own_and_a_second_thread_are_the_cure(threads, group):
     bus = Bus()
     assert calling(bus, 1, group) == []
     bus.run(3.0)
-    assert "a thread, all held by timer control" in deadlocks(bus)[0]
+    assert "a thread, all held by the timer of control" in deadlocks(bus)[0]
 
 
 @pytest.mark.parametrize(("threads", "group"), [(1, None), (2, None), (2, Group("other"))])

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 LIVE = wasm.live()
 # In plain Python a start of these takes a second: ten times as many runs prove them.
-DEAR = {"control.joint", "control.probe"}
+EXPENSIVE = {"control.joint", "control.probe", "kinematics.elbow", "learning.denoising"}
 # Compiled anew by the tests, and the constant that one of them changes.
 SMALL, CONSTANT, OTHER = "role.development", "tries * real / 86_400.0", "tries * real / 80_000.0"
 
@@ -81,13 +81,13 @@ def test_a_recorded_simulation_has_no_module() -> None:
 def test_it_computes_what_python_does(name: str) -> None:
     """Presets, ends of sliders (in the long tier all), and controls within the limits."""
     model, module = wasm.model(name), hosted(name)
-    largest = None if PROVE else 2 if name in DEAR else 4
+    largest = None if PROVE else 1 if name in EXPENSIVE else 2
     for preset in list(model.presets.values())[:largest]:
         assert_same_run(model, module, dict(preset.values), (1.0,))
     for values in list(ends(model))[:largest]:
         assert_same_run(model, module, values, (1.0,))
 
-    @examples(1 if name in DEAR else 2)
+    @examples(1)
     @given(any_controls(model))
     def within(values: dict[str, Any]) -> None:
         assert_same_run(model, module, values, (0.3, 0.7))

@@ -109,7 +109,7 @@ def jacobian_precision(
         "step h [rad]",
         "largest error of the Jacobian [m/rad]",
         scale="log",
-        theory="next term of Taylor + rounding / h",
+        theory="truncation + rounding",
     )
     best: dict[str, tuple[float, Callable[[], Any]]] = {}
     for name, (method, theory) in methods.items():

@@ -73,7 +73,7 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
 def round_trips(
     sizes: Sequence[int] = (64, 1024, 16_384, 262_144, 921_600, 4_194_304), repeats: int = 7
 ) -> Iterator[Panel]:
-    """Chart there and back between two processes, by size; the unit is 64 B in a queue of threads.
+    """Chart round trips by size, to another process or thread; the unit is 64 B between threads.
 
     Args:
         sizes: of the payload [bytes].
@@ -109,9 +109,9 @@ def round_trips(
     # The fastest round trip as the unit, so that machines can be compared.
     floor = times[names[0]][0, 0]
     panel = Panel(
-        "There and back between two processes",
+        "There and back, to another process or thread",
         "payload [bytes]",
-        "time over that of 64 B in a queue of threads",
+        "time / time of 64 B between threads",
         scale="log",
         footer=machine(0.0, libraries=REAL),
     )
@@ -161,7 +161,8 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
     panel = Panel(
         f"One of {rate} samples is taken: its age",
         "depth of the reader's queue",
-        "age [periods of the writer]",
+        "least age [periods of the writer]",
+        ticks=depths,
         theory="depth - 1",
         footer=machine(0.0, libraries=REAL[:1]),
     )

@@ -154,9 +154,9 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
         )
     low = schedule.liu_layland(n)
     panel = Panel(
-        f"{n} tasks: who says that they are in time",
+        f"{n} tasks: sets that a test accepts",
         "utilization",
-        "share of sets",
+        "share of sets accepted",
         lines=[("x", low, "bound of Liu and Layland")],
         footer=machine(0.0, libraries=()),
     )
@@ -179,7 +179,11 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
     yield panel
     counts = (2, 3, 5, 10, 20)
     broken = Panel(
-        "Where a growing set first misses", "tasks", "utilization", scale="log x", ticks=counts
+        "Breakdown utilization",
+        "tasks",
+        "utilization at the first miss",
+        scale="log x",
+        ticks=counts,
     )
     rows = []
     for size in counts:
@@ -274,7 +278,7 @@ def executor_waits(
     panel = Panel(
         "One thread: control waits for the camera",
         "the camera's callback [ms]",
-        "control, at most [ms]",
+        "from due to end, at most [ms]",
         theory="bound",
         footer=machine(0.0, libraries=()),
     )

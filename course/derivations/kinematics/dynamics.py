@@ -127,7 +127,8 @@ def exact_accelerations(
 
 @claim(
     "The articulated-body algorithm loses fewer digits than a factorised mass matrix.",
-    "It does on long arms without a light tip. For planar rods at rest under random torques, "
+    "It does on long arms without a light tip, there by more than a factor of {clear:g} in the "
+    "median. For planar rods at rest under random torques, "
     "Cholesky's factors lose about {digits:.0f} digit more with {many:g} links in the median, and "
     "about {digits_heavy:.0f} digits more if the last link weighs {factor:.0e} times as much as "
     "the others. With {few:g} links the two are alike: the median errors differ by a factor of "
@@ -180,8 +181,8 @@ def articulated_bodies_lose_fewer_digits(result):
     draws = list(zip(result.rng.integers(8, 11, 8), 10 ** result.rng.uniform(0, 6, 8), strict=True))
     result.statement_holds(
         short[1] > clear * short[0] and long[1] > clear * long[0],
-        only_if="the arm is long and its tip not light: with {many:g} planar links or more, the "
-        "last as heavy as the others or heavier, by more than a factor of {clear:g} in the median",
+        only_if="the arm has {many:g} links or more, and the last one is at least as heavy as the "
+        "others",
         inside=[better(int(n), load) for n, load in draws],
         outside=[better(2, load) for _, load in draws] + [better(8, 1e-6) for _ in draws],
     )
@@ -195,9 +196,10 @@ def articulated_bodies_lose_fewer_digits(result):
 
 @claim(
     "From enough torques and motions one can identify all ten inertial numbers of each link.",
-    "Torques are linear in them, but of the {numbers:g} of the 7-R arm only {seen:g} combinations "
-    "show in any motion of its joints: the first link turns about one line only, so most of its "
-    "numbers never act, and mass can be moved between links without a trace. Fit the combinations.",
+    "Torques are linear in them. But of the {numbers:g} numbers of the 7-R arm, its first axis "
+    "vertical, only {seen:g} combinations show in any motion. The first link only turns about "
+    "that axis, so most of its numbers never act, and some mass can be moved from link to link "
+    "without a change of any torque. Fit the combinations.",
     source="Atkeson, An and Hollerbach, Estimation of inertial parameters (1986)",
 )
 def torques_tell_ten_numbers(result):

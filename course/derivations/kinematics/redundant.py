@@ -51,10 +51,10 @@ def one_joint_to_spare(result):
 
 @claim(
     "A motion in the null space of J leaves the tip where it is.",
-    "Its rate does; a step of length h moves the tip by about c h^2 with c = |(dJ/dt) v| / 2 at "
-    "the unit rate v, for the 7-R arm {c_m:.3f} m in the median: {drift_mm:.2f} mm in a step of "
-    "{step_rad} rad. A single IK step afterwards leaves h^{order_after:.0f} of it, {left_um:.3f} "
-    "um.",
+    "Only to first order. A step of length h moves the tip by about c h^2, where c is half the "
+    "length of the vector that the rate of J times the unit joint rate v makes. For the 7-R arm c "
+    "is {c_m:.3f} m in the median, or {drift_mm:.2f} mm in a step of {step_rad} rad. After one IK "
+    "step an error of order h^{order_after:.0f} remains, {left_um:.3f} um.",
     ask=(
         "Along the null space, at a rate of 1, dJ/dt times the rate has the length a. How far does "
         "one joint step of length h move the tip, to leading order?",
@@ -107,9 +107,9 @@ def null_motion_leaves_the_tip(result):
 
 @claim(
     "The projector onto the null space is N = I - J^+ J.",
-    "With the exact pseudo-inverse: then J N = 0, N is symmetric, and N N = N. With a damped "
-    "inverse in its place N no longer projects, and of a joint rate of 1 up to {formula} leaks "
-    "into the tip, where s = lambda: {leak_mm:.0f} mm/rad at {damping} m/rad.",
+    "Then J N = 0, N is symmetric, and N N = N. With a damped inverse N is no projector: up to "
+    "{formula} of a joint rate of 1 leaks into the tip, where s = lambda. That is {leak_mm:.0f} "
+    "mm/rad with a damping of {damping} m/rad.",
     ask=(
         "N = I - J^T (J J^T + lambda^2 I)^-1 J leaks s lambda^2 / (s^2 + lambda^2) of a rate along "
         "the direction of s into the tip. At most?",
@@ -146,7 +146,7 @@ def projector_of_the_null_space(result):
     result.statement = "500 random postures of the 7-R arm, the three rows of position."
     result.statement_holds(
         (leaks(value) < 1e-9).all(),
-        only_if="J^+ is the exact pseudo-inverse, not a damped one",
+        only_if="the pseudo-inverse is exact, not damped",
         inside=exact[:40],
         outside=leaks(value)[:40] < 1e-9,
     )
@@ -162,17 +162,17 @@ def projector_of_the_null_space(result):
 @claim(
     "dq = J^+ dx + N dq2 does a second task without disturbing the first.",
     "To first order the tip does not notice; after a step of {step_rad} rad it is "
-    "{disturbed_mm:.1f} mm off in the median. And the second task gets what is left: of a random "
-    "wish the share {formula} of its square, {kept_percent:.0f} % for the 7-R arm, so the elbow "
-    "goes where it can, not where one wants it.",
+    "{disturbed_mm:.1f} mm off in the median. And the second task is only done in part: of a "
+    "random dq2 the fraction {formula} of the squared length survives, {kept_percent:.0f} % for "
+    "the 7-R arm.",
     ask=(
-        "n joints, J of rank r, a wish dq2 in a random direction. Which share of |dq2|^2 survives "
+        "n joints, J of rank r, dq2 in a random direction. Which fraction of |dq2|^2 survives "
         "the projection, on average?",
         "share = (n - r)/n",
         {
             "r/n": "That is the share that would move the tip.",
             "1/n": "Only where r = n - 1; in general n - r directions survive.",
-            "(n - r)/r": "The wish has n components, of which n - r survive.",
+            "(n - r)/r": "dq2 has n components, of which n - r survive.",
         },
     ),
     source="Liegeois (1977); Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.5",
@@ -201,7 +201,7 @@ def second_task(result):
     missing = np.linalg.norm((tip(arm, q + second) - tip(arm, q))[:3], axis=0)
     result.measure("disturbed_mm", 1000 * np.median(missing), 0.01)
     result.measure("kept_percent", 100 * selected(6), 0.05)
-    result.statement = "3000 random postures with a random wish each; ranks 3 and 6."
+    result.statement = "3000 random postures with a random dq2 each; ranks 3 and 6."
     result.statement_holds(missing.max() < 1e-9)
     result.correction_holds(
         first.max() < 1e-9,
@@ -214,9 +214,10 @@ def second_task(result):
     "IKFlow samples all valid solutions of a target.",
     "It samples many postures that are near one: within {mm:g} mm and {deg:g} degrees, as its "
     "authors write, who refine what must be exact. Nor are all of them valid: a flow bends one "
-    "connected cloud of noise continuously, and where solutions come in separate pieces some draws "
-    "lie between. Every way from one answer of links of {l1_m} m and {l2_m} m to the other strays "
-    "from a target at {r_m} m by {strays_m:.1f} m or more: min(l1 + l2 - r, r - |l1 - l2|).",
+    "connected cloud of noise continuously, and where solutions come in separate pieces some "
+    "samples lie between. Every path from one solution of links of {l1_m} m and {l2_m} m to the "
+    "other leaves a target at {r_m} m by {strays_m:.1f} m or more: min(l1 + l2 - r, r - |l1 - "
+    "l2|).",
     source="Ames, Morgan and Konidaris, IKFlow, IEEE Robotics and Automation Letters 7 (2022)",
 )
 def flow_samples_all(result):

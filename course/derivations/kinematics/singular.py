@@ -109,15 +109,17 @@ def pseudo_inverse_beside(result):
 
 
 @claim(
-    "Damped least squares, dq = J^T (J J^T + lambda^2 I)^-1 dx, bounds the step.",
+    "Damped least squares, dq = J^T (J J^T + lambda^2 I)^-1 dx, bounds the step by a constant "
+    "times the error.",
     "Each singular value s of J turns an error into s / (s^2 + lambda^2) of it: never more than "
-    "{formula}, reached at s = lambda and nowhere else. Bounded is not small: with lambda = "
-    "{damping} m/rad an error of a metre may still ask for {step_rad:.0f} rad.",
+    "{formula}, reached at s = lambda and nowhere else. The bound is on the ratio of step and "
+    "error, so a large error still causes a large step: up to {step_rad:.0f} rad for a metre, with "
+    "a damping of {damping} m/rad.",
     ask=(
         "What is the largest gain s / (s^2 + lambda^2) over all s?",
         "gain = 1/(2*lambda)",
         {
-            "1/lambda": "At s = lambda both terms below are equal, so half of that.",
+            "1/lambda": "At s = lambda both terms of the denominator are equal: half of that.",
             "1/lambda^2": "Check the units: s is a length over an angle, and so is lambda.",
             "1/(2*lambda^2)": "Check the units: s is a length over an angle, and so is lambda.",
             "lambda/2": "That is how much of a motion leaks out of a damped null space.",
@@ -153,10 +155,10 @@ def damped_gain(result):
 
 @claim(
     "Damping prevents the blow-up near a singularity and changes nothing else.",
-    "Every direction pays: of an error along a singular direction a step leaves the share "
-    "{formula}, all of it where s goes to 0. And not only near a singularity: at a median posture "
-    "of links of {l1_m} m and {l2_m} m lambda = {damping} m/rad leaves {left_percent:.1f} % of an "
-    "error along the weaker direction.",
+    "A step leaves the fraction {formula} of an error along a singular direction: all of it where "
+    "s goes to 0, and something in every other posture. With links of {l1_m} m and {l2_m} m and a "
+    "damping of {damping} m/rad it is {left_percent:.1f} % along the weaker direction, in the "
+    "median of random postures.",
     ask=(
         "Of an error along the direction of a singular value s, which share does one full damped "
         "step leave (linearised)?",
@@ -200,11 +202,11 @@ def damping_is_free(result):
 
 @claim(
     "IK fails when the Jacobian loses rank.",
-    "A rank is lost in single postures, and what fails there is a step that divides by s_min. "
-    "Targets exactly on the outer edge, whose only answer is singular, are solved by the closed "
-    "form to rounding; a damped iteration comes within a tenth of a millimetre too, the more "
-    "slowly the larger lambda: {steps_edge:.0f} steps for {steps_inside:.0f} inside with "
-    "{damping} m/rad, {steps_more:.0f} with {more} m/rad.",
+    "What fails there is a step that divides by s_min. The closed form solves targets exactly on "
+    "the outer edge, whose only answer is singular, up to rounding. A loop of half damped steps "
+    "comes within a tenth of a millimetre too, but the larger lambda, the more slowly: in "
+    "{steps_edge:.0f} steps with {damping} m/rad (for targets inside it needs {steps_inside:.0f}), "
+    "in {steps_more:.0f} with {more} m/rad.",
 )
 def rank_loss_is_failure(result):
     from course.kinematics import two_link_ik
@@ -239,10 +241,10 @@ def rank_loss_is_failure(result):
 @claim(
     "Damping gets an arm out of a singular start.",
     "Not if the target lies along the stretched arm: the error is across every column of J, J^T e "
-    "= 0, and each method that starts from J^T, damped or not, stays where it is: after "
-    "{steps:g} steps the {away_m} m that were left are left. It is a balance on a tip: a bend of "
-    "the elbow grows {growth:.0f}-fold in the first full step here, so bend it by a hair (where "
-    "the arm points elsewhere than along x, rounding may do it).",
+    "= 0, and every method that starts from J^T, damped or not, stays where it is: after "
+    "{steps:g} steps the error is still {away_m} m. This balance is unstable: a small bend of the "
+    "elbow grows {growth:.0f}-fold in the first full step here, so bend it a little (unless the "
+    "arm points along x, rounding may do it).",
 )
 def singular_start(result):
     import sympy
@@ -296,8 +298,8 @@ def singular_start(result):
     "reaches the point (1.2, 0.5) with links of 1 m and 0.8 m.",
     "From q1 = q2 = {start_rad} rad it does, in {steps:g} steps, and from {share_percent:.1f} % "
     "of random starts. It stops {left_mm:.3f} mm short, as it ends once less than a tenth of a "
-    "millimetre is left. Which of the two answers it finds is the start's affair: the elbow ends "
-    "on the side on which it began from {same_percent:.0f} % of the random ones.",
+    "millimetre is left. Which of the two answers it finds depends on the start: from "
+    "{same_percent:.0f} % of the random ones the elbow ends on the side on which it began.",
 )
 def listing_reaches_its_target(result):
     from course.kinematics import two_link_ik
@@ -421,7 +423,7 @@ def condition_above_hundred(result):
 @claim(
     "The condition number is a property of the arm's posture.",
     "Of the posture and of a length. Rows of position in metres beside rows of rotation in radians "
-    "have no common scale: with them in millimetres the same postures of the 7-R arm have "
+    "have no common scale: with millimetres the same postures of the 7-R arm have "
     "{factor:.0f} times the number in the median, from {least:.0f} to {most:.0f} times over nine "
     "of ten. Say by which length the rows were divided; without rotation no length is needed.",
 )
@@ -444,11 +446,11 @@ def condition_needs_a_length(result):
 
 
 @claim(
-    "Where the Jacobian of Euler angles is singular, the arm is.",
-    "The angles are. Turn the frame that is painted on the hand, and nothing of the arm changes, "
-    "its geometric Jacobian included; but {near_deg:g} degree from a pitch of +-{lock_deg:g} the "
-    "Jacobian to yaw, pitch and roll has {factor:.0f} times the condition number, in the median "
-    "of random postures of the 7-R arm.",
+    "Where the Jacobian to Euler angles breaks down, the arm is singular.",
+    "Only the angles fail. Turn the frame that is painted on the hand, and nothing of the arm "
+    "changes, its geometric Jacobian included. But {near_deg:g} degree from a pitch of "
+    "+-{lock_deg:g} the Jacobian to yaw, pitch and roll has {factor:.0f} times the condition "
+    "number, in the median of random postures of the 7-R arm.",
 )
 def euler_jacobian_locks(result):
     from dataclasses import replace

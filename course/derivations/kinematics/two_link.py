@@ -30,8 +30,8 @@ def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, hi
 
 @claim(
     "Forward kinematics is a chain of matrix multiplications.",
-    "It is a product of one transform a joint, from the base outwards, and only of those on the "
-    "way to the tip. The order is part of it: multiplied the other way round, the tip of a random "
+    "It is a product of one transform per joint, from the base outwards, for the joints on the "
+    "path to the tip. The order matters: multiplied the other way round, the tip of a random "
     "arm of {joints:g} joints lies {reversed_m:.1f} m away in the median. Matrices are one way to "
     "write it: the course multiplies quaternions and agrees to rounding.",
     source="Denavit and Hartenberg, A kinematic notation for lower-pair mechanisms (1955)",
@@ -70,9 +70,9 @@ def fk_is_a_product(result):
 
 @claim(
     "The tip of two links is at x = l1 cos q1 + l2 cos(q1 + q2), y = l1 sin q1 + l2 sin(q1 + q2).",
-    "So it is with q2 from the first link. With both angles from the x axis, as motors that sit in "
-    "the base measure them, the sum goes: taken for one another they put the tip of links of "
-    "{l1_m} m and {l2_m} m up to {worst_m:.2f} m off.",
+    "Motors that sit in the base measure both angles from the x axis; then q2 replaces the sum. "
+    "Confusing the two conventions puts the tip of links of {l1_m} m and {l2_m} m up to "
+    "{worst_m:.2f} m off.",
 )
 def two_link_position(result):
     lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
@@ -107,11 +107,11 @@ def two_link_position(result):
 
 @claim(
     "The Jacobian of two links is `[[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]]`.",
-    "Yes, for q2 from the first link and the position alone; the rows of rotation, (1, 1) about z, "
-    "are left out. Its determinant is {formula}, which q1 does not enter: turning the whole arm "
-    "brings it no nearer to a singularity.",
+    "Here q2 is measured from the first link, and the row of rotation, (1, 1) about z, is omitted. "
+    "Its determinant is {formula}, which q1 does not enter: turning "
+    "the whole arm brings it no nearer to a singularity.",
     ask=(
-        "What is the determinant of that matrix, as a product?",
+        "What is the determinant of the Jacobian of two links, as a product?",
         "det, d = l1*l2*sin(q2)",
         {
             "l1*l2*sin(q1 + q2)": "The direction of the whole arm cannot matter; set q1 = 0.",
@@ -157,9 +157,9 @@ def two_link_jacobian(result):
 
 
 @claim(
-    "An arm is singular when it is stretched or folded.",
-    "For two links yes, and there only: l1 l2 sin q2 = 0. An arm with more joints may have "
-    "others in the middle of its workspace: the 7-R arm with q2 = q5 = 0 and q3 = "
+    "An arm is singular exactly when it is stretched or folded.",
+    "For two links the determinant l1 l2 sin q2 says so. An arm with more joints may have "
+    "other singular postures in the middle of its workspace: the 7-R arm with q2 = q5 = 0 and q3 = "
     "+-{q3_deg:g} degrees, whatever its elbow does, has rank {rank_bent:g} of 6, its hand at "
     "{reach_percent:.0f} % of its reach.",
     source="Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.3",
@@ -276,12 +276,12 @@ def reachable_annulus(result):
 
 
 @claim(
-    "Inverse kinematics has many solutions, or none.",
+    "Inverse kinematics has infinitely many solutions, or none.",
     "With as many joints as the task has numbers there are finitely many: two links reach a point "
     "inside the annulus in {inside:g} ways, on its edge in {edge:g}, beyond in {beyond:g}, and "
-    "three links a point with a heading in up to {heading:g}; a 6-R arm has at most sixteen. A "
-    "continuum needs a joint more than the task, or a point such as the base of equal links, which "
-    "they reach folded in any direction.",
+    "three links a point with a heading in up to {heading:g}; an arm of six revolute joints has "
+    "at most sixteen. A continuum needs a joint more than the task, or a point such as the base "
+    "of equal links, which they reach folded in any direction.",
     source="Raghavan and Roth, Inverse kinematics of the general 6R manipulator (1993)",
 )
 def number_of_solutions(result):
@@ -334,12 +334,13 @@ def number_of_solutions(result):
 
 
 @claim(
-    "A planner gives points of the tip, and IK turns each of them into joint angles.",
-    "That asks for the way between the points, too. Of straight lines between points that links "
-    "of {l1_m} m and {l2_m} m reach, at distances drawn evenly, {hole_percent:.0f} % cross the "
-    "hole around the base, and of the others one in ten asks for {rate:.0f} rad a metre or more "
-    "somewhere. A straight line of joint angles stays reachable as long as the joints may turn: "
-    "planners of arms plan there.",
+    "A planner gives points of the tip, and IK turns them and the straight lines between them into "
+    "joint angles.",
+    "Reachable points are not enough. Of the straight lines between points that links of {l1_m} m "
+    "and {l2_m} m reach (at uniformly distributed distances from the base), {hole_percent:.0f} % "
+    "cross the hole around the base, and of the others one in ten asks for {rate:.0f} rad per "
+    "metre or more somewhere. A straight line in joint space stays reachable as long as the "
+    "joints can turn. So planners for arms plan there.",
 )
 def tip_plans_need_joints(result):
     from course.kinematics import singular_values, two_link_ik
@@ -362,7 +363,7 @@ def tip_plans_need_joints(result):
     result.statement = "1000 lines between random points of the annulus, 201 points on each."
     result.statement_holds(
         reached.all(),
-        only_if="the straight way between them stays in the annulus",
+        only_if="these lines stay in the annulus",
         inside=reached[stays],
         outside=reached[~stays],
     )

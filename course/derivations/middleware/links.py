@@ -216,9 +216,9 @@ def gigabit_is_enough(result):
 
 
 @claim(
-    "A small command waits behind a large image on the same wire.",
-    "That is so with both reliabilities, if the image is sent in one burst and the wire carries "
-    "packets in the order of their arrival. At {mb_s:.0f} MB/s, an image of {mb:.1f} MB occupies "
+    "A small command waits behind a large image that was sent just before it, in one burst, on a "
+    "wire that carries packets in order.",
+    "That is so with both reliabilities. At {mb_s:.0f} MB/s, an image of {mb:.1f} MB occupies "
     "the wire for {keeps_ms:.1f} ms, and commands at {hz:.0f} Hz waited up to {waited_ms:.1f} ms. "
     "On a wire of their own they waited {alone_ms:.3f} ms. If the writer spreads the image's "
     "packets over {spread_ms:.0f} ms, they waited {paced_ms:.3f} ms.",

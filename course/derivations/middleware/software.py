@@ -76,12 +76,12 @@ def told_of_a_crash(lease):
 
 
 @claim(
-    "If each node is a process, the crash of one leaves the others running.",
-    "It does, if they share no lock or data in memory. Within one process, the crash ends all of "
-    "them. But the other nodes are not told: on the bus, {events:.0f} events were raised without "
-    "a lease or deadline, and {told:.0f} with one. (DDS also notices when a whole process stops "
-    "answering, seconds later.) A client that waits for a reply keeps waiting. That the arm then "
-    "holds its position has to be programmed.",
+    "If each node is a process and they share no memory or locks, the crash of one leaves the "
+    "others running.",
+    "Within one process, the crash ends all of them. But the other nodes are not told: on the "
+    "bus, {events:.0f} events were raised without a lease or deadline, and {told:.0f} with one. "
+    "(DDS also notices when a whole process stops answering, seconds later.) A client that waits "
+    "for a reply keeps waiting. That the arm then holds its position has to be programmed.",
 )
 def processes_isolate(result):
     import subprocess

@@ -87,11 +87,11 @@ def liu_layland_says_no(result):
 
 
 @claim(
-    "No task has a longer response time than when all tasks are released at once.",
-    "That is so for tasks that meet their deadlines, can be preempted and never wait for a lock. "
+    "If tasks can be preempted, share no lock, are never released late and meet their deadlines, "
+    "none has a longer response time than when all are released at once.",
     "In all {sets:.0f} random sets, a run from that moment gave the response times of the "
     "analysis, and {later:.0f} of {tried:.0f} runs with other phases gave a longer one. With locks "
-    "or delayed releases, the terms for blocking and release jitter are added.",
+    "or late releases (release jitter), a term for each is added.",
     source="Liu and Layland, 1973; Audsley and others, 1993",
 )
 def critical_instant(result):
@@ -129,9 +129,10 @@ def critical_instant(result):
 
 
 @claim(
-    "Among fixed priorities, none is better than giving the shorter period the higher priority.",
-    "That is so if each deadline equals the period, all tasks are preemptible, none waits or is "
-    "released late, and all can be released at once. Of {sets:.0f} random sets of four tasks, "
+    "If independent preemptible tasks have deadlines equal to their periods, no fixed priorities "
+    "are better than giving the shorter period the higher one.",
+    "Independent means that none waits for another or is released late, and that all can be "
+    "released at once. Of {sets:.0f} random sets of four tasks, "
     "{some:.0f} were in time with some order of priorities, and all of these with the "
     "rate-monotonic one. On average over all orders, {wrong:.0%} of them were. If deadlines are "
     "shorter than periods, give the shorter deadline the higher priority.",
@@ -380,8 +381,9 @@ def relative_sleep(result):
     "error; one that affects every other period causes {turns:.0%}. With the measured interval, "
     "the velocity is right.",
     ask=(
-        "A loop of period T starts each cycle late by a random delay, uniform between 0 and J. It "
-        "computes the velocity of a joint that moves at v as the change of its angle divided by T. "
+        "A loop of period T starts each cycle late by a random delay, independent of the others "
+        "and uniform between 0 and J. It computes the velocity of a joint that moves at v as the "
+        "change of its angle divided by T. "
         "What is the root-mean-square error?",
         "e, error = v*J/(sqrt(6)*T)",
         {
@@ -659,7 +661,7 @@ def burdened(periods, litter, pages=0, **requested):
 
 
 @claim(
-    "Under SCHED_FIFO a loop in Python is real-time.",
+    "SCHED_FIFO alone makes a loop in Python real-time.",
     "The priority keeps ordinary processes away. Delays inside the program remain: in "
     "{periods:.0f} cycles that each left {litter:.0f} objects for the garbage collector, it ran "
     "{runs:.0f} times, and new memory caused page faults. With the collector switched off it ran "

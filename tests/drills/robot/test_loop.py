@@ -107,7 +107,7 @@ def test_thresholds_fall_as_levels_get_harder() -> None:
 def test_the_imperfect_arm_shows_in_control_and_physics() -> None:
     from drills.robot.twin import imperfect_world
 
-    exact, twin = (summarise(played(2, FEW, world=w)) for w in (None, imperfect_world()))
+    exact, twin = (summarise(played(2, FEW, world=w)) for w in (None, imperfect_world(0.5)))
     for stage in ("control", "physics"):
         i = STAGES.index(stage)
         assert twin.rms[i] > exact.rms[i]
