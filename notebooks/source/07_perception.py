@@ -1431,8 +1431,8 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
-# *Median error in each situation. Left: position; that of the principal axes is the centroid. Right: turn; a box along
-# the principal axes has the same. The dotted lines are the tolerances of 2 mm and 2 degrees.*
+# *Median error of the position (left) and the turn (right). The position of the principal axes is the centroid; a box
+# along them has their turn. Dotted: the tolerances.*
 
 # %%
 rows = (
@@ -1453,12 +1453,12 @@ figures(
 
 # %% [markdown]
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
-# twin, `locate` reports *ambiguous*. A second view doesn't help, because the two are one block from every side; a seam
-# in the colour image or a push does. The other two are reported as *found*, because the program finds the table in the
-# same wrong image. If it knows the table, it refutes the wrong scale, and a tilt that raises or lowers the table there.
+# twin, `locate` reports *ambiguous*. A second view would show the same block; a push helps. The other two are reported
+# as *found*, because the program finds the table in the same wrong image. If it knows the table, it refutes the wrong
+# scale, and a tilt that raises or lowers the table there.
 #
-# A median hides that about half of the cut-off parts are placed right and the others are centimetres off. And the
-# status has a price: four of ten touching parts are *ambiguous* although their poses are within the tolerance.
+# The median of the cut-off parts hides the wrong half (section 3). Four of ten touching parts are *ambiguous*,
+# although their poses are within the tolerance.
 #
 # ### Debugging
 #
@@ -1482,20 +1482,20 @@ figures(
 # sits at the camera's centre</td> <td>missing pixels treated as depths</td> <td>count zeros and NaN in the raw
 # image</td> <td>convert once, on reading</td></tr> <tr><td>right in the middle of the image, wrong at its edge</td>
 # <td>lens distortion, a range used as a depth, an inverted rotation</td> <td>targets at the corners</td> <td>rectify;
-# the exercise <code>point_in_base</code></td></tr> <tr><td>everything shifted by a millimetre or two, the more the
-# farther</td> <td>half a
+# the exercise <code>point_in_base</code></td></tr> <tr><td>everything shifted by a millimetre or two</td>
+# <td>half a
 # pixel</td> <td>ask whether the first pixel's centre is 0 or 0.5</td> <td>if 0, the middle of W columns is
 # (W - 1)/2</td></tr> <tr><td>everything one per
 # cent too near</td> <td>depth scale, focal length</td> <td>a known length at two distances; the table, if its position
 # is known</td> <td>calibrate it</td></tr> <tr><td>pose good, grasp next to the part</td>
 # <td>extrinsics, or an old pose</td> <td>touch a point far from those of the calibration</td> <td>more points,
 # motions about two axes; predict</td></tr> <tr><td>small residual, wrong pose</td> <td>another face, a twin, cut
-# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; for a cut-off part another view;
+# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view;
 # for a twin a push</td></tr> </table>
 #
 # ## 8 · Exercises
 #
-# Graded exercises. `check` runs your function on freshly sampled cases. It says what is wrong and, where it can, why.
+# `check` runs your function on freshly sampled cases and says what is wrong.
 #
 # ### From an image to points
 
