@@ -1454,7 +1454,7 @@ figures(
 # %% [markdown]
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
 # twin, `locate` reports *ambiguous*. A second view would show the same block; a push helps. The other two are reported
-# as *found*, because the program finds the table in the same wrong image. If it knows the table, it refutes the wrong
+# as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
 # scale, and a tilt that raises or lowers the table there.
 #
 # The median of the cut-off parts hides the wrong half (section 3). Four of ten touching parts are *ambiguous*,
@@ -1484,11 +1484,11 @@ figures(
 # <td>lens distortion, a range used as a depth, an inverted rotation</td> <td>targets at the corners</td> <td>rectify;
 # the exercise <code>point_in_base</code></td></tr> <tr><td>everything shifted by a millimetre or two</td>
 # <td>half a
-# pixel</td> <td>ask whether the first pixel's centre is 0 or 0.5</td> <td>if 0, the middle of W columns is
-# (W - 1)/2</td></tr> <tr><td>everything one per
-# cent too near</td> <td>depth scale, focal length</td> <td>a known length at two distances; the table, if its position
-# is known</td> <td>calibrate it</td></tr> <tr><td>pose good, grasp next to the part</td>
-# <td>extrinsics, or an old pose</td> <td>touch a point far from those of the calibration</td> <td>more points,
+# pixel</td> <td>ask whether the first pixel's centre is 0 or 0.5</td> <td>if 0, the middle is (W - 1)/2</td></tr>
+# <tr><td>everything one per cent too near</td> <td>depth scale, focal length</td>
+# <td>a known length at two distances; a known table</td> <td>calibrate it</td></tr>
+# <tr><td>pose good, grasp next to the part</td>
+# <td>extrinsics, or an old pose</td> <td>touch a point far from the calibration's</td> <td>more points,
 # motions about two axes; predict</td></tr> <tr><td>small residual, wrong pose</td> <td>another face, a twin, cut
 # off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view;
 # for a twin a push</td></tr> </table>
