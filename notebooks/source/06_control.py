@@ -43,7 +43,7 @@ simulation("joint")
 # `course.control`. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(6)
 
@@ -1544,10 +1544,28 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# There are seven graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
+# There are eight graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
 # function in a separate process on new random cases. It reports what is right and what is wrong. Where it recognises
 # the mistake, it also says why.
 #
+# ### PD gains for a joint
+#
+# A warm-up: the first gains that anybody has to choose.
+
+# %%
+card("pd_gains")
+
+
+# %%
+def pd_gains(inertia, friction, frequency, ratio):
+    """Return the PD gains with which joints have a desired frequency and damping ratio."""
+    # The same gains for every joint.
+    return np.full(len(inertia), 100.0), np.full(len(inertia), 10.0)
+
+
+check(pd_gains)
+
+# %% [markdown]
 # ### The ultimate gain
 
 # %%
@@ -1694,6 +1712,14 @@ answer("pd_difference", "2*c")
 
 # %%
 answer("pd_sample_late", "V")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(6)
 
 # %% [markdown]
 # ## 9 · Frontier: learned controllers

@@ -31,7 +31,7 @@ simulation("perception")
 # exercises of section 8.)
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(7)
 
@@ -1639,6 +1639,14 @@ answer("extent_is_size", "L")
 
 # %%
 answer("two_millimetres_will_do", "e")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(7)
 
 # %% [markdown]
 # ## 9 · Frontier: networks that see
