@@ -175,6 +175,10 @@ KEYS: dict[str, tuple[str, str]] = {
     "ICP, points": (GREEN, "D"),
     "ICP, shape": (BLUE, "o"),
     "locate": (PURPLE, "X"),
+    "RANSAC": (AMBER, "P"),
+    "RANSAC, refit": (VERMILION, "s"),
+    "SVD of points": (GREEN, "D"),
+    "inverse depth": (BLUE, "o"),
     # identification
     "differentiated": (GREY, "*"),
     "filtered, 10 ms": (SKY, "^"),
