@@ -1396,6 +1396,26 @@ more_claims("limits_keep_an_arm_from_itself")
 # in a terminal. The `check` cells run your function in a separate process, on cases that are generated each time. They
 # report what is right, what is wrong and, if they recognise the mistake, its cause.
 #
+# ### Clearance of a straight edge
+#
+# A warm-up: the question that a planner asks most often.
+
+# %%
+card("edge_clearance")
+
+
+# %%
+def edge_clearance(a, b, discs):
+    """Return the clearance between a straight edge and each disc."""
+    # The nearer end alone.
+    discs = np.asarray(discs, dtype=float).reshape(-1, 3)
+    ends = [np.hypot(*(discs[:, :2] - np.asarray(end)).T) for end in (a, b)]
+    return np.minimum(*ends) - discs[:, 2]
+
+
+check(edge_clearance)
+
+# %% [markdown]
 # ### An edge, with a guarantee
 
 # %%

@@ -1592,10 +1592,28 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# There are seven graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
+# There are eight graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
 # function in a separate process on new random cases. It reports what is right and what is wrong. Where it recognises
 # the mistake, it also says why.
 #
+# ### PD gains for a joint
+#
+# A warm-up: the first gains that anybody has to choose.
+
+# %%
+card("pd_gains")
+
+
+# %%
+def pd_gains(inertia, friction, frequency, ratio):
+    """Return the PD gains with which joints have a desired frequency and damping ratio."""
+    # The same gains for every joint.
+    return np.full(len(inertia), 100.0), np.full(len(inertia), 10.0)
+
+
+check(pd_gains)
+
+# %% [markdown]
 # ### The ultimate gain
 
 # %%
