@@ -19,7 +19,8 @@ DISK := 3.5 GB
 LOG := build/setup.log
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-unexport PYTHONPATH PYTHONHOME
+# Compiled modules are kept: the tests start the course in hundreds of processes.
+unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE
 # The compiler's one-line announcements and a learner's progress are for a person, not for an output
 # that is compared. Small matrices are slower with threads, and two workers share the cores.
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1

@@ -438,6 +438,26 @@ def _at_work() -> list[Path]:
     return result
 
 
+def name_kernel(path: Path, metadata: dict[str, Any]) -> bool:
+    """Write the kernel and its language into a copy, as JupyterLab does when the kernel starts.
+
+    JupyterLab would else change the notebook by opening it, and mark it as not saved.
+
+    Args:
+        path: of a copy.
+        metadata: the notebook's entries "kernelspec" and "language_info".
+
+    Returns:
+        Whether the file was changed.
+    """
+    book = json.loads(path.read_text(encoding="utf-8"))
+    if book["metadata"] == book["metadata"] | metadata:
+        return False
+    book["metadata"].update(metadata)
+    write_over(path, written(book))
+    return True
+
+
 def show_in(path: Path, tag: str, data: dict[str, Any]) -> bool:
     """Put an output into the cell with that tag, as if the cell had just been run.
 

@@ -238,6 +238,89 @@ class Badges(Shown):
         return {**view._repr_mimebundle_(), **super()._repr_mimebundle_()}
 
 
+class RobotButton(Shown):
+    """The slots of a chapter, and a button that puts its parts into the robot.
+
+    Attributes:
+        button: plays both robots on the same tasks when it is pressed.
+        result: what that changed.
+    """
+
+    def __init__(self, chapter: int, text: str, html: str, slots: str) -> None:
+        import ipywidgets
+
+        super().__init__(text, html=html)
+        self._chapter = chapter
+        self.button = ipywidgets.Button(
+            description="Put it into your robot", layout=ipywidgets.Layout(width="auto")
+        )
+        self.result = ipywidgets.HTML()
+        self.button.on_click(self._pressed)
+        self._view = ipywidgets.VBox([ipywidgets.HTML(slots), self.button, self.result])
+
+    def _pressed(self, button: Any) -> None:
+        button.disabled = True
+        self.result.value = "<p>Both robots are playing the same tasks. That takes a while.</p>"
+        try:
+            data = _run(["robot", "compare", "--chapter", str(self._chapter), "--json"], "")
+            lines = [data["error"]["message"]] if "error" in data else data["lines"]
+            lines += data.get("notices", [])
+            self.result.value = "".join(f"<p>{_escaped(line)}</p>" for line in lines)
+        finally:
+            button.disabled = False
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        return {**self._view._repr_mimebundle_(), **super()._repr_mimebundle_()}
+
+
+_ROBOT_TEXT = {
+    8: "Put it into your robot. This chapter fills no slot. It is the flag --twin: an arm that is "
+    "a quarter of the gap away from what the robot's programs believe. The button plays your robot "
+    "with the exact arm and with that one.",
+    9: "Put it into your robot. This chapter fills no slot, but any stage can be a file of yours, "
+    "such as a trained policy: drills robot run --own control=FILE.py. The button compares your "
+    "whole robot with the course's.",
+    10: "The button plays your robot with fresh images and with images that arrive late.",
+}
+
+
+def your_robot(chapter: int) -> Shown:
+    """Return the slots that a chapter fills in the robot, and a button that tries your parts there.
+
+    Where no kernel runs or no progress is stored, the command to type stands there instead.
+
+    Args:
+        chapter: its number.
+    """
+    from drills.robot.chapters import slots_of
+    from drills.robot.slots import NAMED
+
+    command = f"drills robot compare --chapter {chapter}"
+    names = slots_of(chapter)
+    about = _ROBOT_TEXT.get(
+        chapter, "The button compares your parts with the course's on the same tasks and noise."
+    )
+    listing = "".join(
+        f"<li><code>{name}</code>: {_escaped(NAMED[name].does)}</li>" for name in names
+    )
+    slots = f"<p>In your robot this chapter fills:</p><ul>{listing}</ul>" if names else ""
+    # Without a kernel there is no button, so the sentence names what does the same.
+    typed = about.replace("The button", f"<code>{command}</code>, typed in a terminal,")
+    plain = [f"{name}: {NAMED[name].does}" for name in names]
+    text = "\n".join([*plain, about.replace("The button", f"{command}, typed in a terminal,")])
+    html = f"{slots}<p>{typed}</p>"
+    if _progress_file() is None:
+        return Shown(text, html=html)
+    states = progress.load(_progress_file())
+    rows = "".join(
+        f"<li><code>{name}</code>: {_escaped(NAMED[name].does)}, "
+        f"{_escaped(task_text.STATE_WORDS[states.of(name).state])}</li>"
+        for name in names
+    )
+    head = f"<p>In your robot this chapter fills:</p><ul>{rows}</ul>" if names else ""
+    return RobotButton(chapter, text, html, f"{head}<p>{_escaped(about)}</p>")
+
+
 def checkpoint(topic: str, **answers: str) -> Gate:
     """Return the gate at the end of a chapter, `course.cards.checkpoint`.
 

@@ -6,6 +6,7 @@ a step; what the server has to say goes to `build/lab.log`, and only what is cri
 address, to the terminal. Further arguments are JupyterLab's.
 """
 
+import functools
 import json
 import os
 import re
@@ -37,6 +38,8 @@ def copies(work: Path, folder: Path = ROOT / "notebooks") -> Iterator[Copy]:
     for source in sorted(folder.glob("*.ipynb")):
         copy = chapters.bring(source, work)
         changed = copy.state in ("made", "brought up to date", "set aside")
+        if not chapters.open_in_jupyter(copy.path):
+            changed |= chapters.name_kernel(copy.path, kernel())
         if source.stem == chapters.HOME and not chapters.open_in_jupyter(copy.path):
             page = notebook.home()._repr_mimebundle_()
             changed |= chapters.show_in(copy.path, HOME_TAG, page)
@@ -45,6 +48,23 @@ def copies(work: Path, folder: Path = ROOT / "notebooks") -> Iterator[Copy]:
         if changed:
             trust(copy.path)
         yield copy
+
+
+@functools.cache
+def kernel() -> dict[str, Any]:
+    """Return what JupyterLab writes into a notebook that runs on this Python's kernel."""
+    from ipykernel.ipkernel import IPythonKernel
+    from ipykernel.kernelspec import get_kernel_dict
+
+    spec = get_kernel_dict()
+    return {
+        "kernelspec": {
+            "display_name": spec["display_name"],
+            "language": spec["language"],
+            "name": "python3",
+        },
+        "language_info": dict(IPythonKernel.language_info),
+    }
 
 
 def _live(index: Path) -> dict[str, Any] | None:

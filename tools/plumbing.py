@@ -41,6 +41,7 @@ DISPLAY = frozenset(
         "show",
         "simulation",
         "ticks",
+        "your_robot",
     }
 )
 _TYPED = frozenset({"answer", "checkpoint"})

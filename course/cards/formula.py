@@ -103,7 +103,8 @@ def _strong(run: list[Token], unit: bool) -> bool:
         return True
     if not symbols or (unit and set(symbols) <= _UNITS):
         return False
-    others = {word for kind, word in words[1:] if kind != "symbol"}
+    # "3 N 768 times" is an amount and then a number, not a product.
+    others = {word for kind, word in words[1:] if kind not in ("symbol", "number")}
     if kinds[0] == "number" and others <= {"/"} and set(symbols) <= _UNITS:
         return False
     if len(words) == 1:

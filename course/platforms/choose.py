@@ -92,6 +92,19 @@ class Turn:
     limit: float
     pick: str | None
     factor: float
+    side: str = "of"  # "below" or "above" where the pick still meets its own fact as a limit
+    unit: str = ""
+
+    def __str__(self) -> str:
+        """Return the change in a sentence; its number, as printed, already changes the pick."""
+        text = f"{self.limit:.3g}"
+        # Rounded away from the pick: down for "below", up for "above".
+        missing = self.limit - float(text)
+        if (self.side == "below" and missing < 0.0) or (self.side == "above" and missing > 0.0):
+            unit = 10.0 ** (math.floor(math.log10(abs(self.limit))) - 2)
+            text = f"{float(text) + math.copysign(unit, missing):.3g}"
+        amount = f"{text} {self.unit}".strip()
+        return f"A limit {self.side} {amount} for {self.row} would pick {self.pick or 'none'}"
 
 
 @dataclass(frozen=True)
@@ -121,8 +134,7 @@ class Choice:
             why = [*(f"fails {r}" for r in one.failed), *(f"{r} unknown" for r in one.unknown)]
             lines.append(f"  Out: {one.engine}, " + "; ".join(why))
         if self.turn:
-            limit, other = f"{self.turn.limit:.3g}", self.turn.pick or "none"
-            lines.append(f"  A limit of {limit} for {self.turn.row} would pick {other}")
+            lines.append(f"  {self.turn}")
         return "\n".join(lines)
 
 
@@ -183,13 +195,15 @@ def _turn(table: Table, needs: Sequence[Need], by: str, pick: str | None) -> Tur
                 continue
             assert fact.value is not None
             # The exact value, and the nearest number beyond it: the pick can change on either side.
-            for value in (fact.value, _beyond(fact.value, need.sense)):
+            beyond = "below" if need.sense == "at most" else "above"
+            both = (("of", fact.value), (beyond, _beyond(fact.value, need.sense)))
+            for side, value in both:
                 tried = [*needs[:i], replace(need, limit=value), *needs[i + 1 :]]
                 ranking, _ = _ranked(table, tried, by)
                 other = ranking[0].engine if ranking else None
                 factor = _factor(value, float(need.limit))
                 if other != pick and (best is None or factor < best.factor):
-                    best = Turn(need.row, value, other, factor)
+                    best = Turn(need.row, value, other, factor, side, fact.unit)
     return best
 
 

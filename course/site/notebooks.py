@@ -36,6 +36,7 @@ TEXTS = {
     "environments": ROOT / "docs" / "howto" / "vector_env.md",
     "drills_in_ci": ROOT / "docs" / "howto" / "drills_in_ci.md",
     "your_method": ROOT / "docs" / "howto" / "chart.md",
+    "mathematics": ROOT / "docs" / "mathematics" / "README.md",
 }
 _FILM = re.compile(r"!\[[^\]]+\]\(attachment:([\w.]+)\.png\)\n*")
 _LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
@@ -227,7 +228,7 @@ def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
         elif file.parent == ROOT / "docs" / "charts":
             mine = f"{CHARTS}/{file.name}" if mark else "charts.md"
             return f"{mark}[{label}]({mine}{'#' if anchor else ''}{anchor})"
-        elif mark and file == FILM:
+        elif mark and (file == FILM or file.parent == TEXTS["mathematics"].parent):
             return f"{mark}[{label}]({PICTURES}/{file.name})"
         elif name := _pages().get(file):
             return f"[{label}]({name}.md{'#' if anchor else ''}{anchor})"

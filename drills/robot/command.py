@@ -15,8 +15,9 @@ from course import json_store
 from course.json_store import Problem
 from drills import progress, task_text, workspace
 from drills.progress import NOT_ATTEMPTED, SOLVED
-from drills.robot import inside, report, store
+from drills.robot import chapters, inside, report, store
 from drills.robot.cell import World
+from drills.robot.chapters import GAP
 from drills.robot.holders import (
     Holder,
     chosen,
@@ -35,7 +36,6 @@ from drills.terminal import bar
 from drills.workspace import Misuse
 
 TASKS = 200
-GAP = 0.25  # of the twin: at 1, chapter 8's far end, no part reaches its slot
 INLINE = 300  # characters of a call that a terminal shows
 LEVEL = click.IntRange(1, len(LEVELS))
 HIDDEN = 6  # the level with a hidden fault
@@ -161,7 +161,7 @@ def _change(session: Session, edit: Any) -> None:
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option(
-    "--twin", is_flag=True, help="The imperfect arm of chapter 8 in place of the exact one."
+    "--twin", is_flag=True, help="The imperfect arm of chapter 8 instead of the exact one."
 )
 @click.option(
     "--gap",
@@ -485,6 +485,69 @@ def _remember(session: Session, entry: dict[str, Any], passed: bool, number: int
             new.passed.setdefault(str(number), row)
 
     _change(session, edit)
+
+
+# --- what a chapter changes ---------------------------------------------------------------------
+
+
+@command.command()
+@click.option("--chapter", type=click.IntRange(1, 11), required=True, help="Its number.")
+@click.option(
+    "--level", "number", type=click.IntRange(1, HIDDEN - 1), help="Else the first not passed."
+)
+@click.option("--tasks", type=click.IntRange(2, 200), default=chapters.TASKS, show_default=True)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@options
+@body
+def compare(session: Session, chapter: int, number: int | None, tasks: int, seed: int) -> int:
+    """Put a chapter's parts into your robot, and see what that changes."""
+    session.command = "robot"
+    stored, held = _load(session)
+    payload: dict[str, Any] = {
+        "action": "compare",
+        "chapter": chapter,
+        "slots": [
+            {"slot": name, "does": NAMED[name].does, "holder": held[name].part.holder}
+            for name in chapters.slots_of(chapter)
+        ],
+        "change": None,
+    }
+    pair = chapters.sides(chapter, held, number or min(_next_level(stored), HIDDEN - 1))
+    if isinstance(pair, str):
+        session.wrap(pair)
+        return session.finish(RIGHT, {**payload, "lines": [pair]})
+    done = chapters.compare(pair, tasks, seed, _progress(session, "both"))
+    if done.change is None:
+        played = next(run for run in done.runs if run.failure is not None)
+        side = done.after if played is done.runs[1] else done.before
+        assert played.failure is not None
+        lines = [f"{played.failure.part} stopped the robot: {played.failure.text}"]
+        return _stopped(session, played, side.parts, {**payload, "lines": lines})
+    before, after = (report.summarise(run) for run in done.runs)
+    lines = [
+        f"Level {done.after.level}, {tasks} tasks, each with the same noise; 95 % intervals.",
+        f"{done.before.name}: success {100 * before.rate:.0f} %",
+        f"{done.after.name}: success {100 * after.rate:.0f} %",
+        f"change of the success: {_percent(done.change.success)}",
+        f"change of the cycle time: {_spread(done.change.seconds, 1.0, 's')}",
+        f"change of the distance from the slot: {_spread(done.change.distance, 1e3, 'mm')}",
+    ]
+    if chapter not in (chapters.TWIN, chapters.MESSAGES):
+        named = report.diagnose(done.runs[1], after, before)
+        lines += [f"Look at {row.part}: {row.text}." for row in named]
+    for line in lines:
+        session.wrap(line)
+    payload |= {
+        "lines": lines,
+        "level": done.after.level,
+        "tasks": tasks,
+        "success": [before.rate, after.rate],
+        "change": {
+            name: [None if math.isnan(x) else x for x in values]
+            for name, values in done.change._asdict().items()
+        },
+    }
+    return session.finish(RIGHT, payload)
 
 
 # --- level 6 --------------------------------------------------------------------------------------

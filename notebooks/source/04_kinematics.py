@@ -36,7 +36,7 @@ simulation("arm")
 # 4` runs again. The code is the package `course.kinematics`. These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(4)
 
@@ -1586,7 +1586,16 @@ answer("damped_gain", "1/lambda")
 # %% [markdown]
 # Four more formulas to answer in the same way: `damping_is_free`, `null_motion_leaves_the_tip`,
 # `projector_of_the_null_space` and `second_task`.
+
+# %% [markdown]
+# ### Put it into your robot
 #
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(4)
+
+# %% [markdown]
 # ## 8 · Frontier: learned inverse kinematics
 #
 # A grasp planner needs *many* postures for one pose of the hand, so that it can pick one that avoids obstacles. And an

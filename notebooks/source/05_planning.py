@@ -30,7 +30,7 @@ simulation("growing")
 # gives the same tree.
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(5)
 
@@ -1429,6 +1429,26 @@ more_claims("limits_keep_an_arm_from_itself")
 # in a terminal. The `check` cells run your function in a separate process, on cases that are generated each time. They
 # report what is right, what is wrong and, if they recognise the mistake, its cause.
 #
+# ### Clearance of a straight edge
+#
+# A warm-up: the question that a planner asks most often.
+
+# %%
+card("edge_clearance")
+
+
+# %%
+def edge_clearance(a, b, discs):
+    """Return the clearance between a straight edge and each disc."""
+    # The nearer end alone.
+    discs = np.asarray(discs, dtype=float).reshape(-1, 3)
+    ends = [np.hypot(*(discs[:, :2] - np.asarray(end)).T) for end in (a, b)]
+    return np.minimum(*ends) - discs[:, 2]
+
+
+check(edge_clearance)
+
+# %% [markdown]
 # ### An edge, with a guarantee
 
 # %%
@@ -1564,6 +1584,14 @@ check(rrt_star)
 
 # %%
 answer("edge_by_ten_points", "s^2/(8*r)")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(5)
 
 # %% [markdown]
 # ## 9 · Frontier: planners that learn, and planners in microseconds

@@ -78,7 +78,7 @@ simulation("sim_to_real")
 # run again with `python -m course.derivations 8`. Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(8)
 
@@ -1835,9 +1835,27 @@ table(*rows)
 #
 # ## 8 · Exercises
 #
-# Six exercises are on this page; two more, `randomize` and `vector_env`, start from a terminal. `check` runs your
+# Seven exercises are on this page; two more, `randomize` and `vector_env`, start from a terminal. `check` runs your
 # function on new random cases and tells you what is wrong and, where it can, why.
 #
+# ### A range that spans factors
+#
+# A warm-up for domain randomisation.
+
+# %%
+card("log_uniform")
+
+
+# %%
+def log_uniform(low, high, u):
+    """Return log-uniform parameters from uniform numbers."""
+    # Uniform between the ends.
+    return np.asarray(low) + np.asarray(u) * (np.asarray(high) - np.asarray(low))
+
+
+check(log_uniform)
+
+# %% [markdown]
 # ### Output error: a fit of angles
 #
 # Section 2's method for a single joint. You simulate the log and change two parameters until the angles agree.
@@ -1978,6 +1996,9 @@ check(tune_randomised)
 
 # %%
 answer("slip_force", "m*g")
+
+# %%
+your_robot(8)
 
 # %% [markdown]
 # ## 9 · Frontier: ranges and models that are found automatically

@@ -29,7 +29,7 @@ simulation("point")
 # In **imitation learning** somebody demonstrates the task, and the policy learns to act as they did.
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(9)
 
@@ -1546,6 +1546,9 @@ check(training_round)
 
 # %%
 answer("first_to_finish", "p")
+
+# %%
+your_robot(9)
 
 # %% [markdown]
 # ## 10 · Frontier: foundation policies, and why chunks help

@@ -32,7 +32,7 @@ simulation("middleware")
 # real DDS, Eclipse Cyclone.
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(10)
 
@@ -1488,6 +1488,25 @@ more_claims("mismatch_is_late")
 # `check` runs your function on new random cases. It says what is wrong and, where it can, why.
 
 # %% [markdown]
+# ### How busy is the processor?
+#
+# A warm-up: what to compute before any response time.
+
+# %%
+card("utilisation")
+
+
+# %%
+def utilisation(executions, periods):
+    """Return the utilisation of periodic tasks, Liu and Layland's bound, and what follows."""
+    # Whoever has less work than time is fine.
+    load = np.sum(executions) / np.sum(periods)
+    return load, 1.0, 1 if load < 1.0 else -1
+
+
+check(utilisation)
+
+# %% [markdown]
 # ### Are these two ends compatible?
 
 # %%
@@ -1682,6 +1701,14 @@ check(follow_part)
 
 # %%
 answer("picture_lost_like_packet", "12*p")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# The pick-and-place robot of `drills robot` receives its images as messages. What does it cost when they arrive late?
+
+# %%
+your_robot(10)
 
 # %% [markdown]
 # ## 9 · Frontier: fewer nodes, the same clocks

@@ -33,7 +33,8 @@ simulation("arm")
 # Every method is measured, speed against accuracy, compared with the library that professionals use for the
 # same job, and pushed until it fails. {{front.counts}} {{front.hours}}
 #
-# **What to know first:** {{PREREQUISITES}}
+# **What to know first:** {{PREREQUISITES}} [The mathematics you need](../docs/mathematics/README.md) refreshes
+# these pieces in half an hour, with pictures and ten short exercises.
 
 # %% [markdown]
 # ## Where you are

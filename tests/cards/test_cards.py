@@ -36,6 +36,7 @@ def open_text(markdown: str) -> str:
         ("1 / cos(pitch): 573", r"$1 / \cos(\text{pitch})$: 573"),
         ("a 1 kg ball, 5 m up, I think, at 3 rad/s", None),
         ("forces of 2 N m and 100 kN/m do it", None),
+        ("in a grasp of 3 N 768 times", None),
         ("`a_name` of e - f", r"`a_name` of $e - f$"),
         ("a 7-R arm, N dq2 beside", r"a 7-R arm, $N dq_2$ beside"),
         ("6*eps - eps^2 of every eps", r"$6\, \epsilon - \epsilon ^{2}$ of every eps"),

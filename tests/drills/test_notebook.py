@@ -441,3 +441,39 @@ def test_reasons_of_results_are_of_the_closed_list() -> None:
     shown = notebook.check(3)
     assert shown.reason is Reason.MISSING_NAME and not shown.passed
     assert repr(shown.chart()) == "Only a right answer goes on the chart."
+
+
+# --- The robot's button ---------------------------------------------------------------------------
+
+
+def test_a_page_without_a_kernel_names_the_command_instead_of_a_button(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("DRILLS_PROGRESS", "none")
+    for chapter in range(4, 11):
+        data = bundle(notebook.your_robot(chapter))
+        for kind in ("text/plain", "text/html"):
+            assert f"drills robot compare --chapter {chapter}" in data[kind]
+            assert "button" not in data[kind].lower()
+        assert "application/vnd.jupyter.widget-view+json" not in data
+    assert "edge_check" in bundle(notebook.your_robot(5))["text/html"]
+
+
+@pytest.mark.slow
+def test_the_button_plays_and_shows_what_a_part_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DRILLS_PROGRESS", str(tmp_path / "progress.json"))
+    monkeypatch.setenv("DRILLS_WORK", str(tmp_path))
+    shown = notebook.your_robot(8)
+    assert isinstance(shown, notebook.RobotButton)
+    data = bundle(shown)
+    assert "application/vnd.jupyter.widget-view+json" in data
+    assert "drills robot compare --chapter 8" in data["text/html"]
+    shown.button.click()
+    assert "the imperfect arm of chapter 8: success" in shown.result.value
+    assert "[" in shown.result.value and not shown.button.disabled
+    empty = notebook.your_robot(5)
+    assert isinstance(empty, notebook.RobotButton)
+    empty.button.click()
+    assert "drills start edge_check" in empty.result.value

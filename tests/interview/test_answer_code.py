@@ -12,9 +12,11 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import mpmath
 import mujoco
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 from scipy.signal import lfilter
 
 from course import interview
@@ -50,18 +52,14 @@ def executed(name: str, **given: Any) -> Names:
     return names
 
 
-# The chapters whose coding questions all have their code.
-WITH_CODE = ("interview", "role")
-
-
 def test_a_request_for_code_is_answered_with_code() -> None:
-    requested = {
+    any_code = re.compile(r"^```(python|cpp)\n", re.M)
+    missing = [
         name
         for name, question in QUESTIONS.items()
-        if name.split("/")[0] in WITH_CODE
-        and (question.kind == "coding" or question.title.startswith("Write "))
-    }
-    assert len(requested) >= 5 and requested <= CODE.keys()
+        if question.kind == "coding" and not any_code.search(f"{question.minute}\n{question.full}")
+    ]
+    assert missing == []
 
 
 def test_every_code_has_its_truth() -> None:
@@ -403,3 +401,243 @@ def _filter(names: Names) -> None:
     np.testing.assert_allclose(P, np.linalg.inv(J.T @ J)[-2:, -2:], atol=1e-10)
     # The squares add up to what the least squares leave over.
     assert sum(squares) == pytest.approx(squared[0], rel=1e-9)
+
+
+# --- Boxes: a linear program over the corners, and shorter moves ----------------------------------
+
+
+def _corners(box: np.ndarray) -> np.ndarray:
+    return np.array(list(itertools.product(*box.T)))
+
+
+@truth("contact/aabb_by_hand")
+def _boxes(names: Names) -> None:
+    rng = np.random.default_rng(6)
+    overlapping = 0
+    for _ in range(60):
+        a, b = np.sort(rng.uniform(-1.0, 1.0, (2, 2, 3)), axis=1)
+        # Two convex shapes meet if a mean of corners of one is a mean of corners of the other.
+        first, second = _corners(a), _corners(b)
+        weights = np.zeros((2, 16))
+        weights[0, :8] = weights[1, 8:] = 1.0
+        meets = linprog(
+            np.zeros(16),
+            A_eq=np.vstack([weights, np.hstack([first.T, -second.T])]),
+            b_eq=[1.0, 1.0, 0.0, 0.0, 0.0],
+        ).success
+        assert names["overlap"](a, b) == meets
+        if not meets:
+            continue
+        overlapping += 1
+        move = names["way_out"](a, b)
+        assert not names["overlap"](a, b + 1.000001 * move)
+        ways = rng.normal(size=(300, 3))
+        ways *= 0.999 * np.linalg.norm(move) / np.linalg.norm(ways, axis=1)[:, None]
+        assert all(names["overlap"](a, b + way) for way in ways)
+    assert 10 < overlapping < 50
+    # A touch counts, and a box inside another leaves by the near side.
+    inside = np.array([[0.1, 0.4], [0.2, 0.6]])
+    outer = np.array([[0.0, 0.0], [1.0, 1.0]])
+    np.testing.assert_allclose(names["way_out"](outer, inside), [-0.2, 0.0])
+    beside = np.array([[1.0, 0.0], [2.0, 1.0]])
+    assert names["overlap"](outer, beside) and names["overlap"](beside, outer)
+
+
+# --- A Jacobian's check: right and wrong ones of MuJoCo -------------------------------------------
+
+WRIST = """<mujoco><compiler angle="radian"/><worldbody><body>
+<joint axis="0 0 1"/><geom size=".1"/><body pos=".3 0 .2"><joint axis="0 1 0"/><geom size=".1"/>
+<body pos=".4 .1 0"><joint axis="1 0 0"/><geom size=".1"/><site name="tip" pos=".1 .05 .2"/>
+</body></body></body></worldbody></mujoco>"""
+
+
+@truth("kinematics/jacobian_check")
+def _jacobian_check(names: Names) -> None:
+    model = mujoco.MjModel.from_xml_string(WRIST)
+    data = mujoco.MjData(model)
+
+    def pose(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        return data.site("tip").xpos.copy(), data.site("tip").xmat.reshape(3, 3).copy()
+
+    def exact(q: np.ndarray) -> np.ndarray:
+        pose(q)
+        both = np.zeros((6, 3))
+        mujoco.mj_jacSite(model, data, both[:3], both[3:], 0)
+        return both
+
+    def in_the_hand(q: np.ndarray) -> np.ndarray:
+        both = exact(q)
+        return np.vstack([both[:3], pose(q)[1].T @ both[3:]])
+
+    def of_the_body(q: np.ndarray) -> np.ndarray:
+        pose(q)
+        both = np.zeros((6, 3))
+        mujoco.mj_jacBody(model, data, both[:3], both[3:], 3)
+        return both
+
+    rng = np.random.default_rng(7)
+    for q in rng.uniform(-3.0, 3.0, (20, 3)):
+        assert names["worst_difference"](pose, exact, q) < 1e-9
+        assert names["worst_difference"](pose, in_the_hand, q) > 1e-2
+        assert names["worst_difference"](pose, of_the_body, q) > 1e-2
+    # Right at zero, and wrong elsewhere.
+    assert names["worst_difference"](pose, in_the_hand, np.zeros(3)) < 1e-9
+
+
+# --- Two links: complex numbers, and a scan of the elbow ------------------------------------------
+
+
+@truth("kinematics/two_link_whiteboard")
+def _two_links(names: Names) -> None:
+    rng = np.random.default_rng(8)
+    postures, tip = names["postures"], names["tip"]
+
+    def reached(l1: float, l2: float, q1: float, q2: float) -> complex:
+        return complex(np.exp(1j * q1) * (l1 + l2 * np.exp(1j * q2)))
+
+    for _ in range(200):
+        l1, l2 = rng.uniform(0.2, 1.0, 2)
+        point = complex(*rng.uniform(-2.0, 2.0, 2))
+        found = postures(l1, l2, point.real, point.imag)
+        # The distance of the tip for every elbow angle: how often does it pass the target's?
+        scan = abs(l1 + l2 * np.exp(1j * np.linspace(-np.pi, np.pi, 3601))) - abs(point)
+        assert len(found) == np.count_nonzero(np.diff(np.sign(scan)))
+        for q1, q2 in found:
+            assert abs(reached(l1, l2, q1, q2) - point) < 1e-13
+            assert abs(complex(*tip(l1, l2, q1, q2)) - point) < 1e-13
+        if found:
+            assert found[0][1] == -found[1][1]
+    assert len(postures(1.0, 0.5, 1.5, 0.0)) == len(postures(1.0, 0.5, 0.0, -0.5)) == 1
+    for r in (1.5 - 1e-9, 0.5 + 1e-9):
+        ((q1, q2), other) = postures(1.0, 0.5, r, 0.0)
+        assert abs(reached(1.0, 0.5, q1, q2) - r) < 1e-15 and other[1] == -q2
+        # All digits of the elbow, of which the arccosine loses half.
+        with mpmath.workdps(50):
+            elbow = mpmath.acos(mpmath.mpf(r) ** 2 - mpmath.mpf("1.25"))
+        assert q2 == pytest.approx(float(elbow), rel=1e-13, abs=0.0)
+    with pytest.raises(ValueError, match="every direction"):
+        postures(0.4, 0.4, 0.0, 0.0)
+    assert postures(0.4, 0.3, 0.0, 0.0) == []
+
+
+# --- RRT with its parts handed in: dense samples, a wall, a budget --------------------------------
+
+
+@truth("planning/rrt_on_a_whiteboard")
+def _whiteboard_tree(names: Names) -> None:
+    fractions = np.linspace(0.0, 1.0, 2001)[:, None]
+
+    def free(a: np.ndarray, b: np.ndarray) -> bool:
+        """A wall at x = 0 with a gap, exactly."""
+        if (a[0] < 0.0) == (b[0] < 0.0):
+            return True
+        y = a[1] + (b[1] - a[1]) * a[0] / (a[0] - b[0])
+        return bool(0.3 < y < 0.6)
+
+    def sample(rng: np.random.Generator) -> np.ndarray:
+        return rng.uniform(-1.0, 1.0, 2)
+
+    start, goal = np.array([-0.8, -0.7]), np.array([0.9, -0.2])
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        path = np.array(names["rrt"](start, goal, sample, free, 0.3, 3000, rng))
+        assert np.array_equal(path[0], start) and np.array_equal(path[-1], goal)
+        assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 0.3 + 1e-12
+        points = np.vstack([a + fractions * (b - a) for a, b in itertools.pairwise(path)])
+        crossing = points[np.abs(points[:, 0]) < 1e-4]
+        assert len(crossing) and np.all((crossing[:, 1] > 0.29) & (crossing[:, 1] < 0.61))
+    for blocked in (lambda a, b: False, lambda a, b: free(a, b) and b[0] < 0.0):
+        rng = np.random.default_rng(0)
+        assert names["rrt"](start, goal, sample, blocked, 0.3, 200, rng) is None
+    assert len(names["rrt"](start, start, sample, free, 0.3, 0, np.random.default_rng(0))) == 1
+
+
+# --- PID, the integral as a torque: a linear filter, a blocked joint, a bad sample ----------------
+
+
+@truth("control/windup")
+def _windup(names: Names) -> None:
+    rng = np.random.default_rng(9)
+    period, measured = 2e-3, np.cumsum(rng.normal(0.0, 0.1, 400))
+    loop = names["PID"](3.0, 5.0, 0.2, 1e9, period, 15.0)
+    outputs = [loop.update(0.5, y) for y in measured]
+    pole = 1.0 / (1.0 + period * 2.0 * math.pi * 15.0)
+    raw = np.diff(measured, prepend=measured[0]) / period
+    rate = lfilter([1.0 - pole], [1.0, -pole], raw)
+    error = 0.5 - measured
+    integral = 5.0 * period * (np.cumsum(error) - error)  # of the samples before this one
+    np.testing.assert_allclose(outputs, 3.0 * error + integral - 0.2 * rate, rtol=1e-9, atol=1e-9)
+    for sign in (1.0, -1.0):
+        assert names["PID"](50.0, 1.0, 0.0, 2.0, 1e-3, 50.0).update(sign, 0.0) == sign * 2.0
+    assert _released(names["PID"](4.0, 1.0, 1.0, 2.0, 1e-3, 1e9)) < 0.4
+    # At the limit, an error that brings the command back is still added.
+    loop = names["PID"](0.0, 1.0, 0.0, 2.0, 1e-2, 50.0)
+    loop.integral = 3.0
+    assert loop.update(-1.0, 0.0) == 2.0 and loop.integral == pytest.approx(2.99)
+    before = dict(vars(loop))
+    with pytest.raises(ValueError, match="finite"):
+        loop.update(0.0, math.nan)
+    assert vars(loop) == before
+
+
+# --- RANSAC: the plane that made the points -------------------------------------------------------
+
+
+@truth("perception/ransac_on_a_whiteboard")
+def _ransac(names: Names) -> None:
+    angles = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        normal = rng.normal(size=3)
+        normal /= np.linalg.norm(normal)
+        flat = rng.uniform(-1.0, 1.0, (500, 3))
+        flat -= np.outer(flat @ normal - 0.4 - rng.normal(0.0, 2e-3, 500), normal)
+        cloud = np.vstack([flat, rng.uniform(-1.0, 1.0, (300, 3))])
+        found, offset, inliers = names["plane"](cloud, 6e-3, rng)
+        assert np.linalg.norm(found) == pytest.approx(1.0)
+        sign = np.sign(found @ normal)
+        angles.append(np.linalg.norm(np.cross(found, normal)))
+        assert sign * offset == pytest.approx(0.4, abs=1e-3)
+        assert inliers[:500].mean() > 0.98 and inliers[500:].mean() < 0.05
+    # The best angle that 500 points with this noise allow is near 2e-3 / sqrt(500 / 3).
+    assert np.median(angles) < 3.0 * 2e-3 / math.sqrt(500 / 3)
+    rng = np.random.default_rng(0)
+    exact = np.c_[rng.uniform(-1.0, 1.0, (40, 2)), np.full(40, 0.25)]
+    exact[:10, :2] = np.linspace(0.0, 1.0, 10)[:, None]  # many of them on one line
+    found, offset, inliers = names["plane"](exact, 1e-6, rng)
+    assert np.allclose(np.abs(found), [0, 0, 1]) and inliers.all()
+    assert abs(offset) == pytest.approx(0.25)
+
+
+# --- Stages with clocks of their own: what had arrived, by division -------------------------------
+
+
+@truth("pipeline/clocks_of_their_own")
+def _clocks(names: Names) -> None:
+    def work(name: str) -> Callable[[int, Names], str]:
+        return lambda now, known: f"{name} {now}"
+
+    camera, planner, law = (33_333, 45_000), (100_000, 61_000), (1_000, 200)
+    stages = {
+        "camera": (*camera, (), work("camera")),
+        "planner": (*planner, ("camera",), work("planner")),
+        "law": (*law, ("planner", "camera"), work("law")),
+    }
+    log, dropped = names["run"](stages, 1_000_000)
+    starts: dict[str, list[int]] = {name: [] for name in stages}
+    for now, name, _ in log:
+        starts[name].append(now)
+    # A camera that needs more than one period starts at every second one; the others at each.
+    assert starts["camera"] == list(range(0, 1_000_001, 2 * 33_333))
+    assert starts["planner"] == list(range(0, 1_000_001, 100_000))
+    assert starts["law"] == list(range(0, 1_000_001, 1_000))
+    assert dropped == {"camera": 15}
+    for now, name, known in log:
+        assert set(known) == set(stages[name][2])
+        for other, value in known.items():
+            every, lasts = (2 * 33_333, 45_000) if other == "camera" else planner
+            captured = (now - lasts) // every * every
+            assert value == (None if captured < 0 else (captured, f"{other} {captured}"))
+    assert [now for now, _, _ in log] == sorted(now for now, _, _ in log)

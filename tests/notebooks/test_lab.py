@@ -54,6 +54,27 @@ def home_page(folder: Path) -> str:
     return home.outputs[0].data["text/markdown"]
 
 
+def test_a_copy_names_the_kernel_as_jupyterlab_does_on_opening_it(project: Path) -> None:
+    """Asked of a kernel that runs, by the protocol; JupyterLab writes down its answer."""
+    from jupyter_client.manager import start_new_kernel
+
+    list(lab.copies(project / "work", project / "notebooks"))
+    manager, client = start_new_kernel(kernel_name="python3")
+    try:
+        report = client.kernel_info(reply=True, timeout=60)["content"]["language_info"]
+    finally:
+        client.stop_channels()
+        manager.shutdown_kernel(now=True)
+    metadata = json.loads((project / "work" / "01_rigid_body.ipynb").read_text())["metadata"]
+    assert metadata["language_info"] == report
+    assert manager.kernel_spec is not None
+    assert metadata["kernelspec"]["display_name"] == manager.kernel_spec.display_name
+    # A second start changes nothing more.
+    copies = {path: path.read_bytes() for path in (project / "work").glob("*.ipynb")}
+    list(lab.copies(project / "work", project / "notebooks"))
+    assert copies == {path: path.read_bytes() for path in (project / "work").glob("*.ipynb")}
+
+
 def test_the_home_page_is_written_anew_from_the_progress(project: Path) -> None:
     states = [copy.state for copy in lab.copies(project / "work", project / "notebooks")]
     assert states == ["made", "made"]

@@ -80,8 +80,8 @@ def test_the_braking_law_and_the_cones() -> None:
     for label, bound in bounds.items():
         assert np.max(np.abs(turn[label].y)) < bound
     assert max(path["MuJoCo, pyramid"].y) == pytest.approx(math.sqrt(2.0), rel=0.01)
-    assert min(path["PyBullet, cone off"].y) == pytest.approx(math.sqrt(0.5), rel=0.01)
-    assert np.all(np.array(turn["PyBullet, cone off"].y)[1:4] < -8.0)
+    assert min(path["PyBullet, box"].y) == pytest.approx(math.sqrt(0.5), rel=0.01)
+    assert np.all(np.array(turn["PyBullet, box"].y)[1:4] < -8.0)
 
 
 @pytest.mark.slow

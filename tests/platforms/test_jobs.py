@@ -1,6 +1,7 @@
 """Each row of the table of jobs follows from the stored tables, and from nothing else."""
 
 import json
+import re
 
 import pytest
 
@@ -63,11 +64,12 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
     assert text == pick and all(row in why for row in result.deciding)
     # The named limit turns it, and each measured row that it needs can take the pick away.
     needs, cost = jobs.JOBS[job]
-    assert result.turn and f"{result.turn.limit:.2g} for {result.turn.row}" in why
-    turned = [
-        Need(n.row, result.turn.limit, n.sense) if n.row == result.turn.row else n for n in needs
-    ]
-    assert choose(jobs.facts(), turned, cost).pick == result.turn.pick != pick
+    assert result.turn
+    printed = re.search(rf"A limit (?:of|below|above) ([\d.e+-]+)( m)? for {result.turn.row}", why)
+    assert printed
+    for limit in (result.turn.limit, float(printed[1])):
+        turned = [Need(n.row, limit, n.sense) if n.row == result.turn.row else n for n in needs]
+        assert choose(jobs.facts(), turned, cost).pick == result.turn.pick != pick
     for scene in scenes:
         bad = with_errors(scene, pick, 2.0 * tolerance[scene])
         # What brakes is judged on its way: its largest error counts, not the one at the end.

@@ -57,9 +57,8 @@ def platform_scaling(
         rows = [
             (label, n) for label in here() for n in sizes if n <= min(at_most, limits.get(label, n))
         ]
-        jobs = []
+        jobs, smooth = [], name == "chain"
         for label, n in rows:
-            smooth = name == "chain"
             jobs.append((here()[label], make(n), 100 if smooth else in_one_call(label)))
         result = step_costs(jobs, dt, repeats)
         cost = {row: time.best / steps for row, (time, steps) in zip(rows, result, strict=True)}
@@ -67,7 +66,7 @@ def platform_scaling(
         busy = max(time.busy for time, _ in result)
         panel = Panel(
             f"A step of a {name}",
-            "n",
+            "links n" if smooth else "cubes n",
             f"cost, MuJoCo at n = {sizes[0]} is 1",
             scale="log",
             footer=machine(busy, libraries=LIBRARIES),

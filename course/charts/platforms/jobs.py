@@ -38,10 +38,12 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
     for name in ENGINES:
         mine = result[name] = {}
         for scene in TABLE:
-            mine[f"{scene} error"] = Fact(errors(rows, scene)[name])
+            unit = next(row[5] for row in rows if row[0] == scene)
+            mine[f"{scene} error"] = Fact(errors(rows, scene)[name], unit)
             mine[f"cost of {scene}"] = Fact(costs(rows, scene)[name])
         for scene in ON_THE_WAY:
-            mine[f"{scene} error on the way"] = Fact(path_errors(paths, scene)[name])
+            unit = next(row[6] for row in paths if row[0] == scene)
+            mine[f"{scene} error on the way"] = Fact(path_errors(paths, scene)[name], unit)
             mine[f"{scene} in the air"] = Fact(in_the_air(paths, scene)[name])
         verdicts = {row[1]: row[3] for row in read if row[0] == READER.get(name, name)}
         mine["share of faults reported"] = Fact(honesty(verdicts))
@@ -90,6 +92,5 @@ def decide(job: str, rows: Rows | None = None, paths: Rows | None = None) -> tup
         return "not measured here", f"{row}: not measured for any of the four. {DOCUMENTED[row]}"
     why = "the facts that decide: " + ", ".join(result.deciding)
     if result.turn:
-        limit, pick = f"{result.turn.limit:.2g}", result.turn.pick or "none"
-        why += f". A limit of {limit} for {result.turn.row} would pick {pick}"
+        why += f". {result.turn}"
     return result.pick, why

@@ -44,7 +44,7 @@ def platform_braking(
     panel = Panel(
         "Stopped short, fair",
         "step [s]",
-        "share of the way",
+        "missing share of the distance",
         scale="log",
         lines=[("y", 0.01 / FULL, "tolerance 1 cm")],
         theory="mu g dt / v",
@@ -64,12 +64,12 @@ def platform_braking(
         panel.series.append(series)
     yield panel
     panel = Panel(
-        "As shipped, and what Drake's solvers do",
+        "As shipped, at the end of the scene",
         "step [s]",
-        "share of the way",
+        "missing share of the distance",
         scale="log x",
         ylim=(-1.0, 1.1),
-        lines=[("y", 0.0, "stops where it should")],
+        lines=[("y", 0.0, "none is missing")],
     )
     rows = {
         "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED),
@@ -102,7 +102,7 @@ CONES = {
     "MuJoCo, pyramid (shipped)": ("MuJoCo", FAIR.using(but=("cone",)), "inscribed"),
     "Drake": ("Drake", FAIR, "circle"),
     "PyBullet": ("PyBullet", FAIR, "circle"),
-    "PyBullet, cone off": ("PyBullet", FAIR.using(enableConeFriction=0), "box"),
+    "PyBullet, box": ("PyBullet", FAIR.using(enableConeFriction=0), "box"),
 }
 
 
@@ -115,9 +115,9 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
         dt: step [s].
     """
     far = Panel(
-        "Length of the way",
+        "Length of the path",
         "heading [deg]",
-        "over v^2 / (2 mu g)",
+        "length / (v^2 / (2 mu g))",
         ticks=(0, 45, 90),
         footer=FOOTER(),
     )
@@ -245,10 +245,12 @@ def platform_grasp(
     for label, name, engine, settings in known(rows):
         some = [dt for dt in steps if name != "own code" or dt >= finest]
         panel = Panel(
-            label,
-            "squeeze over m g / (2 mu)",
+            f"{label}: disc held, x dropped",
+            "squeeze / (m g / (2 mu))",
             "step [ms]",
             scale="log",
+            legend=False,
+            ticks=(0.8, 1.0, 1.5, 2.0, 3.0),
             lines=[("x", 1.0, "theory")],
             ylim=(0.6e3 * min(steps), 1.7e3 * max(steps)),
             footer=FOOTER(),
@@ -272,7 +274,7 @@ def platform_grasp(
                     words,
                     x,
                     y,
-                    name if good else "",
+                    name,
                     "",
                     hollow=not good,
                     marker="o" if good else "x",

@@ -173,7 +173,7 @@ def platforms_table(
     rows: list[list[Any]] = []
     for name in scenes:
         rows += scene_rows(name, dt, rounds)
-    panels, places = [], ", ".join(f"{k}\u00a0{s}" for k, s in enumerate(scenes))
+    panels = []
     for title, unit, how in (
         ("Error over tolerance, fair", "error over tolerance", "fair"),
         ("Error over tolerance, as shipped", "error over tolerance", "as shipped"),
@@ -182,10 +182,11 @@ def platforms_table(
         error = title.startswith("Error")
         panel = Panel(
             title,
-            places,
+            "",
             unit,
             scale="log y",
             ticks=tuple(range(len(scenes))),
+            tick_names=tuple(scenes),
             lines=[("y", 1.0, "tolerance")] * error,
             footer=machine(0.0, libraries=LIBRARIES) if error else "",
         )
@@ -221,10 +222,10 @@ largest error, unit, tolerance, share of the time in the air)."""
 # The block brakes until Coulomb's law has stopped it; what comes after would dilute the share.
 MOVING = {"brake": SCENES["brake"]().duration / 1.5}
 MESSAGES: dict[str, Callable[[Rows], bool]] = {
-    "Fair, MuJoCo's braking block is in the air for over half of its way, its sliding block too.": (
+    "Fair, MuJoCo's braking and sliding blocks are in the air for over half of the time.": (
         lambda r: min(in_the_air(r, s)["MuJoCo"] for s in ("brake", "slide")) > 0.5
     ),
-    "Nobody else's block leaves the ground for over 1 % of either.": (
+    "Nobody else's block is in the air for over 1 % of the time in either.": (
         lambda r: (
             max(
                 share
@@ -290,18 +291,19 @@ def platform_paths(scenes: Sequence[str] = ON_THE_WAY, dt: float = 1e-3) -> Iter
         for settings in ((FAIR, AS_SHIPPED) if engine.changes else (FAIR,))
     ]
     ticks, panels = tuple(range(len(scenes))), []
-    places = ", ".join(f"{k}\u00a0{s}" for k, s in enumerate(scenes))
     for how in ("fair", "as shipped"):
         panel = Panel(
             f"Largest error on the way, {how}",
-            places,
+            "",
             "error over tolerance",
             scale="log y",
             ticks=ticks,
+            tick_names=tuple(scenes),
             lines=[("y", 1.0, "tolerance")],
             footer=machine(0.0, libraries=LIBRARIES),
         )
-        air = Panel(f"Share of the time in the air, {how}", places, "share", ticks=ticks)
+        air = Panel(f"Share of the time in the air, {how}", "", "share", ticks=ticks)
+        air.tick_names = tuple(scenes)
         air.ylim = (-0.05, 1.05)
         for engine_name in here():
             some = [row for row in rows if row[1:3] == [engine_name, how]]
@@ -361,7 +363,7 @@ def platform_effects(
             continue
         panel = Panel(
             f"{name}: fair without one change, error over fair",
-            "powers of ten",
+            "logarithm to base 10 of the factor (its value is at the bar)",
             xlim=(-2.0, 4.8),
             footer=machine(0.0, libraries=LIBRARIES),
         )

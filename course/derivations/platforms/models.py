@@ -293,7 +293,7 @@ def loaded_is_not_sound(result):
     mujoco = result.measure("mujoco", silent[MUJOCO], 0.4)
     drake = result.measure("drake", silent[DRAKE], 0.4)
     rejected = result.measure("refused", list(report["chapter 4"].values()).count("refused"), 0.0)
-    result.statement = "Each reader with each text; what it printed about the sound one is no word."
+    result.statement = "Each reader with each text. A silent repair counts as taken without a word."
     result.statement_holds(max(bullet, mujoco, drake) == 0)
     result.correction_holds(
         rejected == n,

@@ -111,18 +111,21 @@ def halving_halves(result):
     result.measure("lowest", tried.min(), 0.02)
     result.measure("highest", tried.max(), 0.02)
     rk4 = result.measure("rk4", orders(scenes.tumble(1.0), 0.02, scheme="RK4")[0], 0.02)
-    result.statement = "Tumble at three random steps and the arm, each against half the step."
+    result.statement = (
+        "Tumble at three random steps and the arm, each against half the step; fair settings."
+    )
     result.statement_holds(bool(np.all(np.abs(tried - 1.0) < 0.1)))
     result.correction_holds(bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2)
 
 
 @claim(
     "Switch MuJoCo to RK4 and it gets more accurate.",
-    "On a chain at {ms:.0f} ms it is more accurate by {smooth:.1f} orders of magnitude. On a "
-    "braking block the contact forces change within a step, and RK4 was worse in {worse:.0f} of "
-    "{n:.0f} runs, although it evaluates the forces four times per step. RK4 is also explicit. If "
-    "the step exceeds {limit:.3f} divided by the fastest damping rate of the joints, the arm flies "
-    "apart. MuJoCo's Euler treats damping implicitly and stays stable there.",
+    "On a chain of two links, after half a second at {ms:.0f} ms, it is more accurate by "
+    "{smooth:.1f} orders of magnitude. On a braking block the contact forces change within a "
+    "step, and RK4 was worse in {worse:.0f} of {n:.0f} runs, although it evaluates the forces "
+    "four times per step. RK4 is also explicit. If the step exceeds {limit:.3f} divided by the "
+    "fastest damping rate of the joints, the arm flies apart. MuJoCo's Euler treats damping "
+    "implicitly and stays stable there.",
 )
 def rk4_and_contact(result):
     from course import kinematics
@@ -160,7 +163,7 @@ def rk4_and_contact(result):
         for low, high in (((0.3, 0.5), (0.85, 2.0)), ((1.2, 0.5), (4.0, 2.0)))
     )
     result.statement = (
-        "Tumbles and damped arms at random steps; blocks at random speeds, headings and steps."
+        "A chain; tumbles and damped arms at random steps; blocks at random speeds and headings."
     )
     result.statement_holds(
         worse == 0,

@@ -200,3 +200,39 @@ def test_hidden_faults_are_spread_over_the_stages() -> None:
     for case in range(600):
         count[fault_of(case)[0]] += 1
     assert min(count.values()) > 60
+
+
+# --- what a chapter changes -----------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_chapter_s_part_is_compared_with_the_course_s(own: Place) -> None:
+    """An own part that is slower on purpose: the cycle grows, on the same tasks and noise."""
+    file = own.work / "trapezoid.py"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("    ramp = v / a\n", "    v = 0.8 * v\n    ramp = v / a\n"))
+    data = own.json("robot", "compare", "--chapter", "5", "--level", "1", "--tasks", "4")
+    assert [slot["holder"] for slot in data["slots"]] == ["course", "course", "course", "yours"]
+    value, low, high = data["change"]["seconds"]
+    assert 0.0 < low <= value <= high
+    assert any("trapezoid" in line and "your" in line for line in data["lines"])
+    # It is a comparison, and no run: nothing is stored.
+    assert own.run("robot", "history").code == 2
+
+
+@pytest.mark.slow
+def test_the_chapters_without_slots_compare_worlds_and_levels(place: Place) -> None:
+    twin = place.json("robot", "compare", "--chapter", "8", "--level", "1", "--tasks", "6")
+    assert twin["slots"] == [] and twin["change"]["distance"][1] > 1e-3
+    late = place.json("robot", "compare", "--chapter", "10", "--tasks", "6")
+    assert late["change"]["seconds"][0] > 0.0
+    assert "drills start" in place.run("robot", "compare", "--chapter", "4").out
+    assert "drills start" in place.run("robot", "compare", "--chapter", "9").out
+
+
+@pytest.mark.slow
+def test_the_twin_is_stored_apart_from_the_exact_arm(place: Place) -> None:
+    exact = place.json("robot", "run", "--level", "1", "--tasks", "6")
+    twin = place.json("robot", "run", "--level", "1", "--tasks", "6", "--twin", "--gap", "1")
+    assert exact["success"] == 1.0 and twin["success"] == 0.0 and not twin["counts"]
+    assert len(place.json("robot", "history")["versions"]) == 1
