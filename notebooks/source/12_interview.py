@@ -561,14 +561,14 @@ case.show()
 # 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
 # 3. The brake receives the speed late. Beyond a quarter of a swing of delay it pushes where it should pull.
 # 4. Friction and speed have opposite sign conventions, so friction drives the slide instead of slowing it.
-# 5. The damping is entered twice. A brake that uses the old speed becomes unstable once damping times step exceeds twice
-#    the mass.
+# 5. The damping is entered twice. A brake that uses the old speed becomes unstable once damping times step exceeds
+#    twice the mass.
 # 6. Contacts are detected every few steps only. A stop that pushes with an old depth pushes too late, and adds energy.
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
 # 8. The drive integrates its error too fast for the damping there is.
 #
-# Each case leaves one of the eight off the list above, and offers `none_of_these` instead, which is right if the one that
-# is missing is at work.
+# Each case leaves one of the eight off the list above, and offers `none_of_these` instead, which is right if the one
+# that is missing is at work.
 
 # %%
 predict("first_probe")
@@ -581,11 +581,11 @@ predict("first_probe")
 #
 # * **Half the step** cures or nearly cures what a large step caused (1, 5 and 6). Explicit Euler (2) adds half as much
 #   energy each second, so the slide lasts twice as long. Causes 3, 4, 7 and 8 don't care about the step.
-# * **No brake** removes causes 3 and 5. It cures cause 1 as well: a brake that is computed from the old speed lowers the
-#   largest stable step, and that was the missing margin. The other causes stay.
+# * **No brake** removes causes 3 and 5. It cures cause 1 as well: a brake that is computed from the old speed lowers
+#   the largest stable step, and that was the missing margin. The other causes stay.
 #
-# We don't have to guess the numbers. The program can be run with each cause on other machines. The table lists the range
-# that each cause explains, in bold where the measured number lies in it. The last row is the failing machine:
+# We don't have to guess the numbers. The program can be run with each cause on other machines. The table lists the
+# range that each cause explains, in bold where the measured number lies in it. The last row is the failing machine:
 
 # %% tags=["hide-code"]
 PROBES = {
@@ -606,10 +606,10 @@ rows.append(f"| Measured | {' | '.join(f'{value:.3g}' for value in measured.valu
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# Read the table column by column: a cause stays only if the measured number lies in its range. Half the step leaves four
-# causes, and without a brake only the late brake is among them. The last column confirms it by an independent route: the
-# brake acts many steps behind the speed. So the fix is to give the brake the present speed. Half the step made almost no
-# difference.
+# Read the table column by column: a cause stays only if the measured number lies in its range. Half the step leaves
+# four causes, and without a brake only the late brake is among them. The last column confirms it by an independent
+# route: the brake acts many steps behind the speed. So the fix is to give the brake the present speed. Half the step
+# made almost no difference.
 #
 # Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
 # feeds energy in does not care about the step at all. Judge this statement with that in mind:
@@ -811,6 +811,25 @@ tables.lessons()
 #
 # These are coding questions of about twenty minutes. `check` tests your function on new random cases and, where it can,
 # explains the mistake. Each function below runs, and contains a common mistake.
+
+# %% [markdown]
+# ### What one encoder count moves
+#
+# A warm-up, as an interviewer would ask it for a start.
+
+# %%
+card("tip_resolution")
+
+
+# %%
+def tip_resolution(counts, ratio, reach):
+    """Return how far the tip moves for one encoder count of each joint, and of all together."""
+    # As if the encoder sat on the joint.
+    each = 1e3 * 2.0 * np.pi * np.asarray(reach) / np.asarray(counts)
+    return each, float(each.max())
+
+
+check(tip_resolution)
 
 # %% [markdown]
 # ### Catch bugs that you have not seen
