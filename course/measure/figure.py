@@ -678,7 +678,8 @@ def _draw_series(
             marker="^",
             color=colour,
             label="_" if shown.any() else series.label,
-            markersize=7,
+            markersize=11 if series.hollow else 7,
+            markerfacecolor="none" if series.hollow else colour,
             transform=ax.get_xaxis_transform(),
         )
     if vanished.any():
