@@ -85,8 +85,11 @@ def _status(session: Session) -> int:
         session.say(f"  {mark} level {one.number}: {one.title:<34} {when}".rstrip())
     session.say()
     empty = [name for name in NAMES if held[name].part.holder != YOURS]
-    if empty:
-        session.say(f"  drills start {empty[0]}   the next slot to fill")
+    # A stage without a part of the learner's first: a level counts once every stage has one.
+    stages = _stages_without([holder.part for holder in held.values()])
+    first = [name for name in empty if stage_of(name) in stages] or empty
+    if first:
+        session.say(f"  drills start {first[0]}   the next slot to fill")
     session.say(f"  drills robot run --level {_next_level(stored)}   plays {TASKS} tasks")
     payload = {
         "action": "status",
@@ -112,6 +115,8 @@ def _say_slot(session: Session, holder: Holder) -> None:
     label = terminal.paint("yours      ", "good") if yours else "the course's"[:12]
     if holder.missing:
         note = f"solved; put your answer into {name}.py"
+    elif holder.wrong:
+        note = "its last grading was not right"
     elif holder.changed:
         note = "changed since it was graded"
     else:
@@ -207,7 +212,9 @@ def run(
     named = report.diagnose(played, mine, None if all_course else course)
     _say_named(session, named, parts, played)
     empty = _stages_without(parts)
+    broken = [row.part for row in named if row.breach is not None]
     passed = mine.low > one.threshold
+    counts = passed and gap is None and not empty and not broken
     lower = f"{100 * mine.low:.1f} %"
     rule = f"its success rate must exceed {100 * one.threshold:.0f} % with 95 % confidence"
     if passed:
@@ -218,18 +225,21 @@ def run(
                 f"It does not count yet: a robot of yours has a part of yours in every stage. "
                 f"Missing: {', '.join(empty)}."
             )
+        if broken:
+            session.wrap(f"It does not count yet: {', '.join(broken)} broke a promise.")
     else:
-        more = " More tasks narrow the interval." if mine.rate > one.threshold else ""
+        need = report.tasks_needed(mine.rate, one.threshold)
+        more = f" More tasks narrow the interval: at this rate, {need} are enough." if need else ""
         word = terminal.paint(f"Level {number} not passed", "wrong")
         session.wrap(f"{word}: {rule}, and the interval begins at {lower}.{more}")
     entry = _entry(mine, parts, number, tasks, seed, gap)
     previous = _previous(stored, entry)
     if previous is not None:
         _say_change(session, previous, mine, entry)
-    _remember(session, entry, passed and gap is None and not empty, number)
+    _remember(session, entry, counts, number)
     payload |= {
         "passed": passed,
-        "counts": passed and gap is None and not empty,
+        "counts": counts,
         "success": mine.rate,
         "low": mine.low,
         "high": mine.high,
@@ -383,6 +393,9 @@ def _say_summary(session: Session, mine: Summary, course: Summary | None) -> Non
         )
         session.say(f"    distance from the slot {_spread(change.distance, 1e3, 'mm')}")
     session.say()
+    if not np.isfinite(mine.rms).all():
+        session.wrap("No task was finished, so there is no error to divide among the stages.", "  ")
+        return
     head = f"  {'error by stage [mm]':<21}{'mean x':>8}{'mean y':>8}{'rms':>7}"
     head += f"{'course':>8}{'ms/task':>10}{'course':>8}" if course else f"{'ms/task':>10}"
     session.say(terminal.paint(head, "head"))
@@ -416,9 +429,14 @@ def _say_named(
 ) -> None:
     for why, n in report.reasons(played)[:3]:
         session.say(f"  {n} tasks failed: {why}")
+    broken = any(row.breach is not None for row in named)
     for row in named:
         word = session.terminal.paint(row.part, "bad")
-        if row.breach is None:
+        if row.breach is None and broken:
+            session.wrap(
+                f"The error of {word} is larger too, perhaps as a consequence of that: {row.text}."
+            )
+        elif row.breach is None:
             session.wrap(f"Look at {word}: {row.text}.")
         else:
             where = f"task {row.breach.task}, tick {row.breach.tick}"
@@ -607,12 +625,15 @@ def fault_of(case: int) -> tuple[str, float]:
 
 
 @command.command()
-@click.argument("stage", type=click.Choice(STAGES))
+@click.argument("stage", required=False)
 @options
 @body
-def blame(session: Session, stage: str) -> int:
+def blame(session: Session, stage: str | None) -> int:
     """Name the STAGE that has the hidden fault of level 6."""
     session.command = "robot"
+    if stage not in STAGES:
+        wrong = "" if stage is None else f"There is no stage {stage!r}. "
+        raise Misuse(f"{wrong}drills robot blame takes one of: {', '.join(STAGES)}.")
     stored, _ = _load(session)
     case = stored.hidden.get("case")
     if not isinstance(case, int):
@@ -664,13 +685,14 @@ def history(session: Session, number: int | None, output: str | None) -> int:
     if not listed:
         raise Misuse(f"Your robot has not run at level {number} yet.")
     session.say(session.terminal.paint(f"Versions at level {number}", "head"))
-    session.say(f"  {'version':<10}{'date':<18}{'own parts':>9}{'success':>10}   {'95 %':<16}cycle")
+    head = f"  {'version':<10}{'date':<18}{'own':>4}{'tasks':>7}{'success':>10}   {'95 %':<15}cycle"
+    session.say(head)
     for row in listed:
         cycle = "" if row["cycle"] is None else f"{row['cycle']:.2f} s"
         interval = f"{100 * row['low']:.1f} to {100 * row['high']:.1f}"
         session.say(
-            f"  {row['robot']:<10}{row['at'][:16].replace('T', ' '):<18}{row['own']:>9}"
-            f"{100 * row['success']:>8.1f} %   {interval:<16}{cycle}"
+            f"  {row['robot']:<10}{row['at'][:16].replace('T', ' '):<18}{row['own']:>4}"
+            f"{row['tasks']:>7}{100 * row['success']:>8.1f} %   {interval:<15}{cycle}"
         )
     course = None
     for key, data in stored.course.items():

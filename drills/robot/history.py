@@ -12,7 +12,10 @@ from drills.robot import report
 
 
 def versions(runs: list[dict[str, Any]], number: int) -> list[dict[str, Any]]:
-    """Return the runs of a level in the order of time, one for each robot: its last one."""
+    """Return the runs of a level in the order of time, one for each robot: that of most tasks.
+
+    Of equally many tasks the last one counts.
+    """
     last: dict[str, dict[str, Any]] = {}
     for run in runs:
         if (
@@ -20,6 +23,9 @@ def versions(runs: list[dict[str, Any]], number: int) -> list[dict[str, Any]]:
             and run.get("twin", False) is False
             and isinstance(run.get("robot"), str)
         ):
+            before = last.get(run["robot"])
+            if before is not None and before.get("tasks", 0) > run.get("tasks", 0):
+                continue
             last.pop(run["robot"], None)
             last[run["robot"]] = run
     return list(last.values())

@@ -25,6 +25,7 @@ class Holder(NamedTuple):
         state: of the exercise, as in `drills.progress`.
         changed: whether the file has changed since it was graded.
         missing: whether the exercise is solved and its file is gone.
+        wrong: what the last grading found wrong in the answer, "" if it was right.
     """
 
     part: Part
@@ -32,6 +33,7 @@ class Holder(NamedTuple):
     state: str
     changed: bool = False
     missing: bool = False
+    wrong: str = ""
 
 
 def digest_of(text: str) -> str:
@@ -76,7 +78,8 @@ def holders(work: Path, loaded: progress.Loaded, stored: Stored) -> dict[str, Ho
             else:
                 changed = known.get("hash") != digest
         missing = record.state == SOLVED and own is None
-        result[name] = Holder(part, digest, record.state, changed, missing)
+        wrong = "" if own is None else record.found
+        result[name] = Holder(part, digest, record.state, changed, missing, wrong)
     return result
 
 

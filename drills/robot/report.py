@@ -93,6 +93,17 @@ def summarise(played: Played) -> Summary:
     )
 
 
+def tasks_needed(rate: float, threshold: float) -> int | None:
+    """Return a round number of tasks at which the interval of this rate lies above a threshold.
+
+    None where the rate itself does not exceed it, or by so little that 5,000 tasks don't show it.
+    """
+    for n in (50, 100, 150, 200, 300, 500, 1000, 2000, 5000):
+        if rate > threshold and wilson(int(rate * n), n)[0] > threshold:
+            return n
+    return None
+
+
 def restored(data: dict[str, Any]) -> Summary:
     """Return the summary that `Summary.plain` wrote.
 

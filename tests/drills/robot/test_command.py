@@ -40,6 +40,8 @@ def test_an_empty_robot_is_the_course_s(place: Place) -> None:
     assert data["command"] == "robot" and data["action"] == "status"
     assert [slot["slot"] for slot in data["slots"]] == list(NAMES)
     assert {slot["holder"] for slot in data["slots"]} == {"course"} and data["passed"] == []
+    answer = place.run("robot", "blame")
+    assert answer.code == 2 and "takes one of: perception, estimation" in answer.err
     text = place.run("robot").out
     assert all(slot.name in text for slot in SLOTS) and "0 of 19" in text
     assert max(map(len, text.splitlines())) <= 80
@@ -53,6 +55,15 @@ def test_solved_exercises_fill_their_slots(own: Place) -> None:
     file.write_text(file.read_text(encoding="utf-8") + "\n# another line\n", encoding="utf-8")
     again = {slot["slot"]: slot for slot in own.json("robot", "status")["slots"]}
     assert again["lqr"]["changed"] and not again["verlet"]["changed"]
+    # A file that was graded as wrong does not look like one that is right.
+    right = file.read_text(encoding="utf-8")
+    file.write_text(right.replace("return ", "return 2.0 * "), encoding="utf-8")
+    assert own.json("check", "lqr")["verdict"] != "pass"
+    assert "its last grading was not right" in own.run("robot").out
+    file.write_text(right, encoding="utf-8")
+    assert own.json("check", "lqr")["verdict"] == "pass"
+    text = own.run("robot").out
+    assert "not right" not in text and "changed since" not in text
     file.unlink()
     again = {slot["slot"]: slot for slot in own.json("robot", "status")["slots"]}
     assert again["lqr"]["holder"] == "course"
@@ -68,6 +79,7 @@ def test_a_run_is_stored_and_a_replaced_part_is_compared(own: Place) -> None:
     file.write_text(text.replace("    ramp = v / a\n", "    v = 0.8 * v\n    ramp = v / a\n"))
     slower = own.run("robot", "run", "--level", "1", "--tasks", "4")
     assert "replaced trapezoid" in slower.out and "trapezoid broke a promise" in slower.out
+    assert "Look at" not in slower.out
     data = json.loads((own.work / "robot.json").read_text(encoding="utf-8"))
     assert len(data["runs"]) == 2 and data["passed"] == {}
     past = own.json("robot", "history")

@@ -65,3 +65,26 @@ def test_a_damaged_file_is_refused() -> None:
         except json_store.Damaged:
             continue
         raise AssertionError(content)
+
+
+def test_a_stated_number_of_tasks_is_enough_and_half_of_it_is_not() -> None:
+    for rate, threshold in ((1.0, 0.95), (0.97, 0.9), (0.9, 0.85)):
+        n = report.tasks_needed(rate, threshold)
+        assert n is not None
+        # Wilson's interval by its definition: the shares at two standard errors of themselves.
+        for tasks, enough in ((n, True), (n // 2, False)):
+            share = int(rate * tasks) / tasks
+            at_the_mark = 1.96 * np.sqrt(threshold * (1.0 - threshold) / tasks)
+            assert (share - threshold > at_the_mark) == enough
+    assert report.tasks_needed(0.9, 0.9) is None and report.tasks_needed(0.5, 0.9) is None
+
+
+def test_a_short_run_does_not_hide_a_long_one() -> None:
+    from drills.robot.history import versions
+
+    def run(robot: str, tasks: int, at: str) -> dict[str, Any]:
+        return {"robot": robot, "level": 2, "tasks": tasks, "at": at}
+
+    runs = [run("a", 200, "1"), run("b", 20, "2"), run("a", 20, "3"), run("b", 20, "4")]
+    shown = [(one["robot"], one["tasks"], one["at"]) for one in versions(runs, 2)]
+    assert shown == [("a", 200, "1"), ("b", 20, "4")]
