@@ -466,8 +466,8 @@ show("two_link_jacobian")
 
 # %% [markdown]
 # For two links $\det J = l_1l_2\sin q_2$. The determinant is zero exactly where the elbow is stretched or folded, and
-# $q_1$ doesn't enter: turning the whole arm changes nothing. With more joints other postures are possible. Whenever
-# the axes of joints line up so that two joints do the same thing, a direction is lost, even in the middle of the
+# $q_1$ doesn't enter: turning the whole arm changes nothing. With more joints other postures are possible. In an
+# arm without a spare joint, a direction is lost whenever the axes of two joints line up, even in the middle of the
 # workspace. On a wrist of three joints this happens when its first and last axis are parallel.
 
 # %%
@@ -505,7 +505,7 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # %% [markdown]
 # ### Iterative inverse kinematics: pseudo-inverse and damping
 #
-# Most arms with six or more joints have no convenient closed form. IK is then solved with Newton's method: compute the
+# An arm of six or more joints has a convenient closed form only if its axes are arranged for it. Otherwise IK is solved with Newton's method: compute the
 # error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat.
 #
 # **The error of a pose.** For the position, subtract. Orientations can't be subtracted. Compute the rotation that is
@@ -595,7 +595,7 @@ show("damping_is_free")
 # $\lvert J\dot q-\dot x\rvert^2+\lambda^2\lvert\dot q\rvert^2$ subject to $\dot q_{\min}\le\dot q\le\dot q_{\max}$. A
 # position limit bounds the speed too: within one control cycle, a **tick**, a joint may move at most to its limit. This
 # is a **quadratic program**. The libraries pink (for Pinocchio) and mink (for MuJoCo) solve one per tick. Clamping an
-# unconstrained step instead changes its direction.
+# unconstrained step instead does not in general give the smallest error within the limits.
 #
 # ### Redundancy and the null space
 #
@@ -633,7 +633,7 @@ end = here + 0.6 * along
 row = jacobian(two, end)[0]
 back = end + row * (1.2 - tip(two, end)[0]) / (row @ row)
 figure_, axes = plt.subplots(figsize=(6.8, 3.8), layout="constrained")
-_ = axes.plot(a, curve, color="#3b6ea5", label="all solutions with x = 1.2 m")
+_ = axes.plot(a, curve, color="#3b6ea5", label="solutions with x = 1.2 m (upper half)")
 _ = axes.plot(*np.column_stack([here, end]), "o-", color="tab:orange", label="null-space step")
 _ = axes.plot(*np.column_stack([end, back]), "o-", color="tab:green", label="one IK step")
 _ = axes.set(xlabel="q1 [rad]", ylabel="q2 [rad]", title="the null space is only the tangent")
@@ -773,9 +773,9 @@ held = kinematics.inverse_dynamics(free, q, rest, rest)
 print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
-# A second test is energy. Without motors and friction, the energy of a falling arm is constant, so any drift is the
-# error of the integrator. With RK4 from chapter 1 the drift must fall by a factor of $2^4 = 16$ when the step is
-# halved:
+# A second test is energy. Without motors and friction, the energy of a falling arm is constant. If $M$ and $h$ fit
+# together, only the integrator makes it drift, and with RK4 from chapter 1 the drift must fall by a factor of at least
+# $2^4 = 16$ when the step is halved. A slip in $h$ causes a drift that stays:
 
 # %% tags=["hide-code"]
 fall = rigid_body.System("arm", kinematics.acceleration, kinematics.pack(free), q, v)
@@ -832,7 +832,7 @@ print(
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
 # %% [markdown]
-# The fit predicts every torque, and it doesn't know the mass of the first link. The combinations that can be
+# With the base mounted as it is, the fit predicts every torque, and it doesn't know the mass of the first link. The combinations that can be
 # identified are the **base parameters** (Khalil and Dombre 2002). A controller needs no more; chapters 6 and 8 fit
 # them.
 #
@@ -897,9 +897,9 @@ print("actuator space:", listed(torques), "N m")
 # ### Where to solve inverse kinematics
 #
 # You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
-# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap. The
-# tip follows $\dot x$ to first order, and feeding back the tip's error removes the drift. But it doesn't look ahead: it
-# may run into a joint limit or a singularity.
+# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap. Far
+# from singularities the tip follows $\dot x$ closely, and feeding back the tip's error removes the drift, except for a
+# small lag that the damping leaves. But it doesn't look ahead: it may run into a joint limit or a singularity.
 #
 # A third approach plans points of the tip and solves IK for each of them. If the joints are interpolated in between,
 # the tip leaves the straight line, and two neighbouring solutions may lie on different branches. If you solve IK all
@@ -915,8 +915,8 @@ show("tip_plans_need_joints")
 # ## 3 · Code: the reference functions
 #
 # Here is the closed form of the two-link arm as it is in the library. It returns both branches. The half-angle formula
-# $\tan^2\tfrac{q_2}{2} = \frac{(l_1+l_2)^2 - r^2}{r^2-(l_1-l_2)^2}$ preserves its digits at both edges of the annulus,
-# where the arccosine does not:
+# $\tan^2\tfrac{q_2}{2} = \frac{(l_1+l_2)^2 - r^2}{r^2-(l_1-l_2)^2}$ loses none of the digits of $r$ at the edges of the
+# annulus, where the arccosine loses half of them:
 
 # %%
 source(kinematics.two_link.branches)
@@ -1124,8 +1124,9 @@ print(f"fewest steps for an error below 1e-6: {best.count:.0f} (remaining error 
 TradeOff(result)
 
 # %% [markdown]
-# Counted in steps, every method without damping near the solution converges like Newton's method. In time,
-# Levenberg-Marquardt is ahead, because it solves a small linear system where the others here compute singular values.
+# Counted in steps, the pseudo-inverse, the adaptive step and Levenberg-Marquardt converge like Newton's method near the
+# solution. In time, Levenberg-Marquardt is ahead: it solves a small linear system, while the other two compute singular
+# values.
 # The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
 # solution itself is singular:
 #
@@ -1135,8 +1136,8 @@ TradeOff(result)
 print_figures("ik_residual", "A target on")
 
 # %% [markdown]
-# For the ordinary target, constant damping ($\lambda = 0.1$, full steps) shrinks the error by the same factor in every
-# step. On the edge $J$ is singular at the solution, so the pseudo-inverse and Levenberg-Marquardt only divide the error
+# For the ordinary target, constant damping ($\lambda = 0.1$, full steps) soon shrinks the error by the same factor in
+# every step. On the edge $J$ is singular at the solution, so the pseudo-inverse and Levenberg-Marquardt only divide the error
 # by four per step. The damped and the adaptive step get slower and slower: after $n$ steps the error is proportional to
 # $1/n$.
 #
@@ -1163,8 +1164,8 @@ figures(
 #
 # ### What to pick
 #
-# * *Two or three joints in a plane, or a wrist whose axes meet*: the closed form. It returns all solutions, without
-#   iterations and without a start.
+# * *Two joints and a point, three joints and a point with a heading, six with a wrist whose axes meet*: the closed
+#   form. It returns all solutions, without iterations and without a start.
 # * *Following a path, at every tick*: one or two steps from the last posture, adaptive or Levenberg-Marquardt, checked
 #   by forward kinematics. With hard limits, a quadratic program.
 # * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
@@ -1663,7 +1664,7 @@ show("flow_samples_all")
 figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
 # %% [markdown]
-# The network needs as many steps as the lookup table. Neither covers more solutions than random starts. Here, training
+# The network needs as many steps as the lookup table. Neither covers clearly more solutions than random starts. Here, training
 # brought no advantage.
 #
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
