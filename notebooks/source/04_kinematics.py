@@ -505,8 +505,8 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # %% [markdown]
 # ### Iterative inverse kinematics: pseudo-inverse and damping
 #
-# An arm of six or more joints has a convenient closed form only if its axes are arranged for it. Otherwise IK is solved with Newton's method: compute the
-# error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat.
+# An arm of six or more joints has a convenient closed form only if its axes are arranged for it. Otherwise use Newton's
+# method: compute the error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat.
 #
 # **The error of a pose.** For the position, subtract. Orientations can't be subtracted. Compute the rotation that is
 # missing, $\delta = Q_{\text{target}}\otimes Q_{\text{hand}}^{*}$, as a unit quaternion $(w, \vec v)$. A quaternion and
@@ -773,9 +773,8 @@ held = kinematics.inverse_dynamics(free, q, rest, rest)
 print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
-# A second test is energy. Without motors and friction, the energy of a falling arm is constant. If $M$ and $h$ fit
-# together, only the integrator makes it drift, and with RK4 from chapter 1 the drift must fall by a factor of at least
-# $2^4 = 16$ when the step is halved. A slip in $h$ causes a drift that stays:
+# A second test is energy. A falling arm without motors and friction keeps it, so with RK4 from chapter 1 the drift must
+# fall by a factor of at least $2^4 = 16$ when the step is halved. If $h$ is wrong, the drift stays:
 
 # %% tags=["hide-code"]
 fall = rigid_body.System("arm", kinematics.acceleration, kinematics.pack(free), q, v)
@@ -898,8 +897,8 @@ print("actuator space:", listed(torques), "N m")
 #
 # You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
 # for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap. Far
-# from singularities the tip follows $\dot x$ closely, and feeding back the tip's error removes the drift, except for a
-# small lag that the damping leaves. But it doesn't look ahead: it may run into a joint limit or a singularity.
+# from singularities the tip follows $\dot x$ closely, and feeding back its error leaves only a small lag. But it doesn't
+# look ahead: it may run into a joint limit or a singularity.
 #
 # A third approach plans points of the tip and solves IK for each of them. If the joints are interpolated in between,
 # the tip leaves the straight line, and two neighbouring solutions may lie on different branches. If you solve IK all
