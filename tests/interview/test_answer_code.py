@@ -186,7 +186,7 @@ def _tree(names: Names) -> None:
             and np.array_equal(path[-1], ends[1])
         )
         for a, b in itertools.pairwise(path):
-            assert np.linalg.norm(b - a) <= 1.0 + 1e-12
+            assert 1e-9 < np.linalg.norm(b - a) <= 1.0 + 1e-12
             points = a + fractions * (b - a)
             gaps = np.linalg.norm(points[:, None] - centres, axis=2) - radii
             assert gaps.min() > -1e-9
@@ -274,6 +274,14 @@ def _randomiser(names: Names) -> None:
     for twin in twins:
         twin.start()
     assert np.array_equal(twins[0].model.body_mass, twins[1].model.body_mass)
+    # Beside the arm a ball on a free joint falls with gravity times time; only hinges are damped.
+    ball = '<body pos="1 1 9"><freejoint/><geom size=".1"/></body></worldbody>'
+    world = mujoco.MjModel.from_xml_string(ARM.replace("</worldbody>", ball))
+    names["Randomiser"](world, np.random.default_rng(7)).start()
+    assert np.all(world.dof_damping[:2] > [0.0, 0.3])
+    falling = mujoco.MjData(world)
+    mujoco.mj_step(world, falling, 200)
+    assert falling.qvel[4] == pytest.approx(-9.81 * falling.time, rel=1e-9)
 
 
 # --- The age of a chain: clocks with random phases ------------------------------------------------
