@@ -364,7 +364,7 @@ def rays_of(cell: Cell) -> Array:
 def render(cell: Cell, level: Level, task: Task, frame: int, seconds: float) -> Array:
     """Return the depth picture of the table, the part and the clutter in counts.
 
-    The arm is left out of it, as a robot masks its own arm.
+    The arm is not in it, as a robot masks its own arm.
 
     Args:
         cell: with the camera.

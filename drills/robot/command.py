@@ -161,7 +161,7 @@ def _change(session: Session, edit: Any) -> None:
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option(
-    "--twin", is_flag=True, help="The imperfect arm of chapter 8 in place of the exact one."
+    "--twin", is_flag=True, help="The imperfect arm of chapter 8 instead of the exact one."
 )
 @click.option(
     "--gap",

@@ -1,4 +1,4 @@
-"""Your robot's versions over time: success and cycle time of each, beside the course's."""
+"""Your robot's versions over time: success and cycle time of each, compared with the course's."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def versions(runs: list[dict[str, Any]], number: int) -> list[dict[str, Any]]:
 def rows(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return of each run: when, hash, success with its interval, cycle time and own parts.
 
-    A run that can't be read is left out.
+    A run that can't be read is skipped.
     """
     result = []
     for run in runs:

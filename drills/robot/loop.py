@@ -167,7 +167,7 @@ class Arm:
         return tip_of(self.world.lengths, self.q)
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """An image after perception.
 
     Attributes:
@@ -192,7 +192,7 @@ class Tracker:
     def __init__(self, level: Level, arm: Arm) -> None:
         self.level, self.arm = level, arm
         self.frames = 0
-        self.seen: list[Seen] = []
+        self.observations: list[Observation] = []
         self.states: list[Array] = []
         self.covariances: list[Array] = []
         # A belt that stands still is known to stand still.
@@ -200,7 +200,7 @@ class Tracker:
         self.state, self.covariance = np.zeros(4), np.diag([1.0, 1.0, rate**2, rate**2])
         self.last = 0.0
 
-    def look(self) -> None:
+    def observe(self) -> None:
         """Take an image now; its message arrives later, or never."""
         cell, level, task, arm = self.arm.cell, self.level, self.arm.task, self.arm
         number, now = self.frames, arm.now
@@ -218,8 +218,8 @@ class Tracker:
         # The calibration's error shifts all that the camera measures: the part and the tip.
         tip = arm.tip() - task.offset + scene.marker_noise(level, task, number)
         self._update(sighting.position, now)
-        one = Seen(now, now + latency, sighting.position, truth, tip, arm.tip())
-        self.seen.append(one)
+        one = Observation(now, now + latency, sighting.position, truth, tip, arm.tip())
+        self.observations.append(one)
 
     def _update(self, position: Array, now: float) -> None:
         age, self.last = now - self.last, now
@@ -245,18 +245,18 @@ class Tracker:
     def messages(self) -> Messages | None:
         """Return all messages that have been sent, or None before the first has arrived."""
         now = self.arm.now
-        if not any(one.arrived <= now + 1e-9 for one in self.seen):
+        if not any(one.arrived <= now + 1e-9 for one in self.observations):
             return None
-        captured = np.array([one.captured for one in self.seen])
-        arrived = np.array([one.arrived for one in self.seen])
+        captured = np.array([one.captured for one in self.observations])
+        arrived = np.array([one.arrived for one in self.observations])
         noise = DRIFT if self.level.speed else 0.0
         states, covariances = np.array(self.states), np.array(self.covariances)
         return Messages(states, covariances, captured, arrived, now + 1e-9, noise)
 
-    def newest(self) -> Seen | None:
+    def newest(self) -> Observation | None:
         """Return the image captured last among those that have arrived."""
         now = self.arm.now
-        here = [one for one in self.seen if one.arrived <= now + 1e-9]
+        here = [one for one in self.observations if one.arrived <= now + 1e-9]
         return max(here, key=lambda one: one.captured, default=None)
 
 
@@ -328,9 +328,9 @@ def _play(arm: Arm, level: Level, outcome: Outcome) -> None:
     # 1. Look, until enough images have arrived.
     looks = LOOKS[level.speed > 0.0]
     for _ in range(40):
-        tracker.look()
+        tracker.observe()
         arm.hold(cell.frame)
-        if sum(one.arrived <= arm.now for one in tracker.seen) >= looks:
+        if sum(one.arrived <= arm.now for one in tracker.observations) >= looks:
             break
     # 2. Plan to where the part will be on arrival: the second plan knows how long the first takes.
     messages = tracker.messages()
@@ -399,7 +399,7 @@ def _advance(arm: Arm, tracker: Tracker, motion: Motion, pause: int) -> None:
     frame = arm.cell.frame
     arm.follow(motion.q[:pause], motion.v[:pause], motion.a[:pause])
     for i in range(pause, len(motion.q), frame):
-        tracker.look()
+        tracker.observe()
         arm.follow(motion.q[i : i + frame], motion.v[i : i + frame], motion.a[i : i + frame])
 
 
@@ -459,7 +459,7 @@ def _track(arm: Arm, tracker: Tracker, level: Level) -> tuple[Array, Array]:
     errors: list[Array] = []
     shares = (np.arange(cell.frame) / cell.frame)[:, None]
     for _ in range(TRACK):
-        tracker.look()
+        tracker.observe()
         newest, messages = tracker.newest(), tracker.messages()
         velocity = np.zeros(2)
         if newest is not None and messages is not None:

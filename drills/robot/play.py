@@ -47,7 +47,7 @@ class Played(NamedTuple):
         signals: positions in the log of each task, shape (n, signals, 2) [m].
         breaches: promises that parts broke.
         failure: the part that stopped the run, or None.
-        logs: motions of the tasks that were kept, by number: joint angles, shape (k, 2) [rad].
+        logs: motions of the filmed tasks, by number: joint angles, shape (k, 2) [rad].
     """
 
     numbers: Array
@@ -182,7 +182,7 @@ def _prepare(child: Child, settings: tuple[Any, ...]) -> Failure | None:
     try:
         answer = child.given("prepare", *settings)
     except Ended as ended:
-        # While parts are loaded, one at a time would tell which; the sentence tells how.
+        # Which part it was is unknown while they load; the sentence says how it ended.
         names = [part[0] for part in settings[0] if part[1] == "yours"]
         text = f"{ended.sentence} One of: {', '.join(names)}."
         return Failure(names[0] if names else "", "too slow", text, 0, -1, 0, "")

@@ -34,7 +34,7 @@ TABLE = 0.006  # m, tolerance of the table's plane without noise
 EPS = 0.022  # m, distance of neighbours in a cluster
 LEAST = 4  # neighbours of a core point
 POINTS = 130  # largest number of points above the table that are clustered
-CREASE = 0.005  # m, points nearer to an edge of the part are left out of the pose
+CREASE = 0.005  # m, points nearer to an edge of the part do not enter the pose
 GAINS = tuple(np.round(np.linspace(0.05, 1.0, 20), 3).tolist())  # that the tracker may choose
 # Cost of the joint loops: of angle and rate, and of the acceleration that corrects them.
 STATE_COST = ((90_000.0, 300.0), (300.0, 90.0))

@@ -9,7 +9,7 @@ from typing import Any
 from course import json_store
 from course.json_store import Damaged
 
-RUNS = 300  # that are kept
+RUNS = 300  # that are stored, the newest
 
 
 @dataclass
@@ -63,5 +63,5 @@ FORM = json_store.Form("drills-robot/1", "robot", Stored, _parsed, _plain)
 
 
 def path_of(work: Path, progress_file: Path | None) -> Path | None:
-    """Return the file; None where no progress is kept."""
+    """Return the file; None where no progress is stored."""
     return None if progress_file is None else work / "robot.json"
