@@ -247,7 +247,8 @@ def contact_force_n(
     It is V sqrt(k m), with m their reduced mass.
 
     The speed is the closing speed: that of the robot plus that of a person who walks towards it.
-    The robot's mass is its effective mass at the contact; the body's is infinite where it is clamped.
+    The robot's mass is its effective mass at the contact; the body's is infinite where it is
+    clamped.
     """
     if not body_kg > 0.0:
         raise invalid("body_kg", body_kg, "a positive number, or infinite")

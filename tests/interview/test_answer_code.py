@@ -319,6 +319,10 @@ def _age(names: Names) -> None:
         assert observed.mean() == pytest.approx(mean, abs=5.0 * observed.std() / math.sqrt(4000))
     with pytest.raises(ValueError, match="overload"):
         names["chain_age"]([(0.045, 1 / 30, 1)])
+    # On arrival a stage inherits the camera's interval: too short for one worker, not for two.
+    with pytest.raises(ValueError, match="overload"):
+        names["chain_age"]([(0.045, 1 / 30, 2), (0.06, None, 1)])
+    assert names["chain_age"]([(0.045, 1 / 30, 2), (0.06, None, 2)])[0] == pytest.approx(0.105)
 
 
 # --- A loop at a fixed rate: a clock that the test turns ------------------------------------------
