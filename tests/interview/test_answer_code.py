@@ -209,6 +209,9 @@ def _tree(names: Names) -> None:
         for _ in "ab"
     ]
     assert np.array_equal(runs[0][0], runs[1][0])
+    # The first sample is the goal, within a step of the start: two points, not the goal twice.
+    near = (start, start + 0.5, ring[:1], [0.2], 10.0, 1.0, np.random.default_rng(5))
+    assert np.array_equal(names["rrt"](*near, bias=1.0)[0], [start, start + 0.5])
 
 
 # --- Randomiser: what MuJoCo then computes --------------------------------------------------------
