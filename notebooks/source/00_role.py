@@ -168,7 +168,9 @@ table(
 # %% [markdown]
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. A part on a belt at 0.3 m/s moves by $0.3 \cdot
-# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it. Two clocks may start at any
+# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it.
+#
+# Two clocks may start at any
 # shift against each other, their **phase**; 172.4 ms is the mean over all phases. Clocks of their own drift through all
 # of them while the robot works. If two clocks never drift, the phase of the start stays, and so the mean differs from
 # one start of the robot to the next (section 6).
@@ -349,7 +351,9 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 # Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
 # a box it is worked on; on an arrow it waits. The bars are the distribution of all ages in forty seconds, and the
 # dashed lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase
-# changes all the time. The switch *all clocks from one* keeps it fixed. Take the presets one after another, and say
+# changes all the time. The switch *all clocks from one* keeps it fixed.
+#
+# Take the presets one after another, and say
 # what the bars will do before you look. In the preset *Deep queue* samples wait in line, and the reader gets the
 # oldest:
 
@@ -406,7 +410,9 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 #
 # Time stamps help only if the computers agree on the time. If the camera's computer is 5 ms ahead of the controller,
 # every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All stamps
-# are shifted by the same amount, so the scatter of the ages looks as usual. Look at the extremes instead. Over a long
+# are shifted by the same amount, so the scatter of the ages looks as usual.
+#
+# Look at the extremes instead. Over a long
 # log the least age is the sum of the execution times, and the greatest is the bound. If both are off by the same
 # amount, suspect an offset. You can see one only if you know the execution times more precisely than that.
 #

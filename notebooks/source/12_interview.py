@@ -72,9 +72,8 @@ plt.show()
 
 # %% [markdown]
 # Every measured or derived number in an answer is computed by code of this course; the command
-# `python -m course.derivations 12` recomputes those of this page. Inputs such as a braking of 2 m/s² are assumptions,
-# and the answers say so. Five answers of section 9 tell a story; these stories are invented, to show the form. You can
-# also practise in a terminal, with three commands:
+# `python -m course.derivations 12` recomputes those of this page. Inputs such as a braking of 2 m/s² are stated
+# assumptions. The four stories in section 9 are invented, to show the form. For the terminal there are three commands:
 #
 # | Command | What it does |
 # |---|---|
@@ -99,7 +98,7 @@ badges(12)
 # The table has such an answer for each of eight subjects. Read one row, look away, and say it in your own words. Each
 # row ends with a measurement from this course: the task, the computing time of our method and of an established
 # library, and a limit. The times are from one machine and one task, so they rank nothing in general. Names that you
-# don't know belong to chapters that you skipped; learn the rows of the subjects that you claim on your CV.
+# don't know belong to chapters that you skipped; learn the rows of the subjects on your CV.
 
 # %%
 tables.cheat_sheet()
