@@ -146,7 +146,7 @@ def _list(session: Session, cards: list[Card], last: Sequence[str] = ()) -> int:
     states = (NOT_ATTEMPTED, ATTEMPTED, SOLVED)
     legend = "   ".join(f"{task_text.sign(s, terminal)} {task_text.STATE_WORDS[s]}" for s in states)
     if cards:
-        session.wrap(f"{legend}   1/5 easy, 5/5 hard", "  ", "  ")
+        session.wrap(f"{legend}  1/5 easy, 5/5 hard", "  ", "  ")
     else:
         session.say("Nothing fits.")
     for line in ("", *last) if last else ():

@@ -251,3 +251,23 @@ def hold_joint(
         v = v + dt * (torque + load - weight * math.cos(q)) / inertia
         q = q + dt * v
     return q, v, total
+
+
+def pd_gains(
+    inertia: ArrayLike, friction: ArrayLike, frequency: ArrayLike, ratio: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the PD gains with which joints have a desired frequency and damping ratio.
+
+    Args:
+        inertia: of each joint, shape (n,) [kg m^2].
+        friction: viscous, of its own, (n,) [N m s/rad].
+        frequency: undamped natural frequency, (n,) [Hz].
+        ratio: damping ratio, (n,).
+
+    Returns:
+        (kp (n,) [N m/rad], kd (n,) [N m s/rad]).
+    """
+    J = np.asarray(inertia, dtype=float)
+    omega = 2.0 * np.pi * np.asarray(frequency, dtype=float)
+    kd = 2.0 * np.asarray(ratio, dtype=float) * omega * J - np.asarray(friction, dtype=float)
+    return omega**2 * J, kd

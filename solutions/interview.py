@@ -218,3 +218,21 @@ def silent_gate(
     both = [(new[seed], old[seed]) for seed in new if seed in old]
     tally = np.array([both.count((True, False)), both.count((False, True))])
     return low, tally, int(low >= gate)
+
+
+def tip_resolution(
+    counts: ArrayLike, ratio: ArrayLike, reach: ArrayLike
+) -> tuple[np.ndarray, float]:
+    """Return how far the tip moves for one encoder count of each joint, and of all together.
+
+    Args:
+        counts: per turn of each motor, shape (n,).
+        ratio: turns of the motor for one of the joint, (n,).
+        reach: distance of the tip from each axis, (n,) [m].
+
+    Returns:
+        (motion for one count of each joint (n,) [mm], largest motion for one count of all [mm]).
+    """
+    angle = 2.0 * np.pi / (np.asarray(counts, dtype=float) * np.asarray(ratio))
+    each = 1e3 * angle * np.asarray(reach)
+    return each, float(each.sum())

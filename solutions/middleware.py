@@ -193,3 +193,19 @@ def follow_part(
             command = queue.pop(0)
         driven[i] = command
     return driven
+
+
+def utilisation(executions: ArrayLike, periods: ArrayLike) -> tuple[float, float, int]:
+    """Return the utilisation of periodic tasks, Liu and Layland's bound, and what follows.
+
+    Args:
+        executions: longest execution time of each task, shape (n,) [s].
+        periods: of each task, (n,) [s].
+
+    Returns:
+        (utilisation, bound, verdict: 1 schedulable, -1 overloaded, 0 undecided).
+    """
+    n = len(executions)
+    load = float(np.sum(np.asarray(executions, dtype=float) / np.asarray(periods)))
+    bound = n * (2.0 ** (1.0 / n) - 1.0)
+    return load, bound, 1 if load <= bound else (-1 if load > 1.0 else 0)

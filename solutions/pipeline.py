@@ -203,3 +203,19 @@ def reach_target(
             command = origin + share**2 * (3.0 - 2.0 * share) * (goal - origin) + beyond * belt
         reference[i] = command
     return reference
+
+
+def throughput(stages: ArrayLike, workers: ArrayLike) -> tuple[float, float, int]:
+    """Return latency, throughput and bottleneck of a pipeline.
+
+    Args:
+        stages: time of each stage for one image, shape (n,) [s].
+        workers: images that it can work on at the same time, (n,).
+
+    Returns:
+        (latency [s], rate [1/s], number of the stage that sets it).
+    """
+    times = np.asarray(stages, dtype=float)
+    rates = np.asarray(workers) / times
+    slowest = int(np.argmin(rates))
+    return float(times.sum()), float(rates[slowest]), slowest

@@ -265,3 +265,22 @@ def rrt_star(
         parents.append(parent)
         costs.append(cost)
     return np.array(nodes), np.array(parents), np.array(costs)
+
+
+def edge_clearance(a: ArrayLike, b: ArrayLike, discs: ArrayLike) -> np.ndarray:
+    """Return the clearance between a straight edge and each disc.
+
+    Args:
+        a, b: the ends, shape (2,) each [m].
+        discs: rows (x, y, radius), shape (m, 3) [m].
+
+    Returns:
+        Distance of the edge from each centre less its radius, shape (m,) [m].
+    """
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    x, y, radius = np.asarray(discs, dtype=float).reshape(-1, 3).T
+    along, centres = b - a, np.column_stack((x, y))
+    length2 = float(along @ along)
+    share = (centres - a) @ along / length2 if length2 > 0.0 else np.zeros(len(x))
+    nearest = a + np.clip(share, 0.0, 1.0)[:, None] * along
+    return np.hypot(*(centres - nearest).T) - radius

@@ -203,3 +203,22 @@ def compare_engines(
     apart = second[rows[1], 0] - first[rows[0], 0]
     gained = [energy(a[k[-1]]) - energy(a[0]) for a, k in ((first, rows[0]), (second, rows[1]))]
     return apart, np.array(gained)
+
+
+def real_time_factor(
+    step: ArrayLike, steps: ArrayLike, copies: ArrayLike, wall: ArrayLike
+) -> tuple[np.ndarray, float]:
+    """Return how much simulated time passes per second of computing.
+
+    Args:
+        step: time step of each run, shape (n,) [s].
+        steps: how many it made, (n,).
+        copies: robots simulated in parallel, (n,).
+        wall: what it took, (n,) [s].
+
+    Returns:
+        (factor of each run (n,), factor of all runs together).
+    """
+    simulated = np.asarray(step, dtype=float) * np.asarray(steps) * np.asarray(copies)
+    taken = np.asarray(wall, dtype=float)
+    return simulated / taken, float(simulated.sum() / taken.sum())

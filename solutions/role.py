@@ -77,3 +77,21 @@ def log_age(captured: ArrayLike, published: ArrayLike, times: ArrayLike) -> np.n
         if here.any():
             ages[i] = now - captured[here].max()
     return ages
+
+
+def blind_distance(
+    latencies: ArrayLike, period: float, speed: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far a robot moves between a measurement and the command that uses it.
+
+    Args:
+        latencies: of each stage, shape (n,) [s].
+        period: of the control loop [s].
+        speed: of the robot, shape (m,) [m/s].
+
+    Returns:
+        (mean distances, greatest distances), shape (m,) each [m].
+    """
+    delay = float(np.sum(np.asarray(latencies, dtype=float)))
+    v = np.asarray(speed, dtype=float)
+    return v * (delay + period / 2.0), v * (delay + period)

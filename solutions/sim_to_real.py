@@ -191,3 +191,18 @@ def boundary_update(
     moved = ends + move * np.asarray(step, dtype=float)[:, None] * [-1.0, 1.0]
     low, high = np.minimum(moved[:, 0], middle), np.maximum(moved[:, 1], middle)
     return np.column_stack((low, high))
+
+
+def log_uniform(low: ArrayLike, high: ArrayLike, u: ArrayLike) -> np.ndarray:
+    """Return log-uniform parameters from uniform numbers.
+
+    Args:
+        low, high: ends of each range, shape (n,), above 0.
+        u: uniform numbers between 0 and 1, (m, n).
+
+    Returns:
+        Parameters of each episode, shape (m, n).
+    """
+    start, end = np.log(np.asarray(low, dtype=float)), np.log(np.asarray(high, dtype=float))
+    share = np.asarray(u, dtype=float)
+    return np.exp(start + share * (end - start))

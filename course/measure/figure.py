@@ -175,6 +175,10 @@ KEYS: dict[str, tuple[str, str]] = {
     "ICP, points": (GREEN, "D"),
     "ICP, shape": (BLUE, "o"),
     "locate": (PURPLE, "X"),
+    "RANSAC": (AMBER, "P"),
+    "RANSAC, refit": (VERMILION, "s"),
+    "SVD of points": (GREEN, "D"),
+    "inverse depth": (BLUE, "o"),
     # identification
     "differentiated": (GREY, "*"),
     "filtered, 10 ms": (SKY, "^"),
@@ -293,6 +297,7 @@ class Panel:
         grid: a quantity over x and y, drawn as a map with its measured boundary.
         ticks: the labelled values of x; for bars () leaves the names out.
         tick_names: what stands at the ticks instead of their values: the names of cases.
+        rows: names of the rows at y = 0, -1, -2, ... instead of values; empty ones leave y bare.
         xlim, ylim: limits of the axes, either end None for matplotlib's.
         legend: whether curves and lines have names; those of maps and bars stand above the axes.
         theory: name of theory's lines.
@@ -312,6 +317,7 @@ class Panel:
     grid: Map | None = None
     ticks: Sequence[float] | None = None
     tick_names: Sequence[str] = ()
+    rows: Sequence[str] = ()
     xlim: tuple[float | None, float | None] = (None, None)
     ylim: tuple[float | None, float | None] = (None, None)
     legend: bool = True
@@ -441,11 +447,21 @@ def draw(
             if i + across < len(shown) and last == across and shown[i].x == shown[i + across].x:
                 ax.set_xlabel("")
         # One colour bar for all maps, as they share their scale.
-        maps = [(ax, p.grid.label) for ax, p in zip(axes, shown, strict=True) if p.grid]
+        maps = [(ax, p.grid) for ax, p in zip(axes, shown, strict=True) if p.grid]
         if maps:
-            owners = [ax for ax, _ in maps]
-            bar = figure.colorbar(owners[0].collections[0], ax=owners, extend="both", shrink=0.85)
-            bar.set_label(textwrap.fill(maps[0][1], 44), fontsize=SMALL)
+            owners, label = [ax for ax, _ in maps], maps[0][1].label
+            # Colours below the bound are left out of the bar where no map comes near them.
+            above = min(float(log_values(grid).min()) for _, grid in maps) > -0.1 * REACH
+            bar = figure.colorbar(
+                owners[0].collections[0],
+                ax=owners,
+                extend="max" if above else "both",
+                shrink=0.85,
+            )
+            if above:
+                bar.ax.set_ylim(0.0, REACH)
+                label = label.replace("purple below 1, orange above", "orange above 1")
+            bar.set_label(textwrap.fill(label, 44), fontsize=SMALL)
         if title:
             figure.suptitle(textwrap.fill(title, 48 if narrow else 96))
         footers = [panel.footer for panel in shown if panel.footer][:1]
@@ -503,12 +519,16 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
         slanted: dict[str, Any] = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"}
         ax.set_xticks(panel.ticks, names_at, **(slanted if len(panel.tick_names) > 3 else {}))
         ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
+    if panel.rows:
+        ax.set_yticks([-row for row in range(len(panel.rows))], list(panel.rows))
     if panel.xlim != (None, None):
         ax.set_xlim(*panel.xlim)
     if panel.ylim != (None, None):
         ax.set_ylim(*panel.ylim)
     if log_x and not panel.ticks:
         _few_labels(ax)
+    if panel.scale == "log y":
+        _plain_labels(ax)
     if panel.equal:
         ax.set_aspect("equal", adjustable="datalim")
     _draw_marks(ax, panel, words)
@@ -576,9 +596,9 @@ def _draw_marks(ax: Axes, panel: Panel, words: Words) -> None:
             words.name(name, (1.0, high), ax.get_yaxis_transform(), "0.4")
     for axis, value, name in panel.lines:
         (ax.axvline if axis == "x" else ax.axhline)(value, color="0.3", ls=":", lw=1.2)
-        if axis == "x" and panel.legend:
+        if axis == "x" and name and panel.legend:
             words.above(name, value)
-        elif panel.legend:
+        elif name and panel.legend:
             words.name(name, (1.0, value), ax.get_yaxis_transform(), "0.3")
 
 
@@ -658,7 +678,8 @@ def _draw_series(
             marker="^",
             color=colour,
             label="_" if shown.any() else series.label,
-            markersize=7,
+            markersize=11 if series.hollow else 7,
+            markerfacecolor="none" if series.hollow else colour,
             transform=ax.get_xaxis_transform(),
         )
     if vanished.any():
@@ -771,6 +792,17 @@ def _few_labels(ax: Axes) -> None:
         ax.xaxis.set_minor_formatter(
             LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(10.0, 10.0))
         )
+
+
+def _plain_labels(ax: Axes) -> None:
+    """Label a y axis of one to two decades with plain numbers: 2, 5, 10, 20."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    low, high = ax.get_ylim()
+    if 0.6 < math.log10(high / low) < 2.0 and low >= 0.01:
+        ax.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        for place in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):
+            place(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 # --- files ----------------------------------------------------------------------------------------

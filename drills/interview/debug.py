@@ -20,7 +20,7 @@ from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import Terminal
 
 WORDS = {
-    "probe NAME": "run a probe; its figure and the minutes are told",
+    "probe NAME": "run a probe: prints its figure and the minutes spent",
     "probes": "what can be run",
     "program": "the listing",
     "causes": "what it may be, and what can be changed",
@@ -86,11 +86,17 @@ def talk(
     probes = [(f"{probe.name} ({probe.minutes} min)", probe.what) for probe in one.probes]
     named = [(cause.name, cause.words) for cause in scenarios.offered(case.case)]
     named += [(scenarios.NONE, scenarios.NONE_WORDS)]
-    named += [(repair.name, repair.words) for repair in one.repairs]
+    repairs = [(repair.name, repair.words) for repair in one.repairs]
+
+    def show_causes() -> None:
+        for title, rows in (("What it may be", named), ("What can be changed", repairs)):
+            session.say(session.terminal.paint(title, "head"))
+            _rows(session, rows)
+
     shown: dict[str, Callable[[], None]] = {
         "probes": lambda: _rows(session, probes),
         "program": lambda: session.say(one.listing()),
-        "causes": lambda: _rows(session, named),
+        "causes": show_causes,
     }
     shown["probes"]()
     session.say()

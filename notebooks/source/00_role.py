@@ -533,8 +533,32 @@ show("jitter_leaves_the_mean")
 #
 # ## 7 · Exercises
 #
-# Three functions and a formula. `check` runs your function on fresh random cases. If something is wrong, it shows the
+# Four functions and a formula. `check` runs your function on fresh random cases. If something is wrong, it shows the
 # failing call and, where it can, the likely cause.
+
+# %% [markdown]
+# ### How far it moves before it knows
+#
+# A warm-up: latencies become a distance.
+
+# %%
+card("blind_distance")
+
+
+# %%
+def blind_distance(latencies, period, speed):
+    """Return how far a robot moves between a measurement and the command that uses it."""
+    # The slowest stage alone.
+    distance = np.asarray(speed) * np.max(latencies, initial=0.0)
+    return distance, distance
+
+
+check(blind_distance)
+
+# %% [markdown]
+# ### How old is a command?
+#
+# The same chain with a clock in each stage.
 
 # %%
 card("chain_age")

@@ -27,15 +27,15 @@ simulation("touch")
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
-# approximation gets wrong, with numbers; and reproduce MuJoCo's contact forces to ten digits, given its own estimate of
-# the masses. You need chapter 1, matrices, and Python with NumPy.
+# approximation gets wrong, with numbers; and compute MuJoCo's contact forces yourself. You need chapter 1, matrices,
+# and Python with NumPy.
 #
 # ## How this chapter works
 #
 # Each section explains an idea, asks you a question about it, and then shows the answer. Some cards show a statement,
-# which you judge: true, false, or true only under a condition. **MuJoCo**, in many of them, is a widely used free
-# simulator. `python -m course.derivations 2` reruns all checks of this page. The code is the package `course.contact`.
-# Five exercises wait in section 8:
+# which you judge: true, false, or true only under a condition. Many are about **MuJoCo**, a widely used free
+# simulator. `python -m course.derivations 2` reruns all checks of this page. The code is the package `course.contact`;
+# it calls the step `dt`, which the text calls $h$. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -113,11 +113,18 @@ for kind, name in names.items():
 # %% [markdown]
 # The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
 # Reusing the sorted order of the last step saves only the sorting. (An *incremental* sweep also keeps the list of
-# overlapping pairs, so it saves tests too.) The solid lines in the left chart count tests. For the dashed line, all
-# boxes move by 1 % of their size. To restore the sorted order you swap neighbours; the line counts the swaps. The right
-# chart shows measured times, also MuJoCo's. The powers of $N$ are fitted (in the cards, to another range of $N$):
+# overlapping pairs, so it saves tests too.)
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
+#
+# <details><summary>How to read the chart</summary>
+#
+# The solid lines in the left chart count tests. For the dashed line, all
+# boxes move by 1 % of their size. To restore the sorted order you swap neighbours; the line counts the swaps. The right
+# chart shows measured times, also MuJoCo's. The exponents in the labels are fits. The cards give slightly different
+# ones, because they fit another range of $N$.
+#
+# </details>
 # %%
 more_claims(
     "aabb_listing_two_axes", "aabb_six_numbers", "sweep_and_prune_n_log_n", "pile_of_a_hundred"
@@ -125,15 +132,15 @@ more_claims(
 # %% [markdown]
 # ### Narrow phase: distance, depth and normal
 #
-# The contact solver needs three things for each pair: how far apart or how deep the bodies are, in which direction
-# to push, and where. The **signed distance** is positive while the bodies are apart. When they overlap it is
-# negative, and its size is the **penetration** depth: the length of the shortest move that separates them. The
-# **contact normal** is a unit vector that points from the first body to the second. If they overlap, it is the
-# direction in which the second body has to move.
+# The **contact solver** is the part of the simulator that computes the contact forces. It needs three things for each
+# pair: how far apart or how deep the bodies are, in which direction to push, and where. The **signed distance** is
+# positive while the bodies are apart. When they overlap it is negative, and its size is the **penetration** depth: the
+# length of the shortest move that separates them. The **contact normal** is a unit vector that points from the first
+# body to the second. If they overlap, it is the direction in which the second body has to move.
 #
-# For two circles this is one line: the distance of the centres minus both radii. For boxes and meshes, every
-# combination of corners, edges and faces would need its own formula. One idea covers all **convex** shapes, those that
-# contain the straight line between any two of their points.
+# For two circles this is one line: the distance of the centres minus both radii. For boxes and **meshes** (surfaces
+# made of triangles), every combination of corners, edges and faces would need its own formula. One idea covers all
+# **convex** shapes, those that contain the straight line between any two of their points.
 #
 # Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference** $A
 # \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the shapes
@@ -205,8 +212,9 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 # The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
 # other. Each corner of the polygon that remains becomes a contact point.
 #
-# GJK sees a shape only through its support function, and that function cannot see a hollow. For GJK, a mug is solid. A
-# **convex decomposition** cuts such a shape into convex pieces before the simulation starts. How many pieces is a
+# GJK sees a shape only through its support function, and that function cannot see a hollow. GJK works on the
+# **convex hull** of a shape, the smallest convex shape around it. For GJK, a mug is solid.
+# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts. How many pieces is a
 # compromise between speed and accuracy that somebody has to choose.
 # %%
 show("concave_mesh_is_its_hull")
@@ -217,9 +225,11 @@ more_claims("circle_test_concentric", "mug_and_its_hull")
 #
 # A simulator checks for overlap once per step. A ball of radius $r$ at speed $v$ moves by $v\,h$ in a step of length
 # $h$. If that is more than $2r + w$, the ball can be in front of a wall of thickness $w$ at one check and behind it at
-# the next. This is **tunnelling**. With a soft contact there is a second way through. While the ball is in the wall, a
-# spring pushes it along the shortest way out. Once its centre has passed the middle of the wall, the shortest way out
-# leads to the far side, and the spring pushes the ball through.
+# the next. This is **tunnelling**.
+#
+# With a soft contact, one that lets bodies overlap, there is a second way through.
+# While the ball is in the wall, a spring pushes it along the shortest way out. Once its centre has passed the middle of
+# the wall, the shortest way out leads to the far side, and the spring pushes the ball through.
 # %%
 predict("smaller_step_at_a_wall")
 # %% [markdown]
@@ -237,21 +247,26 @@ simulation("touch", "Tunnelling")
 # constant**, roughly the time in which a soft contact pushes bodies apart (section 2 defines it). You need a stiffer
 # contact or a thicker wall.
 #
+# ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
+#
+# <details><summary>How to read the chart</summary>
+#
 # The chart shows the lowest speed at which the ball passes. If overlap is *checked once a step*, that speed lies at the
 # geometric limit $(2r+w)/h$, the sloping line. The dotted line is the predicted speed at which the ball gets past the
-# middle of the wall. With *MuJoCo, default*, the first or second tested speed above this line passes, at every step.
-# *MuJoCo, speculative* creates the contact one step before touch, which helps only at long steps. A ball that is
-# *advanced to the impact* never passed. (A triangle at the top says that no tested speed passed.)
+# middle of the wall. We tried a list of speeds. With *MuJoCo, default*, the first or second one above this line already
+# passes, at every step. *MuJoCo, speculative* creates the contact one step before touch, which helps only at long
+# steps. A ball that is *advanced to the impact* never passed. (A triangle at the top says that no tested speed
+# passed.)
 #
-# ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
+# </details>
 # %%
 more_claims("circles_once_a_step", "soft_wall")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and only at one moment: what happens
-# between two steps it does not see. GJK, and MuJoCo with its meshes, see the **convex hull** of a shape, the smallest
-# convex shape around it, and return the normals of the hull. (Other engines test meshes triangle by triangle.)
+# between two steps it does not see. GJK, and MuJoCo with its meshes, see only the convex hull of a shape. (Other
+# engines test meshes triangle by triangle.)
 #
 # </div>
 # %% [markdown]
@@ -263,9 +278,9 @@ more_claims("circles_once_a_step", "soft_wall")
 # **normal force** $f_n$ acts along the contact normal. With the depth $\delta$, the stiffness $k$, the damping $b$
 # and the normal velocity $u_n$ (positive while the bodies separate) it is
 #
-# $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \;}$$
+# $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \ \text{ where } \delta > 0, \text{ else } 0 \;}$$
 #
-# Nothing has to be solved: you evaluate the formula and integrate. (Hunt and Crossley replace $b$ by $b\,\delta$.) But
+# Nothing has to be solved: you evaluate the formula and integrate. But
 # a body at rest always overlaps. Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
 # Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
@@ -279,8 +294,8 @@ simulation("penalty_spring")
 #
 # How strong is a damper? A spring $k$ with a mass $m$ oscillates at the angular frequency $\omega = \sqrt{k/m}$, and
 # the **damping ratio** is $\zeta = b/(2m\omega)$. Below 1, the mass swings past the position where the spring is
-# relaxed, for a contact where the bodies just touch. At 1, **critical damping**, or above, a mass released at rest only
-# approaches it.
+# relaxed. (In a contact, that is where the bodies just touch.) At 1, **critical damping**, or above, a mass released at
+# rest only approaches it.
 #
 # In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
 # plot:
@@ -294,7 +309,7 @@ show("damping_makes_things_stick")
 # only this limit. The penalty method needs a value, so it uses a formula. In the simplest one, friction grows in
 # proportion to the sliding velocity $u_t$ and reaches its full size at a **slip speed** $v_s$ that you choose:
 #
-# $$f_t = -\mu f_n\,\min\!\Big(1, \frac{\lvert u_t\rvert}{v_s}\Big)\,\frac{u_t}{\lvert u_t\rvert}.$$
+# $$f_t = -\mu f_n\,\frac{u_t}{\max(\lvert u_t\rvert,\, v_s)}.$$
 #
 # This is called **regularised friction**. At rest it is zero. To hold anything it needs some sliding, which is why the
 # blue box at the top of this page creeps: to resist 60 % of $\mu f_n$, it slides at 60 % of the slip speed for as long
@@ -307,7 +322,8 @@ show("damping_makes_things_stick")
 # %%
 predict("hundred_times_stiffer")
 # %% [markdown]
-# The readout *ω h* is the step in units of $1/\omega$. Shorten the step until the blue box calms down:
+# The readout *ω h* is the step in units of $1/\omega$. Shorten the step until the blue box no longer bounces, and note
+# *ω h*. (This contact has no damper. The hand's damper brings the box to rest.)
 # %%
 simulation("touch", "Explosion")
 # %% [markdown]
@@ -325,8 +341,8 @@ simulation("touch", "Explosion")
 #
 # </details>
 #
-# In practice, use a tenth of the limit. It holds while the bodies stay in touch. A body that bounces can
-# gain energy even at a step below the limit.
+# In practice, use a tenth of the limit. The limit assumes that the bodies stay in touch. A body that bounces can gain
+# energy even at a step below the limit.
 #
 # <details><summary>Derive it: three tasks with hints and solution</summary>
 #
@@ -370,7 +386,7 @@ simulation("touch", "Explosion")
 # </details>
 # </details>
 #
-# Three formulas to practise: <span class="kernel-only">Replace the formula in quotation marks until the check accepts
+# Three formulas to practise. <span class="kernel-only">Change the formula after "Your answer" until the check accepts
 # it.</span>
 # %%
 answer("semi_implicit_limit", "sqrt(m/k)")
@@ -650,12 +666,12 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #
 # 1. Normal: change the impulse so that $u_n$ would vanish, and project it: $p_n \leftarrow \max(0,\; p_n -
 #    u_n/A_{nn})$.
-# 2. Tangents: compute both velocities again, and change both impulses against them, $p_t \leftarrow p_t - u_t/a$. The
-#    number $a$ is the same for both rows, at least the larger eigenvalue of their $2\times2$ block of $A$.
+# 2. Tangents: compute both velocities again, and change both impulses against them, $p_t \leftarrow p_t - u_t/a$. Use
+#    one number $a$ for both rows. It must not be smaller than the larger eigenvalue of their $2\times2$ block of $A$.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# With one number $a$, the shortened $p_t$ ends up parallel to $u_t$: friction points straight against the sliding.
-# Divided by two different $A_{ii}$, it would not.
+# With one number $a$, the shortened $p_t$ ends up parallel to $u_t$: friction points straight against the sliding. If
+# each row were divided by its own $A_{ii}$, friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -688,7 +704,8 @@ predict("heavy_on_light")
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
 # Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are
-# open, and changes the guess for one contact at a time (a *pivot*) until all conditions hold.
+# open and which way the others slide, and changes one guess at a time (a *pivot*) until all conditions hold. It can
+# also end without a solution, and then reports that.
 #
 # For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of the
 # contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$ and go to
@@ -766,8 +783,9 @@ for dt in (1e-2, 1e-3):
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
 # steps. Macklin and colleagues (2019) found that this usually works better. The position error that one sub-step makes
-# is proportional to the square of its length. Half the length makes a quarter of the error, twice as often, so half of
-# it remains. The **TGS** (temporal Gauss-Seidel) of the engine PhysX works like this.
+# is proportional to the square of its length. With half the length, a sub-step makes a quarter of the error. There are
+# twice as many sub-steps, so in total half of the error remains. The **TGS** (temporal Gauss-Seidel) of the engine
+# PhysX works like this.
 #
 # So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them
 # out of the overlaps contact by contact, and takes the velocity from the change of position. Here 100 kg lie on 1 kg.
@@ -800,8 +818,9 @@ heights = {
     "ERP and CFM of 10 kN/m, 200 N s/m": spring,
 }  # fmt: skip
 figure_, axes = plt.subplots(figsize=(8, 3.4), layout="constrained")
-for name, height in heights.items():
-    _ = axes.plot(times, 1e3 * np.array(height), label=name)
+inks = ("tab:red", "tab:purple", "tab:green", "tab:brown")
+for (name, height), ink in zip(heights.items(), inks, strict=True):
+    _ = axes.plot(times, 1e3 * np.array(height), color=ink, label=name)
 _ = axes.axhline(0.0, color="0.3", lw=1)
 _ = axes.set(xlabel="time [ms]", ylabel="height above the ground [mm]", ylim=(-12, 60))
 _ = axes.legend(loc="center right")
@@ -883,18 +902,20 @@ simulation("soft_contact")
 # %% [markdown]
 # The course's own implementation, `course.contact.soft`, consists of these formulas, the exact curve of solimp and both
 # kinds of cone. In the next cell MuJoCo simulates a box that slides on four corners. At selected steps the cell passes
-# the state and MuJoCo's own $\hat A$ to the course's implementation, and compares all contact forces:
+# the state and MuJoCo's own $\hat A$ to the course's implementation, and compares all contact forces. MuJoCo's solver
+# runs here with the tolerance zero; with the default tolerance its forces have fewer correct digits:
 # %% tags=["show-code"]
-options = Options(cone="elliptic")
-runner, worst, largest = mujoco_contact.box(options, (0.5, 0.2)), 0.0, 0.0
-for steps in range(1, 200, 10):
-    runner.run(steps)
-    state = contact_state(runner)
-    if state is not None:
-        force = soft_forces(state.problem, options.softness(state.weight))[0]
-        worst = max(worst, np.abs(force - state.force).max())
-        largest = max(largest, np.abs(state.force).max())
-print("largest difference below 1e-10 of the largest force:", worst < 1e-10 * largest)
+for cone in ("elliptic", "pyramidal"):
+    options = Options(cone=cone, tolerance=0.0)
+    runner, worst, largest = mujoco_contact.box(options, (0.5, 0.2)), 0.0, 0.0
+    for steps in range(1, 200, 10):
+        runner.run(steps)
+        state = contact_state(runner)
+        if state is not None:
+            force = soft_forces(state.problem, options.softness(state.weight))[0]
+            worst = max(worst, np.abs(force - state.force).max())
+            largest = max(largest, np.abs(state.force).max())
+    print(f"{cone}: difference below 1e-10 of the largest force:", worst < 1e-10 * largest)
 # %% [markdown]
 # Back to condim. A disc spins on one point at 10 rad/s. Sliding friction cannot brake it, because the point does not
 # slide. The cell prints what remains after 0.6 s:
@@ -927,8 +948,8 @@ show("condim_4_is_the_full_cone")
 # %%
 predict("glass_that_creeps")
 # %% [markdown]
-# A block on a slope of 0.2 rad with $\mu = 0.5$ creeps as well. The course's model and MuJoCo creep at the same
-# speed, and impratio divides it. (`noslip_iterations` adds sweeps that remove it.)
+# A block on a slope of 0.2 rad with $\mu = 0.5$ creeps as well, the faster, the steeper the slope. The course's model
+# and MuJoCo creep at the same speed, and impratio divides it. (`noslip_iterations` adds sweeps that remove it.)
 # %% tags=["hide-code"]
 for label, changed in (
     ("elliptic", {"cone": "elliptic"}),
@@ -960,10 +981,10 @@ more_claims(
 #
 # **Key insight.** Every contact model gives something up.
 #
-# * Penalty: bodies overlap, and the step has a limit.
+# * Penalty, evaluated before the step: bodies overlap, and the step has a limit.
 # * Pyramid: friction has the wrong size or direction between the edges.
 # * Convex cone: the gap opens while a contact slides.
-# * Soft contact: a body that should stick creeps.
+# * Soft contact without a spring along the surface: a body that should stick creeps.
 # * Coulomb's law itself: nothing guarantees that finite forces exist.
 #
 # </div>
@@ -972,22 +993,29 @@ more_claims(
 #
 # A finger pushes a block. You want to learn the finger's speed by gradient descent, so you differentiate the
 # simulation. What does contact do to derivatives? Before the finger reaches the block, the block does not depend on
-# the finger at all. After touch it does, smoothly. At touch there is a kink.
+# the finger at all. After touch its final position rises smoothly with the finger's speed. At touch the position has a
+# kink, so its derivative jumps.
 # %%
 predict("push_that_starts_too_slow")
 # %% [markdown]
 # ![Derivatives through a contact, computed in four ways, and the truth](../docs/charts/contact_gradients.png)
 #
+# <details><summary>Two remedies, and what they cost</summary>
+#
 # Two remedies give a derivative before touch. **Randomised smoothing** averages over runs with noise on the parameter
 # and needs only function values. Its points scatter, since each is an estimate. An
 # **interior-point** relaxation lets force times gap be a small number instead of zero, so that a little force acts at a
-# distance. Both pay with a bias: they spread the jump at touch over a range of
-# speeds, and the interior point, strong in this chart, overshoots at high speeds. (Where the penalty's line leaves the
-# frame, its final position jumps.)
+# distance.
 #
-# The right panel shows something worse than zero: a simulator that applies a bounce at the end of its step. The true
-# position rises with the initial distance, but the stepped curve falls between its jumps: its derivative has the wrong
-# sign. Compare a gradient with finite differences, with several sizes of the change.
+# Both pay with a bias: they spread the jump of the derivative over a range of speeds. The relaxation of the
+# interior point is large in this chart, so its derivative is too large at high speeds. The penalty's derivative is too
+# large between the jumps of its final position; at a jump its line leaves the frame.
+#
+# </details>
+#
+# The right panel shows something worse than zero: a simulator that applies an elastic bounce at the end of its step.
+# The true position rises with the initial distance, but the stepped curve falls between its jumps: its derivative has
+# the wrong sign. Compare a gradient with finite differences, with several sizes of the change.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -1023,7 +1051,8 @@ plt.show()
 #
 # Four decisions are made here:
 #
-# 1. **Shapes.** Collide primitives and a few convex pieces, not the meshes that are drawn.
+# 1. **Shapes.** Collide **primitives** (spheres, capsules, boxes) and a few convex pieces, not the meshes that are
+#    drawn.
 # 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level a rigid
 #    contact stops an impact of any speed within the step, so its force grows as $1/h$. At the acceleration level an
 #    impact is spread over the contact's time constant.
@@ -1036,8 +1065,8 @@ plt.show()
 # $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's** conditions; how far
 # friction lies outside its **cone**; the missing **dissipation**, energy that friction should have taken and did not;
 # and **energy** that appeared from nowhere. The cell prints three of them for one step of a block that slides between
-# two edges of the pyramid. The models are `lcp` (pyramid, pivots), `pgs` (cone, sweeps), `coulomb` (cone, Newton) and
-# `convex`:
+# two edges of the pyramid (1 kg, $\mu = 0.5$, 1 m/s, a step of 10 ms). The models are `lcp` (pyramid, pivots), `pgs`
+# (cone, sweeps), `coulomb` (cone, Newton) and `convex`:
 # %% tags=["hide-code"]
 sliding = scenes.block(0.0, 0.5, (0.6, 0.8)).problem(0.01)
 print(f"{'model':<9} {'Signorini':>14} {'outside cone':>14} {'not dissipated':>16}")
@@ -1071,7 +1100,8 @@ source(penalty_force)
 # In the package, a `Problem` describes one step: masses, Jacobian, velocities, gaps and friction. `solve` returns the
 # impulses with one of six models (`lcp`, `pgs`, `coulomb`, `convex`, `penalty`, and `soft`, MuJoCo's soft contact) and
 # reports whether it solved the problem. A block that brakes from 1 m/s with $\mu = 0.5$ should stop after $v^2/(2\mu g)
-# = 0.1019$ m. The second column shows by how much the block leaves the ground on the way:
+# = 0.1019$ m. The second column shows by how much the block leaves the ground on the way. (For `soft` this depends on
+# the step; the card in section 2 used MuJoCo's default, 2 ms.)
 # %% tags=["show-code"]
 braking = scenes.block(angle=0.0, friction=0.5, velocity=(1.0, 0.0))
 for model in contact.MODELS:
@@ -1085,14 +1115,14 @@ for model in contact.MODELS:
 # keys. Before you choose a preset, predict:
 #
 # 1. *Stick*: which of the two boxes moves, and how fast?
-# 2. *Explosion*: at which step does the penalty box calm down? Compare *ω h* with the limit of section 2.
+# 2. *Explosion*: below which step does the penalty box come to rest? Compare *ω h* with the limit of section 2.
 # 3. Raise the stiffness from 3,000 to 50,000 N/m. What happens to the depth, and to the largest stable step?
 #
 # <details><summary>Answers</summary>
 #
 # (1) The blue one. At first it slides at the slip speed times the pull's share of $\mu f_n$; near the hand the pull
-# fades, and so does the speed. (2) Its growth ends once $\omega h$
-# is below 2, because the preset has no damping. (3) The depth, $mg/k$, falls to a seventeenth; the largest stable step,
+# fades, and so does the speed. (2) Once $\omega h$ is below 2, the limit of a contact without a damper. The hand's
+# damper then takes the energy of the bounces. (3) The depth, $mg/k$, falls to a seventeenth; the largest stable step,
 # which goes as $1/\sqrt k$, to a quarter.
 #
 # </details>
@@ -1108,9 +1138,9 @@ simulation("touch", "Stick")
 # far does a held glass slip* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
-# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
-# the upper edge is a failed run. The *pick*, circled, is the cheapest run within the tolerance (dotted). Drag the
-# tolerance and switch methods on:
+# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time, so the
+# cheapest method can differ between the two panels. A cross at the upper edge is a failed run. The *pick*, circled, is
+# the cheapest run within the tolerance (dotted). Drag the tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1155,12 +1185,14 @@ print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm"
 TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
-# centimetres at every step. (They have not come to rest by then.) A **hardened** contact (solref of 4 ms, solimp near
-# 1, impratio 100) is within the tolerance. The penalty's error tends to its own depth, $mg/k$:
+# centimetres at every step. (The bodies still move then, and are deeper than in the card of section 2, at rest.) A
+# **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance. The penalty's error tends
+# to its own depth, $mg/k$:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
-# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. At long steps it creeps
+# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. (How much faster it creeps
+# with the pyramid depends on this margin.) At long steps it creeps
 # faster; at short steps the speed no longer depends on the step. Hardened, it creeps too, but stays within the
 # tolerance except at the longest steps.
 #
@@ -1189,8 +1221,9 @@ figures(
 # %% tags=["hide-code"]
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
-# Compare times only between compiled programs (MuJoCo and the compiled loop) or among the course's other models, in
-# NumPy. Iterations are the mean per step.
+# The time is a run's time divided by its steps, the median of several warm runs. Compare it only between compiled
+# programs (MuJoCo and the compiled loop) or among the course's other models, in NumPy. Iterations are the mean per
+# step.
 #
 # <details><summary>The narrow phase compared with Coal</summary>
 #
@@ -1209,6 +1242,8 @@ more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
+# The scenes above support this list, except for arms and games, which are our opinion.
+#
 # * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
 #   one.
@@ -1218,7 +1253,7 @@ more_claims("coal_is_the_truth")
 #   stacks are low.
 # * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you
 #   accept.
-# * **Games:** ten sweeps with a warm start, or one sweep in each of several sub-steps. The motion looks right.
+# * **Games:** one sweep in each of several sub-steps, or ten sweeps with a warm start if mass ratios are small.
 #
 # One argument for constraints is that they are stable at larger steps. Compare them with a penalty force that is
 # evaluated before the step, as in section 2:
@@ -1239,16 +1274,19 @@ predict("chalk_on_the_board")
 # 3\cos^2\theta)/(3\sin\theta\cos\theta)$ this turning is faster than the lifting by the normal force. More force makes
 # it worse, so for a rod that is not rotating yet, no finite force holds the end out.
 #
-# A time-stepping method still returns an answer: an impulse that does not shrink with the step. The rod stops at
-# once, although nothing collided. Compare one step of 1 ms with one of 1 µs, at 60 degrees:
+# A time-stepping method still returns an answer: an impulse that does not shrink with the step. The rod's end stops at
+# once, although nothing collided; its centre moves on. Compare one step of 1 ms with one of 1 µs, at 60 degrees:
 # %% tags=["hide-code"]
 angle = np.radians(60.0)
 limit = (1.0 + 3.0 * np.cos(angle) ** 2) / (3.0 * np.sin(angle) * np.cos(angle))
 print(f"the limit at 60 degrees: mu = {limit:.3f}")
 for mu in (1.0, 2.0):
     rod = scenes.rod(angle, mu)
-    one, other = (solve("coulomb", rod.problem(dt)).impulses[0, 0] for dt in (1e-3, 1e-6))
+    steps = [(rod.problem(dt), solve("coulomb", rod.problem(dt))) for dt in (1e-3, 1e-6)]
+    one, other = (after.impulses[0, 0] for _, after in steps)
+    end, centre = abs((steps[1][0].jacobian @ steps[1][1].velocity)[0, 1]), steps[1][1].velocity[0]
     print(f"mu {mu:.0f}: normal impulse {one:.1e} N s in a step of 1 ms, {other:.1e} in 1 us")
+    print(f"      after 1 us the end slides at {end:.2f} m/s, the centre at {centre:.2f} m/s")
 # %% [markdown]
 # Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return nearly the same
 # impulse. The convex model always has an answer.
@@ -1259,8 +1297,8 @@ for mu in (1.0, 2.0):
 #
 # **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
 # pulling: clip the force at zero. If it is positive, look for a margin (a distance at which the contact already acts),
-# for adhesion that somebody set, or for a second contact. If it is zero and the bodies still stick, there is friction
-# without a normal force: the code used an old or wrong one.
+# for adhesion that somebody set, or for a second contact. If it is zero and the bodies still stick, something else
+# holds them: a joint, a weld, a controller, or friction that was computed from an old or wrong normal force.
 #
 # </div>
 #
@@ -1273,9 +1311,10 @@ show("nconmax_helps")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
-# divided by its limit. At the limit it slides: more squeeze, more friction, a cone instead of a pyramid. Far below
-# the limit it creeps: raise impratio or shorten the time constant. If it moves in jerks, contacts come and go: look
-# at the manifold.
+# divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a pyramid
+# (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 it slides: more squeeze, more friction, a
+# cone instead of a pyramid. Far below 1 it creeps: raise impratio or shorten the time constant. If it moves in jerks,
+# contacts come and go: look at the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
@@ -1288,7 +1327,7 @@ show("nconmax_helps")
 #
 # | symptom | likely cause | test | fix |
 # |---|---|---|---|
-# | a body is thrown off when it touches | $\omega h$ above the limit, or a deep start that is removed in one step | print the first depth and the ejection speed | softer contact; bounded recovery speed or split impulse (a shorter step ejects faster) |
+# | a body is thrown off when it touches | $\omega h$ above the limit, or a deep start that is removed in one step | print $\omega h$, the first depth and the ejection speed | $\omega h$: a shorter step or a softer contact. Deep start: bounded recovery speed or split impulse (here a shorter step ejects faster) |
 # | deep overlap at rest | soft spring, heavy body on a light one, too few sweeps | print the residual; swap the masses | Newton's method; sub-steps; harder solref and solimp |
 # | a block curves while it brakes | friction pyramid | push it off in several directions | elliptic cone |
 # | rattling on a mesh or an edge | the normal flips; one point instead of a manifold | draw the normals over time | manifold; rounded edges (a radius) |

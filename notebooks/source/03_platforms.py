@@ -1458,6 +1458,25 @@ print(
 # Graded exercises. `check` runs your cell on freshly sampled cases, and says what is wrong and, where it can, why.
 
 # %% [markdown]
+# ### How many times faster than real time?
+#
+# A warm-up: what a benchmark says of a simulator.
+
+# %%
+card("real_time_factor")
+
+
+# %%
+def real_time_factor(step, steps, copies, wall):
+    """Return how much simulated time passes per second of computing."""
+    # Steps per second, which says nothing of the step.
+    rate = np.asarray(steps) / np.asarray(wall)
+    return rate, float(np.mean(rate))
+
+
+check(real_time_factor)
+
+# %% [markdown]
 # ### Where it stops says which cone it has
 
 # %%

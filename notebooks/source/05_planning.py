@@ -107,10 +107,10 @@ def bare(axis, title, low=0.0, high=10.0):
 # elbow has hit the post. Planning has to consider every part of the robot, and the most useful trick in this chapter
 # does that by changing the space in which we plan.
 #
-# A **configuration** is a list of numbers that fixes the position of every part of the robot. For an arm these are the
-# joint angles. The set of all configurations is the **configuration space**. It has one dimension per joint. The
-# ordinary space in which the robot and the obstacles stand is called the **workspace**. In configuration space the
-# robot has no width and no elbow: it is a single point, and a motion is a curve.
+# A **configuration** is a list of numbers that fixes the position of every part of the robot; libraries also call it a
+# **state**. For an arm these are the joint angles. The set of all configurations is the **configuration space**. It has
+# one dimension per joint. The ordinary space in which the robot and the obstacles stand is called the **workspace**. In
+# configuration space the robot has no width and no elbow: it is a single point, and a motion is a curve.
 #
 # The price is the shape of the obstacles. A configuration is blocked when any part of the arm touches anything, and the
 # set of blocked configurations has no simple formula. But one operation is always possible: take a single
@@ -184,7 +184,7 @@ _ = right.set(
     xlabel="share of the motion", ylabel="joint angle [°]", yticks=(-180, -90, 0, 90, 180)
 )
 _ = right.set_title("a joint without limits wraps around", fontsize=9)
-_ = right.legend(fontsize=8, loc=(0.36, 0.7))
+_ = right.legend(fontsize=7, loc="upper right", bbox_to_anchor=(1.0, 0.92))
 plt.show()
 
 # %% [markdown]
@@ -237,7 +237,7 @@ _ = axes[0].plot(*new, "o", color=ORANGE, ms=6)
 for spot, word in (
     ((7.0, 8.0), "1 sample"),
     ((5.0, 4.0), "2 nearest"),
-    ((6.6, 5.3), "3, 4 new node"),
+    ((5.9, 4.9), "3, 4 new node"),
 ):
     _ = axes[0].text(*spot, word, fontsize=8)
 bare(axes[0], "one round")
@@ -264,9 +264,9 @@ plt.show()
 # %% [markdown]
 # Why does the tree spread instead of clumping? Look at the second picture. All points of one patch have the same
 # nearest node. A node at the border of the tree owns a large empty region, so most samples fall there and pull that
-# node outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. Its inner end
-# lies in the middle, so the tree has to come back from the walls before it can leave. The tree fills the room long
-# before it finds the way out.
+# node outwards. The right half shows a **bug trap**: the corridor to the only exit juts into the room. It begins in the
+# middle of the room. Branches that have already reached the walls don't help; a new branch has to grow from the middle
+# into the corridor. So the tree fills the room long before it finds the way out.
 #
 # **A worked example.** The nearest node is (2, 1), the sample is (5, 5), the step size 1 m. The sample is 5 m away, so
 # the new node lies a fifth of the way: (2.6, 1.8).
@@ -274,10 +274,10 @@ plt.show()
 # ### What "probabilistically complete" promises
 #
 # A planner is **probabilistically complete** if the probability that it has found an existing path approaches one as
-# the number of samples grows. For RRT it is enough that (1) some path stays at least a small distance away from all
-# obstacles, so that samples have a region to hit, and (2) samples fall everywhere, which means a goal bias below 1. The
-# five steps above also need a bias above 0, or they would never try the goal. The planner of this course does not: it
-# tries to connect the goal to every new node within one step of it.
+# the number of samples grows. For RRT it is enough that (1) some path stays at least a small distance, its
+# **clearance**, away from all obstacles, so that samples have a region to hit, and (2) samples fall everywhere, which
+# means a goal bias below 1. The planner of this course also works with a bias of 0, because it tries to connect the
+# goal to every new node within one step of it.
 #
 # Note what this does not promise. It gives no number of samples. It says nothing about your deadline. And if there is
 # no path, RRT will not tell you so: it uses up its budget and reports exactly what it reports when it was merely
@@ -334,9 +334,10 @@ plt.show()
 # 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post.
 #
 # For a point robot among discs and polygons, checking points is unnecessary. The distance from a disc's centre to a
-# segment can be computed exactly, costs about as much as one point, and misses nothing. The chart shows the share of
-# colliding edges that each method accepts. OMPL, the library of section 6, checks points as well, so its markers lie on
-# ours. The black curves, labelled *closed form*, are formulas for what points miss. Our exact test stays at zero:
+# segment can be computed exactly. That takes about as long as checking one point, and it misses nothing. The chart
+# shows the share of colliding edges that each method accepts. OMPL, the library of section 6, checks points as well, so
+# its markers lie on ours. The thin dark lines through the markers (*closed form*) are formulas for what points miss;
+# the bands are two standard errors to each side. Our exact test stays at zero:
 #
 # ![Share of colliding edges that points along the edge miss, and that an exact test misses
 # (none)](../docs/charts/thin_obstacles.png)
@@ -350,8 +351,8 @@ plt.show()
 #
 # How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$. From here on, $s$ is the share of
 # the edge that is done, from 0 to 1, and no longer a spacing. When joint $i$ turns by $\Delta q_i$, a point at a
-# distance $r$ from that joint moves at most $r\,|\Delta q_i|$. Let $r_i$ be the largest distance that any point of the
-# arm beyond joint $i$ can have from that joint, whatever the posture. Then the safe step is
+# distance $r$ from that joint moves at most $r\,|\Delta q_i|$. Let $r_i$ be the reach of the part of the arm beyond
+# joint $i$ when that part is stretched out. Then the safe step is
 #
 # $$\boxed{\;\Delta s = \frac{g(q)}{\sum_i r_i\,|\Delta q_i|}\;}$$
 #
@@ -445,7 +446,7 @@ for axis, method in zip(axes[1:], ("rrt", "rrt_connect"), strict=True):
     branches(axis, grown.nodes, grown.parents, BLUE, 0.6)
     _ = axis.plot(*grown.path, color=GREEN, lw=1.5)
     ends(axis, trap.start, trap.goal)
-    bare(axis, f"{'RRT' if method == 'rrt' else 'RRT-Connect'}: {grown.samples} samples")
+    bare(axis, f"{'RRT' if method == 'rrt' else 'RRT-Connect'}, one seed: {grown.samples} samples")
 plt.show()
 
 # %% [markdown]
@@ -465,10 +466,10 @@ simulation("growing", "Narrow gap")
 
 # %% [markdown]
 # Try several seeds and both planners. The number of samples varies enormously from seed to seed, so comparing two
-# single runs shows nothing. A comparison is useful only together with its settings (the size of the scene, the wall,
-# the step size, the goal bias, how edges are checked and when the goal counts as reached), the spread over many seeds,
-# and the path length before and after shortening. Here is one with all of them: a square of 10 m, a wall of 0.5 m,
-# steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be connected, 100 seeds.
+# single runs, as in the picture above, shows nothing. A comparison needs its settings (scene, wall, step size, goal
+# bias, edge check, when the goal counts as reached), the spread over many seeds, and the path length before and after
+# shortening. Here is one with all of them: a square of 10 m, a wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT,
+# exact edge checks, a goal that has to be connected, 100 seeds.
 
 # %% tags=["hide-code"]
 lines = [
@@ -499,9 +500,9 @@ table(*lines)
 # %% [markdown]
 # Read the last two columns together. A gap that is hard to find makes the search longer, and before shortening
 # RRT-Connect's path too. After shortening (section 3) both planners return practically the shortest path, so in this
-# scene path length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap. Other cards of
-# this page repeat some of these settings with more seeds. Where samples vary so much, medians of 100 and of 300 seeds
-# easily differ by a tenth or more, and the ratio of two means (the card above) differs from the ratio of two medians.
+# scene path length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap. Other cards give
+# other numbers, because they use 300 seeds, or means instead of medians. In a bug trap that matters: a few very long
+# runs raise RRT-Connect's mean far above its median.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -522,8 +523,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
-# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead. Its
-# samples in open space are of this kind:
+# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead. All
+# bridge samples that you see in open space below are such uniform samples:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -539,7 +540,8 @@ plt.show()
 
 # %% [markdown]
 # Both samplers pay for this with extra collision checks per sample. The bridge must also have the right length: if the
-# two samples are closer than the passage is wide, they can't both be in walls. In wide open space, neither helps.
+# two samples are closer to each other than the passage is wide, they can't lie in the walls on both sides of it. In
+# wide open space, neither helps.
 
 # %%
 more_claims("goal_bias_in_passages", "bridge_test")
@@ -549,9 +551,9 @@ more_claims("goal_bias_in_passages", "bridge_test")
 #
 # RRT never revisits a decision. Once a node has a parent, its path from the start stays as crooked as it is. **RRT\***
 # (Karaman and Frazzoli 2011) adds two steps when a node is inserted. *Choose parent*: among all nodes within a certain
-# radius, take the one that gives the shortest path from the start, which need not be the nearest. *Rewire*: for each
-# neighbour, test whether the path through the new node is shorter than its present one, and if so, make the new node
-# its parent.
+# radius whose edge to the new node is free, take the one that gives the shortest path from the start, which need not be
+# the nearest. *Rewire*: for each of these neighbours, test whether the path through the new node is shorter than its
+# present one, and if so, make the new node its parent.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.1), layout="constrained")
@@ -564,8 +566,12 @@ for axis, pairs, title in ((axes[0], before, "before"), (axes[1], after, "after:
         _ = axis.plot(*zip(spots[p], spots[q], strict=True), "o-", color=ink, lw=2)
     axis.add_patch(plt.Circle(spots["new"], 4.9, fill=False, ls=":", color=GREY))
     _ = axis.plot(*spots["new"], "o", color=ORANGE, ms=8)
+    costs = {"start": 0.0}
+    for p, q in pairs:
+        costs[q] = costs[p] + np.hypot(*np.subtract(spots[q], spots[p]))
     for name, (x, y) in spots.items():
-        _ = axis.text(x + 0.25, y - 0.75, name, fontsize=9)
+        from_start = f" {costs[name]:.1f} m" if costs.get(name) else ""
+        _ = axis.text(x + 0.25, y - 0.75, name + from_start, fontsize=8)
     bare(axis, title)
 around = planning.plane(scenes.SQUARE, [[5.0, 5.0, 2.0]])
 left_, right_ = np.array([1.0, 5.0]), np.array([9.0, 5.0])
@@ -583,10 +589,12 @@ plt.show()
 # %% [markdown]
 # **A worked example.** The nearest node to the new one is *a*, but over *a* its path would be 6.0 m long; straight from
 # the start it is 4.6 m, so the start becomes its parent. Node *c* had a path of 9.7 m. It is 4.8 m from the new node,
-# and $4.6 + 4.8 = 9.4$ m is shorter, so *c* is rewired. Node *b* is not: it already has a path of 6.7 m.
+# and $4.6 + 4.8 = 9.4$ m is shorter, so *c* is rewired. Node *b* is not: its path of 6.7 m is shorter than the 8.0 m
+# over the new node. (In the sketch, the numbers are path lengths from the start, and the dotted circle is the radius.)
 #
-# The length of the best path never increases, and it converges to the optimum provided that the radius does not shrink
-# too fast as the tree grows.
+# The length of the best path never increases. It converges to the optimum with probability one under two conditions:
+# the radius does not shrink too fast as the tree grows, and paths with some clearance come arbitrarily close to the
+# optimum. Such a planner is **asymptotically optimal**.
 
 # %%
 show("rrt_star_converges")
@@ -604,10 +612,10 @@ show("rrt_star_converges")
 #
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
-# The circle marks the fastest setting within 5 % of the optimum: RRT-Connect in both scenes, followed by a few rounds
-# of shortening at the gap. Around the disc its lead is clear; at the gap Informed RRT\* is close behind. (The planner
-# PRM\* belongs to the next part.) If you want the last percent, compare the curves at about 10 ms, where the one of
-# RRT-Connect ends: around the disc shortening is ahead, at the gap Informed RRT\* is.
+# Lines are medians over seeds, bands quartiles. The circle marks the fastest setting within 5 % of the optimum:
+# RRT-Connect in both scenes, followed by a few rounds of shortening at the gap. Around the disc its lead is clear; at
+# the gap Informed RRT\* is close behind. (The planner PRM\* belongs to the next part.) With 10 ms to spend, RRT-Connect
+# with shortcuts gives the shorter path around the disc, and Informed RRT\* at the gap.
 
 # %%
 more_claims("informed_rrt_star")
@@ -617,9 +625,9 @@ more_claims("informed_rrt_star")
 #
 # A robot at a shelf solves the same kind of problem thousands of times a day, and a tree throws everything away after
 # each. A **roadmap** (PRM, probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free
-# configurations, and connect each to its nearest neighbours where the edge is free. To answer a query, connect start
-# and goal to nearby nodes, and search the graph. In **PRM\*** the number of neighbours grows with the number of nodes,
-# so that its paths, too, converge to the optimum.
+# configurations, and connect each to its nearest neighbours where the edge is free. To answer a **query**, one start
+# with one goal, connect both to nearby nodes, and search the graph. In **PRM\*** the number of neighbours grows with
+# the number of nodes, so that its paths, too, converge to the optimum.
 #
 # Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap assumes that all
 # edges are free and checks only when it has to:
@@ -630,8 +638,10 @@ more_claims("informed_rrt_star")
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.1), layout="constrained")
-points = np.array([[0.8, 1.0], [2.6, 4.2], [3.6, 1.4], [5.4, 3.4], [5.2, 6.6], [7.4, 5.6],
-                   [7.0, 1.6], [2.2, 7.6], [9.2, 8.8]]).T  # fmt: skip
+points = np.array([[0.8, 1.0], [2.0, 4.8], [3.6, 1.4], [5.4, 3.4], [4.8, 7.4], [7.4, 5.6],
+                   [7.0, 1.6], [2.2, 8.2], [9.2, 8.8]]).T  # fmt: skip
+# The search proposes the shorter candidate first.
+assert length(points[:, [0, 2, 3, 5, 8]]) < length(points[:, [0, 1, 4, 8]])
 graph = [(0, 1), (0, 2), (1, 3), (2, 3), (1, 4), (3, 5), (4, 5), (2, 6), (6, 5), (1, 7), (7, 4),
          (5, 8), (4, 8), (3, 4)]  # fmt: skip
 states_ = (
@@ -647,7 +657,10 @@ for axis, (title, inks) in zip(axes[1:], states_, strict=True):
         ink = inks.get((i, j), "#cfcfcf")
         if title.startswith("second") and (i, j) == (3, 5):
             continue
-        _ = axis.plot(*points[:, [i, j]], color=ink, lw=2.5 if (i, j) in inks else 1.2)
+        unchecked = title.startswith("first") and (i, j) == (5, 8)
+        _ = axis.plot(*points[:, [i, j]], color=GREY if unchecked else ink,
+                      ls="--" if unchecked else "-",
+                      lw=2.5 if unchecked or (i, j) in inks else 1.2)  # fmt: skip
     _ = axis.plot(*points, "o", color=GREY, ms=4)
     ends(axis, points[:, 0], points[:, 8])
     bare(axis, title)
@@ -662,14 +675,15 @@ plt.show()
 
 # %% [markdown]
 # In the two sketches on the right, green edges are on the present candidate and free, the red one collides, blue ones
-# were found free before but are not on the present candidate, and grey ones were never checked.
+# were found free before but are not on the present candidate, and grey ones were never checked. The dashed edge is on
+# the first candidate, but the check stopped before it.
 
 # %%
 show("lazy_tests_the_final_path")
 
 # %% [markdown]
 # Being lazy pays most when something has moved. The scene for the rest of this chapter is a shelf with an arm of seven
-# joints in front of it. The arm reaches from one compartment into another.
+# joints in front of it (*7-R arm* in the charts). The arm reaches from one compartment into another.
 
 # %% tags=["hide-code"]
 requested = planning.shelf("open")
@@ -711,7 +725,7 @@ predict("after_the_ball")
 # %% tags=["hide-code"]
 roadmap = planning.build_roadmap(requested.world, 1000, 0)
 rng = np.random.default_rng(1)
-rows = [("ball", "edges checked", "configurations on the path", "validated")]
+rows = [("ball", "edges checked", "configurations on the path", "`check_path`")]
 for k in range(5):
     pair = requested.query(rng)
     world = requested.disturbed(rng, *pair)
@@ -739,8 +753,8 @@ more_claims("cached_roadmap")
 #
 # The path of a tree zigzags, because it runs through random points. **Shortcutting** repairs that: pick two points on
 # the path at random, and if the straight edge between them is free, replace the part between them by this edge. Repeat
-# a few hundred times. Choose the points anywhere on the path. If you allowed only waypoints, a path with a single
-# corner could be improved only by the straight line from start to goal.
+# a few hundred times. Choose the points anywhere on the path. If you allowed only **waypoints**, the corner points of
+# the path, a path with a single corner could be improved only by the straight line from start to goal.
 
 # %%
 show("shortcut_never_lengthens")
@@ -750,7 +764,7 @@ scene = scenes.discs()
 walk = plan(scene.world, scene.start, scene.goal, method="rrt", rng=1, step=1.0).path
 cut = planning.shortcut(walk, scene.world, np.random.default_rng(0))
 round_ = planning.smooth(cut, scene.world)
-figure_, axes = plt.subplots(1, 2, figsize=(8.5, 4.0), layout="constrained")
+figure_, axes = plt.subplots(1, 2, figsize=(9.5, 4.0), layout="constrained")
 corner = np.array([[0.8, 4.0, 7.6, 9.2], [1.2, 7.6, 6.9, 1.4]])
 bump = planning.plane(scenes.SQUARE, [[5.9, 3.3, 1.7]])
 obstacles(axes[0], bump)
@@ -775,20 +789,25 @@ rows = [
         "duration, corners rounded in passing",
     )
 ]
-for name, path in (
-    ("from the tree", walk),
-    ("after shortcutting", cut),
-    ("smoothed", round_),
+for name, path, look in (
+    ("from the tree", walk, {"color": BLUE}),
+    ("after shortcutting", cut, {"color": ORANGE, "lw": 4}),
+    ("smoothed", round_, {"color": "black", "ls": ":", "lw": 2}),
 ):
-    _ = axes[1].plot(*path, label=name, lw=4 if path is cut else 1.5)
+    _ = axes[1].plot(*path, label=name, **look)
     assert check_path(scene.world, path, scene.start, scene.goal)
     stops = time_parameterise(path, (1.0, 1.0)).duration
     flows = time_parameterise(path, (1.0, 1.0), blend=0.5, free=scene.world).duration
     rows.append((name, f"{length(path):.2f} m", path.shape[1], f"{stops:.1f} s", f"{flows:.1f} s"))
 ends(axes[1], scene.start, scene.goal)
 _ = axes[1].set(xlim=(0, 10), ylim=(0, 10), aspect="equal", xlabel="x [m]", ylabel="y [m]")
-_ = axes[1].legend(fontsize=8, loc="upper left")
+_ = axes[1].legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 plt.show()
+
+# %% [markdown]
+# At a sharp corner the direction changes at once. That would take an infinite acceleration, so the robot has to stop
+# there, or it rounds the corner with a short curve, a **blend**. The table compares both. Its last row is the path
+# after the smoothing that comes next.
 
 # %% tags=["hide-code"]
 table(*rows)
@@ -806,9 +825,9 @@ table(*rows)
 # An **optimiser** takes a whole trajectory and deforms it to reduce a cost. **CHOMP** (Zucker and others 2013) follows
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
 # that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) replaces the cost near the current path
-# by a **convex** one, which has only one minimum. This cost penalises waypoints that are too close to an obstacle. (The
-# published version also penalises the volume swept between waypoints; the one on this page adds only the middles of the
-# edges.) TrajOpt minimises that cost, moves the path a little, and repeats.
+# by a **convex** one, whose only minima are global. This cost penalises waypoints that are too close to an obstacle.
+# (The published version also penalises the volume swept between waypoints; the one on this page adds only the middles
+# of the edges.) TrajOpt minimises that cost, moves the path a little, and repeats.
 #
 # **STOMP** (Kalakrishnan and others 2011) needs no gradient: it samples noisy variations of the trajectory and averages
 # them, weighted by their cost.
@@ -836,9 +855,9 @@ _ = axes[1].text(5, 1.6, "pushed to both sides at once", ha="center", fontsize=8
 plt.show()
 
 # %% [markdown]
-# The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from
-# start to goal over one via point. The colour at the via point shows how the optimiser's result turned out: free and
-# short, free and longer, or in collision.
+# The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from the
+# start near the lower left corner over one via point to the goal near the upper right corner. The colour at the via
+# point shows how the optimiser's result turned out: free and short, free and longer, or in collision.
 #
 # ![Result of two optimisers for 169 initial guesses, at the via point of each
 # guess](../docs/charts/optimiser_minima.png)
@@ -852,10 +871,10 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# The weights matter too, and so does the scene. The card below repeats the test with other settings and in a more
-# crowded scene, that of the shortcutting picture, where nearly every guess runs through discs. The scene makes the
-# difference: with the settings of the chart the shares there are similar. The remedy is a better initial guess, such as
-# a planner's path, or several guesses of which you keep the best valid result.
+# The card below repeats the test with other settings and in a more crowded scene, that of the shortcutting picture,
+# where nearly every guess runs through discs. It is the scene that makes the difference: with the chart's settings, the
+# shares there stay similar. The remedy is a better initial guess, such as a planner's path, or several guesses of which
+# you keep the best valid result.
 
 # %%
 show("optimisers_get_stuck")
@@ -914,7 +933,9 @@ times = np.linspace(0.0, motion.duration, 4001)
 q, rate, push = motion(times)
 assert max(np.abs(rate).max(), np.abs(push).max()) < 1.0 + 1e-9
 _ = axes[2].plot(times, rate.T, label=["rate of x [m/s]", "rate of y [m/s]"])
-_ = axes[2].plot(times, push.T, lw=0.7, label=["acceleration of x [m/s²]", "acceleration of y"])
+_ = axes[2].plot(
+    times, push.T, lw=0.7, label=["acceleration of x [m/s²]", "acceleration of y [m/s²]"]
+)
 _ = axes[2].axhline(1.0, color=GREY, ls=":")
 _ = axes[2].axhline(-1.0, color=GREY, ls=":")
 _ = axes[2].set(xlabel="time [s]", ylim=(-1.1, 2.3))
@@ -946,9 +967,10 @@ plt.show()
 # </details>
 #
 # In a computer the two passes visit a grid of points along the path, and between two of them the path acceleration
-# $\ddot s$ is constant. At each grid point $\ddot s$ jumps, and so does $\ddot q$. The simplest scheme tests the limits
-# of an interval only at its first point; with the same $\ddot s$, the joints may exceed them at its last. (The library
-# TOPP-RA offers both schemes.) A motor drive may shut down whenever a limit is exceeded.
+# $\ddot s$ is constant. At each grid point $\ddot s$ jumps, and so does $\ddot q$. The simplest scheme tests the joint
+# limits only at the first point of each interval. Up to the last point $\ddot s$ stays the same, but the joint
+# accelerations don't, and may exceed their limits there. (The library TOPP-RA offers this scheme and one that tests
+# both ends.) A motor drive may shut down whenever a limit is exceeded.
 
 # %%
 show("limits_between_grid_points")
@@ -958,9 +980,9 @@ show("limits_between_grid_points")
 # saves](../docs/charts/limits_between.png)
 #
 # The left plot shows by how much the limit is exceeded between grid points, with a test at the first point only and
-# with a test at both ends, where only rounding errors remain. The right plot shows the reward for rounding corners: the
-# earlier the rounding begins, the shorter the motion. Timing every joint on its own, with its own trapezoid, hardly
-# saves time, and it makes the robot leave the checked path.
+# with a test at both ends, where only rounding errors remain; lines are medians over 15 paths, bands the range. The
+# right plot shows the reward for rounding corners: the earlier the rounding begins, the shorter the motion. Timing
+# every joint on its own, with its own trapezoid, hardly saves time, and it makes the robot leave the checked path.
 
 # %%
 more_claims("shortcut_share")
@@ -981,7 +1003,7 @@ levels = (
 )
 failures = (
     "no path: try another grasp",
-    "limits broken: ask for another path",
+    "a rounding collides: ask for another path",
     "cannot follow: slow down or replan",
 )
 for k, (name, what, down) in enumerate(levels):
@@ -1010,14 +1032,14 @@ plt.show()
 # As used in section 3, TrajOpt and CHOMP only bend the path.
 #
 # Each level should report *why* it failed, or the level above will try the same again. And by the time a plan is
-# carried out, the scene that it was computed for is out of date. Keep checking the remaining path against moving
+# carried out, the scene that it was computed for may be out of date. Keep checking the remaining path against moving
 # objects, at the rate of the camera.
 #
 # How long do the stages take? A statement such as "200 ms for the planner, 50 ms for the smoothing" can't be checked,
-# because it names no arm, no shelf and no machine. This cell times the three stages for the arm at the open shelf, on
-# your machine. `plan` takes a world, a start and a goal. `time_parameterise` takes the limits, here 2 rad/s and 8
-# rad/s², the distance `blend` from a corner at which its rounding begins, and the world `free` in which each rounding
-# is checked.
+# because it names no arm, no shelf and no machine. This cell times the three stages for the arm at the open shelf
+# (`requested`), on your machine. `plan` takes a world, a start and a goal. `time_parameterise` takes the limits, here 2
+# rad/s and 8 rad/s², the distance `blend` from a corner at which its rounding begins, and the world `free` in which
+# each rounding is checked.
 
 # %% tags=["nbval-ignore-output", "show-code"]
 import time
@@ -1038,16 +1060,16 @@ print(f"for a motion of {motion.duration:.2f} s between two compartments of the 
 #
 # ## 5 · Code: from your own collision check to a motion
 #
-# A planner needs one function from you: is this configuration free? The cell below plans around a ring that is defined
-# by nothing but such a function. Edges are checked at points 2 cm apart, because a yes-or-no function offers nothing
-# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring. The path is then shortened
-# and timed. `check_path` validates it twice, the second time with its rounded corners. In such a world it can't be
-# exact either: it checks points 2 cm apart.
+# A planner needs one function from you: is this configuration free? The cell below plans around a ring that is known
+# only through such a function. Edges are checked at points 2 cm apart, because a yes-or-no function offers nothing
+# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring (dashed in the picture). Then
+# the path is shortened and timed. `check_path` validates it twice, the second time with its rounded corners. Here it,
+# too, checks points 2 cm apart.
 
 
 # %% tags=["show-code"]
 def is_free(q):
-    """Return whether a point keeps 5 cm away from a ring with an opening on its right."""
+    """Return whether a point is 5 cm clear of a ring: radii 1.0 and 1.3 m, open below 0.3 rad."""
     radius, angle = np.hypot(*q), np.arctan2(q[1], q[0])
     return not (0.95 < radius < 1.35 and abs(angle) > 0.25)
 
@@ -1068,6 +1090,11 @@ figure_, axis = plt.subplots(figsize=(3.4, 3.2), layout="constrained")
 turn = np.linspace(0.3, 2 * np.pi - 0.3, 100)
 _ = axis.fill(np.append(np.cos(turn), 1.3 * np.cos(turn[::-1])),
               np.append(np.sin(turn), 1.3 * np.sin(turn[::-1])), color=ROSE)  # fmt: skip
+turn = np.linspace(0.25, 2 * np.pi - 0.25, 100)
+edge_ = np.hstack(
+    [r * np.array([np.cos(turn), np.sin(turn)])[:, ::k] for r, k in ((0.95, 1), (1.35, -1))]
+)
+_ = axis.plot(*edge_[:, np.r_[:200, 0]], "--", color=GREY, lw=0.8)
 branches(axis, answer_.nodes, answer_.parents, BLUE, 0.7)
 _ = axis.plot(*motion.waypoints(0.02), color=GREEN, lw=2.5)
 ends(axis, start, goal)
@@ -1093,7 +1120,7 @@ for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start,
     print("status:", plan(gap.world, start, goal).status)
 
 # %% [markdown]
-# ## 6 · Speed: from five seconds to a tenth
+# ## 6 · Speed: from seconds to milliseconds
 #
 # <div class="alert alert-block alert-info">
 #
@@ -1103,23 +1130,25 @@ for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start,
 # </div>
 #
 # Take the seven-joint arm and its two shelves from section 2, and a single RRT in plain Python with a step size of 1
-# rad, measured as Euclidean distance over all seven joints. That is a handicap: OMPL's default is a fifth of the extent
-# of the space, here 2.6 rad. Most of the space in front of the shelf is free, and the compartments are its narrow
-# passages. A short step means many nodes before the tree has crossed that open space.
+# rad, measured as Euclidean distance over all seven joints. It is even slower than the one in the question: most of its
+# queries are unsolved when it is stopped after five seconds. The short step is a handicap: OMPL's default is a fifth of
+# the extent of the space, here 2.6 rad. Most of the space in front of the shelf is free, and the compartments are its
+# narrow passages. A short step means many nodes before the tree has crossed that open space.
 
 # %%
 predict("first_of_ten_ideas")
 
 # %% [markdown]
-# Each version changes one thing in an earlier one, which the table names; versions 7 and 8 start again with a roadmap.
-# Each got the same 100 queries that are known to have a solution (5 for version 1, 10 for versions 2 and 3), once with
-# the shelf unchanged ("still") and once with a ball in front of it ("moved").
+# Versions 2 to 6, 9 and 10 change one thing in the version that the table names; 7 and 8 are new starts with a roadmap.
+# The single trees and version 7 stop after 20,000 samples, the others after 200,000. Each version got the same 100
+# queries that are known to have a solution (5 for version 1, 10 for versions 2 and 3), once with the shelf unchanged
+# ("still") and once with a ball in front of it ("moved").
 #
-# The chart shows the median and the 99th percentile. With 100 queries, this percentile is the slowest query, run once,
-# so it changes a lot from one set of queries to the next. A triangle at the top edge means that it does not exist,
-# because at least one query stayed unsolved (for the median: half of them).
+# The chart shows the median and the slowest query. The slowest was run once, so it changes a lot from one set of
+# queries to the next. A triangle at the top edge means that there is no value, because at least one query (for the
+# median: half of them) was not solved. Triangles of several curves overlap.
 #
-# ![Planning time of ten versions at two shelves, median and 99th percentile](../docs/charts/shelf_ladder.png)
+# ![Planning time of ten versions at two shelves, median and slowest query](../docs/charts/shelf_ladder.png)
 
 # %% tags=["hide-code"]
 VERSIONS = {
@@ -1138,12 +1167,12 @@ ladder = {
     (name.strip(), shelf): (f"{solved} of {goals}", *(x.replace("inf", "none") for x in spent))
     for name, shelf, solved, goals, *spent in key(
         "shelf_ladder",
-        r"^(.{17}) still (open|tight) +(\d+) of +(\d+), ms: median +(\S+), 99 % +(\S+);",
+        r"^(.{17}) still (open|tight) +(\d+) of +(\d+), ms: median +(\S+), slowest +(\S+);",
     )
 }
 table(
-    ("version (shelf unchanged)", "open shelf: solved", "median [ms]", "99th percentile [ms]",
-     "tight shelf: solved", "median [ms]", "99th percentile [ms]"),
+    ("version (shelf unchanged)", "open shelf: solved", "median [ms]", "slowest [ms]",
+     "tight shelf: solved", "median [ms]", "slowest [ms]"),
     *((f"{k}. {title}", *ladder[name, "open"], *ladder[name, "tight"])
       for k, (name, title) in enumerate(VERSIONS.items(), 1)),
 )  # fmt: skip
@@ -1152,17 +1181,17 @@ table(
 # What each version contributed:
 #
 # * *1 to 3.* One tree with short steps, then compiled, then with an edge check that advances in long strides. Versions
-#   2 and 3 solve three to six of ten queries; ten are too few to tell "still" and "moved" apart. Where there is a
-#   median, the third version takes a tenth of the second's time.
-# * *4. Longer steps.* One number changed, to what a library would have used anyway, and nearly all queries are solved.
+#   2 and 3 solve three to six of ten queries; ten are too few to tell "still" and "moved" apart. In the chart, the
+#   medians with the ball differ by a factor of ten.
+# * *4. Longer steps.* One number of version 3 changed, and nearly all queries are solved.
 # * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
 #   than finding the way into one.
 # * *6. Bridge samples.* They cost more than they find.
 # * *7. A lazy roadmap, built for the query.* Few edge checks, but some queries stay unsolved.
 # * *8 and 9. A stored roadmap.* The median gets somewhat worse than with RRT-Connect. With small trees at start and
-#   goal (9) the slowest query gets faster at both shelves, still and moved; without them (8) clearly so only at the
-#   open shelf.
-# * *10. Earlier paths added.* No gain over version 9 that these queries show.
+#   goal (9) the slowest query gets faster than with RRT-Connect (5) at both shelves, still and moved; without them (8)
+#   clearly so only at the open shelf.
+# * *10. Earlier paths added.* These queries show no gain over version 9.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -1181,9 +1210,9 @@ more_claims("both_ends_first")
 # ### Compared with OMPL
 #
 # OMPL is the standard open-source library for sampling-based planning. We ran its RRT-Connect in two ways: with a
-# Python function that checks single configurations, as most of its Python users do, and with our compiled edge check
-# passed to it. World, step size and goal are the same on both sides. A path that `check_path` rejects counts as no
-# path.
+# Python function that checks single configurations (*Python states* in the chart), as most of its Python users do, and
+# with our compiled edge check passed to it. World, step size and goal are the same on both sides. A path that
+# `check_path` rejects counts as no path.
 #
 # ![Share of seeds with a valid path against time, compared with OMPL, in four scenes](../docs/charts/plan_times.png)
 
@@ -1205,7 +1234,8 @@ bare_ = {
     )
 }
 table(
-    ("scene", "this course [ms]", "OMPL, our edge check", "OMPL, Python function", "its paths in collision",
+    ("scene", "this course [ms]", "OMPL, our edge check", "OMPL, Python function",
+     "Python function: paths in collision",
      "without edge checks: this course, OMPL [ms]"),
     *((title, measured[name, "ours"][0], f"{measured[name, 'OMPL, our edge check'][1]} times as long",
        f"{measured[name, 'OMPL, Python states'][1]} times as long",
@@ -1215,15 +1245,15 @@ table(
 
 # %% [markdown]
 # With the same compiled edge check, the two are within a factor of little more than two of each other, although OMPL
-# has to call Python once per edge. *OMPL's own part* in the chart is its time without these calls, and so without the
-# edge checks that they make. The last column takes the edge checks off on both sides: then OMPL is the faster one in
-# most scenes. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
+# has to call Python once per edge. The curve *OMPL's own part* omits the time of these calls, edge checks included. The
+# last column takes the edge checks off on both sides: then OMPL is the faster one in most scenes. For the seven-joint
+# arm nearly all the time is edge checking, and the two are equal.
 #
 # With a collision check in Python, planning is many times slower, and at OMPL's default spacing some of the returned
 # paths are in collision. *OMPL, Python, 0.2%* checks points that are five times as dense.
 #
-# So what should you pick? OMPL, with a compiled edge check that you trust. Between these two the choice hardly matters;
-# the edge check does.
+# So what should you pick? OMPL, with a compiled edge check that you trust. Between OMPL and the planner of this course
+# the choice hardly matters. The edge check does.
 #
 # <details><summary>Is it the same algorithm? Samples of both, and the seven-joint arm in detail</summary>
 #
@@ -1253,20 +1283,22 @@ more_claims("ompl_defaults")
 
 # %% tags=["hide-code"]
 figure_ = plt.figure(figsize=(8.5, 2.9), layout="constrained")
-hole = ((-1, -1, 2, 0.85), (-1, 0.15, 2, 0.85), (-1, -0.15, 0.85, 0.3), (0.15, -0.15, 0.85, 0.3))
+hole = ((-1, -1, 2, 0.85), (-1, -0.15, 0.85, 0.3), (0.15, -0.15, 0.85, 0.3))  # top cut away
 shapes = (
     ("slab: narrow in one direction", 0.06, ((-1, -1, 0.85, 2), (0.15, -1, 0.85, 2))),
-    ("tube: narrow in both", 0.06, hole),
-    ("cube: the same, in a thick wall", 0.3, hole),
+    ("tube: narrow in both\n(wall above it cut away)", 0.06, hole),
+    ("cube: the same, in a thick wall\n(wall above it cut away)", 0.3, hole),
 )
 for k, (title, thick, pieces) in enumerate(shapes):
     axis = figure_.add_subplot(1, 3, k + 1, projection="3d", proj_type="ortho")
-    for y, z, wide, tall in pieces:
-        axis.bar3d(-thick / 2, y, z, thick, wide, tall, color=ROSE, alpha=0.6, shade=False)
-    _ = axis.plot([-1, 1], [0, 0], [0, 0], color=GREEN, lw=2.5)
+    y, z, wide, tall = np.array(pieces).T
+    axis.bar3d(-thick / 2, y, z, thick, wide, tall, color=ROSE, edgecolor=RED, lw=0.6, shade=False)
+    for end_x in (-1, 1):  # in two parts, so that the nearer one is drawn in front of the wall
+        _ = axis.plot([0, end_x], [0, 0], [0, 0], color=GREEN, lw=2.5, zorder=5 if end_x > 0 else 0)
     _ = axis.set_title(title, fontsize=9)
     _ = axis.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xticks=(), yticks=(), zticks=())
-    axis.view_init(18, -55)
+    axis.view_init(28, -50)
+    axis.computed_zorder = False
 plt.show()
 
 # %% [markdown]
@@ -1277,20 +1309,21 @@ plt.show()
 # ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# The bands are quartiles over 100 seeds, and the band of this course's planner overlaps with that of OMPL everywhere.
-# In three and four dimensions OMPL's median for the tube is two to three times ours, but that is chance: with other
-# seeds the two medians come close, and a rank test finds no difference.
+# The curves of tube and cube end in five dimensions, where the medians exceed the budget (triangle at the top edge);
+# higher dimensions were not run. The bands are quartiles over 100 seeds, and the band of this course's planner overlaps
+# with that of OMPL everywhere. OMPL's larger medians for the tube are chance: a rank test finds no difference.
 #
-# The slab is about as easy in seven dimensions as in two. The tube gets harder by a large factor with each dimension.
-# So count the directions in which your passage is narrow, and remove some of them: plan first to a configuration in
-# front of the slot in which the gripper is already aligned with it, then move straight in.
+# Through the slab two points see each other as often in seven dimensions as in two, and RRT-Connect needs at most about
+# twice the samples. The tube gets harder by a large factor with each dimension. So count the directions in which your
+# passage is narrow, and remove some of them: first plan to a configuration in front of the slot, with the gripper
+# already aligned; then move straight in.
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The planner finds no path.* Check in this order. (1) Is the start free, is the goal, with the
-# planner's own shapes? A gripper that holds a cup *touches* the cup. (2) Is there a path at all? Shrink the obstacles
-# until one appears; where it squeezes through is your passage. (3) Try other step sizes, longer and shorter. (4) Use
-# two trees. (5) Allow more samples, and place some in the passage. (6) Only then try another planner.
+# **Debugging tip.** *The planner finds no path.* Check in this order. (1) Are start and goal free in the planner's own
+# model of robot and scene? A gripper that holds a cup *touches* the cup. (2) Is there a path at all? Shrink the
+# obstacles until one appears; where it squeezes through is your passage. (3) Try other step sizes, longer and shorter.
+# (4) Use two trees. (5) Allow more samples, and place some in the passage. (6) Only then try another planner.
 #
 # <details><summary>What people get wrong</summary>
 #
@@ -1315,7 +1348,7 @@ show("step_through_a_passage")
 #
 # Planning times have a heavy tail: a few runs take far longer than the median. Is that bad luck of the random numbers,
 # or are some queries simply harder? The answer decides the remedy. If it is luck, restart with another seed. If it is
-# the query, look at that query. Solving 36 queries with five seeds each separates the two, for one planner at one
+# the query, look at that query. Solving 36 queries with five seeds each separates the two, for RRT-Connect at the tight
 # shelf.
 
 # %%
@@ -1396,6 +1429,26 @@ more_claims("limits_keep_an_arm_from_itself")
 # in a terminal. The `check` cells run your function in a separate process, on cases that are generated each time. They
 # report what is right, what is wrong and, if they recognise the mistake, its cause.
 #
+# ### Clearance of a straight edge
+#
+# A warm-up: the question that a planner asks most often.
+
+# %%
+card("edge_clearance")
+
+
+# %%
+def edge_clearance(a, b, discs):
+    """Return the clearance between a straight edge and each disc."""
+    # The nearer end alone.
+    discs = np.asarray(discs, dtype=float).reshape(-1, 3)
+    ends = [np.hypot(*(discs[:, :2] - np.asarray(end)).T) for end in (a, b)]
+    return np.minimum(*ends) - discs[:, 2]
+
+
+check(edge_clearance)
+
+# %% [markdown]
 # ### An edge, with a guarantee
 
 # %%
@@ -1552,8 +1605,9 @@ your_robot(5)
 # share of uniform samples so that it stays probabilistically complete.
 #
 # The test worlds have three walls with one slit each. In the chart below, the first panel shows one of them with the
-# proposed samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The last
-# panel belongs to the diffusion model, which comes next.
+# proposed samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The bridge
+# test of section 2 does badly here: few pairs of samples lie in a wall on both sides of a slit, so nearly all of its
+# checks are wasted. The last panel belongs to the diffusion model, which comes next.
 #
 # ![A learned sampler and a diffusion planner, compared with methods without
 # learning](../docs/charts/learned_planners.png)
@@ -1562,8 +1616,8 @@ your_robot(5)
 NAMES = {
     "uniform": "uniform samples",
     "learned": "learned sampler",
-    "search of the picture": "samples along a plain grid search",
-    "learned, picture counted": "learned sampler, checks to fill the grid included",
+    "grid search": "samples along a plain grid search",
+    "learned, grid counted": "learned sampler, checks to fill the grid included",
     "turned: uniform": "uniform samples, worlds rotated by 90°",
     "turned: learned": "learned sampler, worlds rotated by 90°",
 }
@@ -1620,30 +1674,31 @@ plt.show()
 show("diffusion_is_collision_free")
 
 # %% [markdown]
+# In the last panel of the chart, *diffusion, checked* returns the first of eight proposals that is free. *Pushed out*
+# first moves each proposal out of the discs with an optimiser. *Bent lines* are untrained guesses.
+#
 # The table lists learned planners that are often cited. For each of them, ask what guarantees that the result is free:
 # was a collision check passed, or was only a cost low?
 #
-# <table>
-# <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
+# <table> <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
 # <tr><td>MPNet (Qureshi and others, arXiv 1806.05767)</td> <td>2018</td> <td>a network predicts the next configuration
-# from an encoded point cloud, from start and goal in turn; it replaces the planner, not only its sampler</td> <td>a
-# check; a classical planner where it fails</td></tr>
-# <tr><td>Learned sampling distributions (Ichter, Harrison and Pavone, ICRA)</td> <td>2018</td> <td>a conditional
-# autoencoder proposes samples where solutions were</td> <td>the planner's check; uniform samples are mixed in</td></tr>
-# <tr><td>Diffuser (Janner and others, ICML)</td> <td>2022</td> <td>denoises a whole trajectory, guided by a reward</td>
-# <td>nothing</td></tr>
-# <tr><td>Diffusion Policy (Chi and others, RSS)</td> <td>2023</td> <td>denoises short chunks of actions from
-# images</td> <td>nothing; it is a policy, not a planner</td></tr>
-# <tr><td>Motion Planning Diffusion (Carvalho and others, arXiv 2308.01557)</td> <td>2023</td> <td>a diffusion model of
-# trajectories as a prior, its samples pushed by gradients of costs</td> <td>only its costs</td></tr>
-# </table>
+# from an encoded point cloud (measured points on the obstacles), from start and goal in turn; it replaces the planner,
+# not only its sampler</td> <td>a check; a classical planner where it fails</td></tr> <tr><td>Learned sampling
+# distributions (Ichter, Harrison and Pavone, ICRA)</td> <td>2018</td> <td>a generative network (conditional
+# autoencoder) proposes samples where solutions were</td> <td>the planner's check; uniform samples are mixed
+# in</td></tr> <tr><td>Diffuser (Janner and others, ICML)</td> <td>2022</td> <td>denoises a whole trajectory, guided by
+# a reward, a score for each step</td> <td>nothing</td></tr> <tr><td>Diffusion Policy (Chi and others, RSS)</td>
+# <td>2023</td> <td>denoises short chunks of actions from images</td> <td>nothing; it is a policy, which maps images to
+# actions, not a planner</td></tr> <tr><td>Motion Planning Diffusion (Carvalho and others, arXiv 2308.01557)</td>
+# <td>2023</td> <td>a diffusion model that makes likely trajectories (a prior), its samples pushed by gradients of
+# costs</td> <td>only its costs</td></tr> </table>
 #
 # ### What the field uses now
 #
 # "Under 100 ms" is no longer the frontier on a desktop computer. Vectorised planners check many configurations at once
 # with ordinary CPU instructions and report times in microseconds. Optimisers start from many guesses at once on a
 # graphics card. Convex formulations plan through convex regions of free space that were computed in advance. When one
-# of them is called *faster*, ask what the baseline was.
+# of them is called *faster*, ask for the **baseline**: faster than what?
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 2.9), layout="constrained")
@@ -1709,7 +1764,8 @@ interview("planning")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page; you can derive them from what is. The gate opens when all three are right.
+# Three formulas that are not on this page; you can derive them from what is. The tube's curve in the left chart of
+# section 7, at dimension 3, tests the second one. The gate opens when all three are right.
 
 # %%
 checkpoint("planning", thin_wall_missed="", passage_in_more_dimensions="", informed_area="")

@@ -26,13 +26,14 @@ simulation("joint")
 # %% [markdown]
 # **After this chapter you can**
 #
-# * compute the highest stable gain of a joint before you tune it;
+# * compute the highest stable gain of a rigid joint before you tune it;
 # * write a PID controller that copes with torque limits, jams and encoders;
 # * choose a tracking controller for an arm, and diagnose it when the arm does not follow;
 # * choose among four controllers for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
+# In the simulation, *settled* means within 2 % of the step for good. Section 1 explains the other readouts. You
+# need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
@@ -104,24 +105,32 @@ def print_figures(chart, *rows):
 #
 # The **set-point** $q_d$ is the angle that the joint should have, $q$ is the measured angle, and $e = q_d - q$ is the
 # error. The controller turns the error into a torque, the motor turns the joint, and the encoder measures the new
-# angle. This circle is the control loop:
+# angle. This circle is the control loop. We come to its torque limit and its delay later in this section:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.9), layout="constrained")
 box = {"boxstyle": "round,pad=0.4", "fc": "#cfe3f2", "ec": "0.3"}
 arrow = {"arrowstyle": "-|>", "color": "0.3"}
-blocks = ("set-point $q_d$", "error $e$", "controller", "torque limit", "delay", "joint")
-for k, text in enumerate(blocks):
-    _ = axes.text(2.0 * k, 0.0, text, ha="center", va="center", bbox=box, fontsize=9)
-    if k:
-        at = 2.0 * k - 1.0
-        _ = axes.annotate("", (at + 0.28, 0.0), (at - 0.28, 0.0), arrowprops=arrow)
-_ = axes.text(6.0, -1.1, "encoder", ha="center", va="center", bbox=box, fontsize=9)
-_ = axes.plot([10.0, 10.0], [-0.35, -1.1], color="0.3", lw=1)
-_ = axes.annotate("", (6.6, -1.1), (10.0, -1.1), arrowprops=arrow)
-_ = axes.plot([5.4, 2.0], [-1.1, -1.1], color="0.3", lw=1)
-_ = axes.annotate("", (2.0, -0.3), (2.0, -1.1), arrowprops=arrow)
-_ = axes.text(3.7, -0.95, "measured angle $q$", ha="center", fontsize=9)
+blocks = ("set-point $q_d$", "+", "controller", "torque limit", "delay", "joint", "encoder")
+places = ((0.0, 0.0), (2.0, 0.0), (4.0, 0.0), (6.0, 0.0), (8.0, 0.0), (10.0, 0.0), (6.0, -1.1))
+drawn = [
+    axes.text(*place, text, ha="center", va="center", bbox=box, fontsize=9)
+    for place, text in zip(places, blocks, strict=True)
+]
+for k in range(5):
+    ends = {"patchA": drawn[k].get_bbox_patch(), "patchB": drawn[k + 1].get_bbox_patch()}
+    _ = axes.annotate("", places[k + 1], places[k], arrowprops={**arrow, **ends, "shrinkB": 0})
+encoder_ = {"patchB": drawn[6].get_bbox_patch(), "shrinkB": 0}
+_ = axes.plot([10.0, 10.0], [-0.22, -1.1], color="0.3", lw=1)
+_ = axes.annotate("", places[6], (10.0, -1.1), arrowprops={**arrow, **encoder_, "shrinkA": 0})
+_ = axes.plot([5.45, 2.0], [-1.1, -1.1], color="0.3", lw=1)
+_ = axes.annotate("", (2.0, -0.24), (2.0, -1.1), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0})
+for x, y, text in (
+    (2.15, -0.5, "\u2212"),
+    (2.9, 0.12, "error $e$"),
+    (3.7, -0.95, "measured angle $q$"),
+):
+    _ = axes.text(x, y, text, ha="center", fontsize=9)
 _ = axes.set(xlim=(-1.1, 10.8), ylim=(-1.5, 0.5))
 _ = axes.axis("off")
 plt.show()
@@ -159,8 +168,8 @@ plt.show()
 
 # %% [markdown]
 # With these gains P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going
-# past it. A joint under P alone does not always oscillate. Like any mass on a spring, it does not if its damping is at
-# least critical, which for P alone means $b^2 \ge 4 J K_p$.
+# past it. P alone does not always oscillate. The **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$ decides: a mass
+# on a spring oscillates only below 1, its **critical damping**. For P alone, $\zeta \ge 1$ means $b^2 \ge 4 J K_p$.
 #
 # The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
 # friction** (dry friction) is a torque of constant size against the motion, and it can hold a joint at rest away from
@@ -249,8 +258,9 @@ more_claims("integral_clamp", "listing_settles", "listing_friction")
 #
 # So far the torque followed the angle at every instant. Then a joint with viscous friction is stable under P alone at
 # any gain: the equation above has only decaying solutions. A computer works differently. It measures the angle once per
-# sample time $dt$ (some cards write $h$), computes a torque, and the motor drive holds this torque until the next
-# sample. Holding a value between samples is called a **zero-order hold**. It turns a smooth command into a staircase:
+# sample time $dt$ (some cards write $h$) and computes a torque. The **motor drive**, the electronics that feed the
+# motor, holds this torque until the next sample. Holding a value between samples is called a **zero-order hold**. It
+# turns a smooth command into a staircase:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.5), layout="constrained")
@@ -289,8 +299,8 @@ show("hold_is_half_a_sample")
 # %% [markdown]
 # So count the hold as a delay of $dt/2$ and add it to the other delay $D$ of the loop, a good approximation for motions
 # that are slow against the sample rate. The **ultimate gain** $K_u$ is the P gain at which the loop oscillates with
-# constant amplitude, on the border between stable and unstable. To the same approximation, $K_u$ and the angular
-# frequency $\omega$ of that oscillation, the smallest positive solution, follow from
+# constant amplitude, on the border between stable and unstable. In this approximation, the angular frequency $\omega$
+# of the oscillation is the smallest positive solution of the first equation. The second one gives $K_u$:
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
 # K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
@@ -329,12 +339,13 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # ### Stability margins
 #
 # How far is a tuned loop from its limit? Cut the loop at the motor and feed in a sine of torque. The feedback subtracts
-# the measured angle. Count that minus sign separately, and compare the torque that comes back without it with the one
-# that went in. The ratio of their sizes is the **open-loop gain**, and the shift of the sine is its **phase lag**. A
-# sine that comes back with the same size and a lag of 180 degrees is inverted. The minus sign inverts it once more,
-# into the sine that went in, and the oscillation keeps itself going.
+# the measured angle. Leave out that minus sign for now, and compare the torque that comes back with the torque that
+# went in. The ratio of their sizes is the **open-loop gain**, and the shift of the sine is its **phase lag**. A sine
+# that comes back with the same size and a lag of 180 degrees is inverted. The minus sign inverts it once more, into the
+# sine that went in, and the oscillation keeps itself going.
 #
-# * The **gain margin** is the factor by which all gains can be multiplied before the loop becomes unstable.
+# * The **gain margin** is the factor by which all gains can be raised before the loop becomes unstable. (With an I
+#   term, a loop can also become unstable when all gains are lowered.)
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
 #   additional phase lag there that makes the loop unstable.
 # * The **delay margin** is the additional delay that makes the loop unstable.
@@ -375,7 +386,7 @@ plt.show()
 
 # %% [markdown]
 # The course computes all margins exactly for the sampled loop; change a slider on the first screen and watch them. For
-# a robot, quote the delay margin. It is in milliseconds, like the latency that the bus, the motor drive and the filters
+# a robot, quote the delay margin. It is in milliseconds, like the latency that communication, motor drive and filters
 # will add.
 #
 # ### Nyquist plot, sensitivity and bandwidth
@@ -385,9 +396,9 @@ plt.show()
 # angle. The critical point is $-1$: gain 1 and a lag of 180 degrees. The closer the curve comes to $-1$, the closer the
 # loop is to instability.
 #
-# What does the closed loop do to a sine? Let $d$ be the error without control, and $e$ the error that remains. Once
-# around the loop, the same factor $L$ takes the error $e$ to the motion of the joint. So $e = d - L\,e$. This gives two
-# functions of the frequency:
+# What does the closed loop do to a sine? Let $d$ be the error without control, and $e$ the error that remains. Going
+# round the loop multiplies a sine by $L$, wherever you start. Start at the error: controller and joint turn $e$ into
+# the motion $L\,e$, which is subtracted from $d$. So $e = d - L\,e$. This gives two functions of the frequency:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
@@ -402,7 +413,7 @@ plt.show()
 # example:** for $M_s = 2$ the curve stays 0.5 away from $-1$, so it does not cross the axis between $-1$ and $-0.5$.
 # The gain must at least double before a crossing reaches $-1$.
 #
-# The picture shows the loop above (blue) and the same loop with 8 times the gains (orange):
+# The picture shows the PD loop of the Bode plot (blue) and the same loop with 8 times the gains (orange):
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
@@ -470,9 +481,9 @@ for one in stored("pd_triangles")[0].series:
 #
 # ### Encoder, friction and torque limit
 #
-# An encoder rounds the angle to the nearest count (some cards say *line*). This rounding is called **quantisation**.
-# The controller has to estimate the rate from these counts. Near rest, a single count more or less between two samples
-# looks like a jump of the rate, and $K_d$ turns it into a jump of the torque.
+# An encoder rounds the angle to the nearest count. This rounding is called **quantisation**. The controller has to
+# estimate the rate from these counts. Near rest, a single count more or less between two samples looks like a jump of
+# the rate, and $K_d$ turns it into a jump of the torque.
 
 # %%
 predict("faster_loop")
@@ -502,15 +513,15 @@ for one in stored("rate_estimates")[0].series:
 # soon as it is smaller than the friction $F$, the joint can stop. So dry friction leaves an error of up to $F/K_p$. If
 # static friction is larger than $F$, the error can be up to static friction over $K_p$.
 #
-# If static friction does not exceed Coulomb friction, an I term removes this error step by step, with pauses in between
-# (blue). If it does, the torque that breaks the joint loose is more than what keeps it moving. The joint jumps, and
-# hunts (orange):
+# If static friction does not exceed Coulomb friction, an I term removes this error step by step, with longer and longer
+# pauses in between (blue). If it does, the torque that breaks the joint loose is more than what keeps it moving. The
+# joint jumps, and hunts (orange):
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
 for label, static in (("static = Coulomb = 2 N m", 2.0), ("static 3, Coulomb 2 N m", 3.0)):
     stuck = Joint(0.5, 0.5, 0.0, 2.0, static)
-    run = run_joint(stuck, Actuator(), Encoder(), Gains(40.0, 150.0, 6.0), 1.0, 1e-3, 12.0)
+    run = run_joint(stuck, Actuator(), Encoder(), Gains(40.0, 150.0, 6.0), 1.0, 1e-3, 30.0)
     _ = axes.plot(run.times, run.q, label=label)
 _ = axes.axhline(1.0, color="0.3", ls="--", lw=1)
 _ = axes.set(xlabel="time [s]", ylabel="angle [rad]", ylim=(0.95, 1.05))
@@ -525,10 +536,10 @@ plt.show()
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
 # **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
-# over by itself, such as an upright pendulum, gravity can then win, because it pulls harder than the motor can. In the
-# map, the motor has half of the torque that holds the pendulum horizontally. The controller is a high gain on the sum
-# of angle and rate (in units of $\sqrt{g/l}$). It catches the purple states and loses the orange ones, on a grid. At
-# the edge it commands the full torque all the way, so other gains do no better:
+# over by itself, such as an upright pendulum, gravity can then win. In the map, the motor has half of the torque that
+# holds the pendulum horizontally. The command is a high gain times (angle + rate), with the rate divided by
+# $\sqrt{g/l}$: this sum is the part of the motion that grows. The purple states are caught, the orange ones are lost,
+# on a grid. At the edge the controller commands the full torque all the way, so other gains do no better:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -542,8 +553,9 @@ print(f"the same for the linear model of the pendulum:          {reached[2]:.4f}
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
 # The D term is later still: by half a sample if the rate is a difference, and for slow motions by the time constant of
-# its filter. Together with the inertia and the friction these delays limit how much gain is possible. Compute this
-# limit before you tune by hand.
+# its filter. Together with inertia and friction, these delays limit the gain of a rigid joint. Compute this limit
+# before you tune by hand. An elastic gear has a **resonance**, at which motor and arm swing against each other; it
+# often sets a lower limit.
 #
 # </div>
 
@@ -563,10 +575,10 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
-# Step 2 assumes that an ultimate gain exists. Without any delay, P alone is stable at every gain. The hold is a delay,
-# so a sampled joint with viscous friction has one. But a constant amplitude does not prove that you have found it: with
-# a torque limit, larger gains end in an oscillation of constant amplitude, too. The ultimate gain depends on the delay,
-# so without its delay it means nothing. Ours is 20 ms.
+# Step 2 assumes that an ultimate gain exists. With viscous friction and without any delay, P alone is stable at every
+# gain. The hold is a delay, so the sampled joint has an ultimate gain. But a constant amplitude does not prove that you
+# have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. The ultimate gain
+# depends on the delay, so without its delay it means nothing. Ours is 20 ms.
 #
 # A joint is hard for these rules: constant torque gives constant *speed*, and the angle is the integral of that. An I
 # term adds a second integration.
@@ -576,8 +588,8 @@ show("ziegler_nichols_is_safe")
 
 # %% [markdown]
 # The alternative takes three numbers that you know: $J$, $b$ and the delay. Let $D$ be the sum of hold, difference and
-# communication. (The difference delays only the D term, so this is slightly too much for P.) With PD, try the motion
-# $e^{st}$. It is possible if
+# communication. (This counts the delay of the difference for P as well, which is half a sample too much.) With PD, try
+# the motion $e^{st}$. It is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
 #
@@ -629,7 +641,8 @@ print(f"three equal poles in the formula: {s:.1f} 1/s; slowest poles of the samp
 print(", ".join(f"{pole:.1f}" for pole in slowest))
 
 # %% [markdown]
-# The small approximation splits the three equal poles a little. All other poles of the sampled loop decay several times
+# In the sampled loop P is half a sample less late than in the formula. This splits the triple pole: one pole is about a
+# quarter slower, and the other two are a pair that oscillates but decays faster. All other poles decay several times
 # faster. The chart repeats the test over a wide range of delays. The three rules are the upper curves, the equal poles
 # the one at the bottom:
 #
@@ -682,11 +695,13 @@ plt.show()
 
 # %% [markdown]
 # The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward is even
-# ahead of computed torque here: its spring at the elbow is stiffer, and the held torque of computed torque lags behind
-# the measured motion. (The preview below removes that lag.) But feedforward assumes that the arm is on its planned
-# motion; after a disturbance, its PD part has to bring the arm back alone. Computed torque uses the measured state. Put
-# its torque into the equation of motion. The velocity terms and gravity cancel, and $M$ remains on both sides. (On the
-# card, $a_{ref}$ is $\ddot q_d$.)
+# ahead of computed torque here. With the gains chosen, its P term at the elbow is stiffer ($K_p$ against $M_{22}K_p$).
+# Also, the held torque of computed torque lags behind the measured motion. (The preview below removes that lag.) But
+# feedforward assumes that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back
+# alone.
+#
+# Computed torque uses the measured state. Put its torque into the equation of motion. The velocity terms and gravity
+# cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
@@ -702,9 +717,9 @@ show("computed_torque_law")
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
 # changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, with the
-# regressor $Y$ of chapter 4. Here $Y$ takes the reference velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative
-# $\ddot q_r$ in place of a measured acceleration. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the law
-# commands $Y\hat\theta + K s$, and the update is
+# regressor $Y$ of chapter 4. Here it is $Y(q, \dot q, \dot q_r, \ddot q_r)$. It contains the measured state, the
+# reference velocity $\dot q_r = \dot q_d + \Lambda e$, and $\ddot q_r$ instead of a measured acceleration. With $s =
+# \dot e + \Lambda e$, a weighted sum of both errors, the law commands $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
@@ -765,19 +780,22 @@ for axis, (title, word, true_inertia, viscous, coulomb) in zip(
     _ = axis.plot(across, 1e3 * e, ".", ms=1)
     _ = axis.set(title=title, xlabel=word)
 _ = axes[0].set_ylabel("error [mrad]")
+_ = figure_.suptitle("computed torque with $K_p$ = 400/s², $K_d$ = 40/s", fontsize=10)
 plt.show()
 
 # %% [markdown]
 # | the error follows | likely cause |
 # |---|---|
 # | the acceleration | inertia, or the motor's torque constant (torque per ampere) |
-# | the velocity | viscous friction, or a delay |
+# | the velocity | viscous friction, or a late measurement |
+# | the jerk, the rate of the acceleration | a late command |
 # | the sign of the velocity | Coulomb friction |
 # | the angle | gravity |
 # | only the largest torques | a torque limit |
 #
-# Two causes in one row need a second experiment. Hold the arm still against gravity: a wrong torque constant gives an
-# error there, a wrong inertia does not.
+# In a single sine, velocity and jerk have the same shape, so use a motion of several frequencies. Two causes in one row
+# need a second experiment, too. Hold the arm still against gravity: a wrong torque constant gives an error there, a
+# wrong inertia does not.
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -787,6 +805,9 @@ plt.show()
 #
 # For slow motion only $K_p e$ matters on the left, so the slope of $e$ over $\ddot q$ is $(J/\hat J - 1)/K_p$. At the
 # frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It is smaller and lags.
+#
+# A measurement that is $D$ late reports an angle that is wrong by $D\dot q$. A torque that is $D$ late lacks
+# $D\dot\tau$, for an inertia $DJ$ times the jerk.
 #
 # </details>
 
@@ -863,8 +884,9 @@ for name, named in causes.items():
 
 # %% [markdown]
 # The chart varies the noise. On the left, second differences (orange) are wrong at every noise level, while the
-# integral form (blue) stays accurate. On the right, the causes that are drawn are identified at every noise level,
-# except Coulomb friction (green), which is lost in the largest noise:
+# integral form (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are identified at
+# every noise level. (*Constant* is the torque constant; the torque limit is not drawn.) Only Coulomb friction (green)
+# is lost in the largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -886,8 +908,7 @@ more_claims("inertia_by_differences")
 # $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
 #
 # The last equation is the **Riccati equation**. You can solve it by repetition: start with $P = Q$, compute $K$, then
-# the next $P$. Each repetition looks one sample further ahead. The course uses a doubling algorithm, in which each
-# round doubles the number of samples.
+# the next $P$. Each repetition looks one sample further ahead.
 #
 # **Worked example:** one state with $A = B = Q = 1$ and $R = 2$. Then $K = P/(2 + P)$ and $P = 1 + P(1 - K)$. The
 # solution is $P = 2$ and $K = 1/2$: every command halves the state.
@@ -936,11 +957,12 @@ _ = axes[0].legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan contains
-# the braking with the limited force. With one motor, MPC saves nothing if no limit is active after the first sample:
-# add $x^\mathsf{T}Px$ of the plan's last state to its cost, and both give the same command. The left chart shows how
-# much MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the
-# previous plan:
+# The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
+# (crosses) contains the braking with the limited force. This mass is at its limit twice: first to speed up, then to
+# brake. MPC saves nothing if the limit is active in one stretch from the start, or never. Then it gives the same
+# commands as the clipped LQR, provided that the plan's cost ends with $x^\mathsf{T}Px$ of its last state. The left
+# chart shows how much MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins
+# the search at the previous plan:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 
@@ -960,6 +982,9 @@ more_claims("mpc_beats_clipping")
 #    lowest one. A small temperature $\lambda$ trusts the best rollout alone; a large one averages over nearly all of
 #    them.
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
+#
+# Here is one such sample for a mass of 1 kg. The weighted mean runs past the target, because braking pays off only
+# after the end of the plan. The next samples plan again:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -984,7 +1009,7 @@ plt.show()
 # %% [markdown]
 # How many rollouts, and how far ahead? The chart shows a pendulum whose motor is too weak to lift it in one go: it can
 # deliver a third of the torque that holds the pendulum horizontally. It has to swing back and forth first, and the plan
-# must reach far enough to show that this pays off:
+# must reach far enough to show that this pays off. The bands are 95 % confidence intervals:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
@@ -1050,9 +1075,8 @@ plt.show()
 
 # %% [markdown]
 # **Admittance control** reverses the direction. It *measures* the contact force, computes how a virtual mass on a
-# spring and a damper would move under it, and sends that motion to a stiff position loop. Impedance control needs
-# joints with torque control and little friction. Admittance control needs a force sensor, and suits arms with large
-# gears.
+# spring and a damper would move under it, and sends that motion to a stiff position loop. Impedance control suits
+# joints with little friction, admittance control arms with large gears.
 #
 # | | input | output | needs |
 # |---|---|---|---|
@@ -1101,8 +1125,9 @@ show("damping_is_safe")
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, look at the green curve. A simulated contact with default settings (d = 0.9) allows the same gain
-# at nearly every wall: far too much at a stiff one, too little at a soft one. Section 7 gives the reason.
+# In the left chart, look at the green curve. It is MuJoCo's contact with its default softness, the number d that
+# section 7 explains. This contact allows the same gain at all walls but the stiffest: far too much at a stiff wall, too
+# little at a soft one.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1215,41 +1240,49 @@ plt.show()
 #
 # ## 4 · Design: contact regimes and loop rates
 #
-# A contact task passes through four regimes, and each suits another controller. The table measures them on one probe of
-# 4 kg with a delay of 2 ms, at a wall of 10 kN/m. *Lowest rate* is the lowest sample rate at which the loop is stable,
-# not a recommendation. For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. A set-point of position moves
-# on at that speed and stops 20 mm inside the wall; the force controller asks for 10 N. *Surface 2 mm off* is the change
-# of the steady force when the surface is 2 mm nearer than expected.
+# A contact task passes through free space, approach and contact, and each suits another controller. The table compares
+# the controllers at a wall of 10 kN/m, on one probe of 4 kg with a delay of 2 ms. (Hybrid control is the force
+# controller along the normal and the stiff one along the surface.) *Lowest rate* is the lowest sample rate at which the
+# loop is stable, not a recommendation.
+#
+# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. A set-point of position moves on at that speed and
+# stops 20 mm inside the wall; the force controller asks for 10 N. *Surface 2 mm off* is the change of the steady force
+# when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
-    "| regime | controller | lowest rate | use | first peak | surface 2 mm off |",
+    "| regime | controller | use | lowest rate | first peak | surface 2 mm off |",
     "|---|" + "---|" * 5,
 ]
 for regime, name, use in (
     ("free space", "stiff position", "motion between waypoints"),
     ("before contact", "soft impedance", "slow approach"),
-    ("contact", "force", "pushing, insertion"),
-    ("hybrid", "hybrid", "wiping: force along the normal, position along the surface"),
+    ("contact", "force", "pushing, insertion, wiping"),
 ):
     result = touch.row(name)
     lines.append(
-        f"| {regime} | {name} | {result['rate_hz']:.0f} Hz | {use} | "
+        f"| {regime} | {name} | {use} | {result['rate_hz']:.0f} Hz | "
         f"{result['peak_n']:.0f} N | {result['off_n']:+.1f} N |"
     )
+bare = touch.first_peak(replace(touch.PRESS, damping=0.0))
+lines.append(
+    f"\nThe force controller also has a damping of {touch.PRESS.damping:.0f} N s/m. Without it the "
+    f"first peak would be {bare:.0f} N."
+)
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# Without a controller, $v\sqrt{m k_e}$ would give 20 N. The soft and the force controller slow the hand down before it
-# touches. The stiff one is so well damped that its force rises to the pressing force, without a separate impact. In the
-# chart nothing is damped, and the impact shows as a peak of its own. It hardly changes while the controller is softer
-# than the wall. A stiffer one (last points) pushes the hand on into the wall, and the chart shows that push.
+# Without a controller, $v\sqrt{m k_e}$ would give 20 N. The soft controller and the damping of the force controller
+# slow the hand down before it touches. The stiff one is so well damped that its force rises to the pressing force,
+# without a separate impact. In the chart nothing is damped, and the impact shows as a peak of its own. It hardly
+# changes while the controller is softer than the wall. A stiffer one (last point of each curve) pushes the hand on into
+# the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
-# A robot runs several loops inside each other. Each inner loop must have several times the bandwidth of the loop around
-# it, because the outer loop is designed as if the inner one responded at once. The sketch gives typical sample rates,
-# as orders of magnitude:
+# A robot runs several loops inside each other, a **cascade**. The outer loop is designed as if the inner one responded
+# at once. So the inner one needs several times its bandwidth; the fold-out below shows why four times is enough. The
+# sketch gives typical sample rates, as orders of magnitude:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1273,6 +1306,15 @@ _ = axis.axis("off")
 plt.show()
 
 # %% [markdown]
+# <details><summary>Derive: how much faster the inner loop must be</summary>
+#
+# Let an inner velocity loop follow its command $\dot q_c$ as $\ddot q = \omega_i(\dot q_c - \dot q)$, and let the outer
+# loop command $\dot q_c = \omega_o e$. For a constant set-point,
+# $\ddot q + \omega_i\dot q + \omega_i\omega_o\,q = \omega_i\omega_o\,q_d$. The damping ratio is
+# $\tfrac12\sqrt{\omega_i/\omega_o}$: 1 if the inner loop is four times as fast, and only 0.5 if both are equally fast.
+#
+# </details>
+#
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position or
@@ -1294,25 +1336,25 @@ plt.show()
 # ## 5 · Code, and the simulation in full
 #
 # The closed loop as a matrix. The state vector contains the plant's state, the commands that are still waiting in the
-# delay, and the controller's state. Each row block of the matrix says how one of them gets its next value. `transition`
-# is the plant's own matrix. A command may arrive in mid-sample. `before` says how the old command changes the state
-# until then, and `now` how the new one changes it until the end of the sample; `whole` is the number of whole samples
-# of delay, and `A`, `B`, `C`, `D` describe the controller:
+# delay, and the controller's state. `transition` is the plant's own matrix. A command may arrive in mid-sample.
+# `before` says how the old command changes the state until then, and `now` how the new one changes it until the end of
+# the sample; `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
 
 # %% [markdown]
-# One sample of a PID controller for a real motor drive: derivative of the measurement, torque and slew-rate limit, and
-# both methods against windup (`windup` is 1 for back-calculation, 2 for neither). The arguments are unpacked in the
-# omitted lines; `weight` is the share of the set-point in the P term:
+# One sample of a PID controller for a real motor drive: derivative of the measurement, limits on the torque and on its
+# change per second (`slew`), and both methods against windup (`windup` is 1 for back-calculation, 2 for neither). The
+# arguments are unpacked in the omitted lines; `weight` multiplies the set-point in the P term:
 
 # %% tags=["hide-code"]
 source(control.pid._update, "error = setpoint - y")
 
 # %% [markdown]
-# Computed torque with half-sample preview. `needed` is inverse dynamics: the torque that the model needs for a desired
-# acceleration. `pd` computes the PD terms:
+# Computed torque with half-sample preview. The caller passes the reference for the middle of the sample. The function
+# moves the measured state there, with the planned acceleration. `needed` is inverse dynamics: the torque that the model
+# needs for a desired acceleration. `pd` computes the PD terms:
 
 # %% tags=["hide-code"]
 source(control.computed_torque, "half = 0.5")
@@ -1375,10 +1417,13 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
-# about the same time. With the wrong model, computed torque is far behind PD with gravity compensation. But this
-# compares gains, not controllers: here the PD spring at the elbow is seven times as stiff as that of computed torque,
-# $M_{22}K_p$. At equal stiffness computed torque errs more with the wrong model, by less than a factor of two. With the
-# right one it is ahead by a factor of more than a hundred:
+# about the same time. (The adaptive law is called from Python, the others are compiled, so its time says little about
+# the method.)
+#
+# With the wrong model, computed torque is far behind PD with gravity compensation. But this compares gains, not
+# controllers: here the PD spring at the elbow is seven times as stiff as that of computed torque, $M_{22}K_p$. At equal
+# stiffness computed torque errs more with the wrong model, by less than a factor of two. With the right one it is ahead
+# by a factor of more than a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
@@ -1400,8 +1445,9 @@ Markdown("\n".join(lines))
 #
 # ### The simulator's hold
 #
-# Gains that work in simulation can shake the robot. One cause is how a simulator steps. MuJoCo uses **semi-implicit
-# Euler**: it first updates the velocity with the torque, and then moves the position with the *new* velocity.
+# Gains that work in simulation can shake the robot. One cause is how a simulator steps. MuJoCo (version 4 here) uses
+# **semi-implicit Euler**: it first updates the velocity with the torque, and then moves the position with the *new*
+# velocity.
 
 # %%
 predict("one_step_a_sample")
@@ -1436,11 +1482,15 @@ plt.show()
 #
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 #
-# Other parts of a simulator are models with their own stability limits, too. A built-in position servo has no hold
-# between the robot's samples: the physics step updates it together with the motion. Its limits are in the right chart
-# of the stable PD gains (section 1). In MuJoCo, the attribute `delay` of a position actuator delays the set-point, not
-# the feedback. In MuJoCo's soft contact, a fixed share $d$ of the command appears at once as contact force, before the
-# hand has moved. (A spring would give none.) So a force loop there has a limit of about $1/d$ at nearly every wall.
+# Other parts of a simulator are models with their own stability limits, too. MuJoCo evaluates a built-in position servo
+# in every physics step, together with the motion. So the servo has no hold and is not a sampled loop. Its limits depend
+# on the integrator (*Euler*, *implicitfast* or *discrete*) and are in the right chart of the stable PD gains in section
+# 1. Triangles there mean that no limit was found. The attribute `delay` of a position actuator delays the set-point,
+# not the feedback.
+#
+# In MuJoCo's soft contact, a fixed share $d$ of the command appears at once as contact force, before the hand has
+# moved. (A spring would give none.) So a force loop with gain $g$ multiplies its own command by $g\,d$ in each sample.
+# That stays bounded only for $g\,d < 1$, so the limit is about $1/d$ at nearly every wall.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1491,10 +1541,8 @@ trace(axes[3], "D", Gains(20.0, 20.0, 4.0, u_min=-2.0, u_max=2.0, windup="none")
 plt.show()
 
 # %% [markdown]
-# A is a loop beyond its stability limit, whose torque limit keeps the oscillation constant. B is hunting, with pauses.
-# C is the torque at rest, which rattles with the encoder counts. D could also be an I term that is too large. Its
-# command, which was at the limit for most of the step, shows that it is windup. How you tell them apart, and what
-# helps:
+# A, B and C are the first three rows of the table. D could also be an I term that is too large. But its command was at
+# the limit for most of the step, so it is windup:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1544,10 +1592,28 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# There are seven graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
+# There are eight graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
 # function in a separate process on new random cases. It reports what is right and what is wrong. Where it recognises
 # the mistake, it also says why.
 #
+# ### PD gains for a joint
+#
+# A warm-up: the first gains that anybody has to choose.
+
+# %%
+card("pd_gains")
+
+
+# %%
+def pd_gains(inertia, friction, frequency, ratio):
+    """Return the PD gains with which joints have a desired frequency and damping ratio."""
+    # The same gains for every joint.
+    return np.full(len(inertia), 100.0), np.full(len(inertia), 10.0)
+
+
+check(pd_gains)
+
+# %% [markdown]
 # ### The ultimate gain
 
 # %%
@@ -1708,8 +1774,7 @@ your_robot(6)
 #
 # A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
 # Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns the second term
-# with reinforcement learning, the subject of chapter 9. It starts with a controller that already works. You will often
-# read that it "converges much faster". That depends on the model it starts from.
+# with reinforcement learning, the subject of chapter 9. It starts with a controller that already works.
 #
 # In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. Its
 # data come from the motions that the arm has made. In use, the acceleration is the one that the law requests.
@@ -1771,7 +1836,8 @@ for price in (1e-4, 1.0):
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open the one-minute answer, the full answer and the likely follow-up questions.
+# Answer aloud, then open the one-minute answer, the full answer and the likely follow-up questions. The questions on
+# legged robots, on stops and on people go beyond this page.
 
 # %%
 interview("control")

@@ -4,6 +4,7 @@
 # *A depth camera looks at a table. Where is the known part, to 2 mm and 2 degrees, so that a gripper can close on it?
 # Answer first<span class="kernel-only">, run the cells, then drag a part</span>.* About {open minutes} minutes of
 # reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
+# The answers of the interview are not counted.
 
 # %%
 from course.cards import predict
@@ -25,9 +26,9 @@ simulation("perception")
 #
 # ## The pipeline in six stages
 #
-# A gripper needs a position and an orientation. A camera delivers a few hundred thousand numbers. Between them lie
-# six stages, and each of them can lose the part or move it. The whole chapter walks along this line from left to
-# right, so look at it once before we start. (The list below shows your exercises; they are all in section 8.)
+# A gripper needs a position and an orientation. A camera delivers a few hundred thousand numbers. Between them lie six
+# stages, and each of them can lose the part or move it. The chapter walks along this line. (The list below shows the
+# exercises of section 8.)
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -101,7 +102,12 @@ one_pixel = 1e3 * float(SENSOR.sigma(0.8, EYE))
 plane_offset = dict(zip(*curve("plane_precision", "SVD of points", 1), strict=True))[0.3]
 ERRORS = (
     ("image", "noise of one pixel", one_pixel, BLUE),
-    ("points", "half a pixel in the\nprincipal point", figure("half_a_pixel", "shift_mm"), ORANGE),
+    (
+        "points",
+        f"half a pixel in the principal\npoint, at {figure('half_a_pixel', 'far'):.2f} m",
+        figure("half_a_pixel", "shift_mm"),
+        ORANGE,
+    ),
     ("table", "plane fitted to points,\nnot to 1/z (0.3 px noise)", plane_offset, ORANGE),
     ("clusters", "height: 3 times the\nnoise of one pixel", 3.0 * one_pixel, "none"),
     ("poses", "independent noise", 1e3 * curve("pose_precision", "shape")[1].min(), BLUE),
@@ -145,17 +151,15 @@ plt.show()
 # experiments. Orange points are avoidable mistakes; blue ones remain when you work carefully. The hollow point is not
 # an error but a height: parts much lower than this are lost with the table.*
 #
-# Two things in this figure surprise most people. First, the noise of a single pixel is nearly as large as the
+# Two things in this figure may surprise you. First, the noise of a single pixel is nearly as large as the
 # tolerance, but the pose is far more accurate, because it averages thousands of pixels. Second, the two largest
 # errors don't come from the noise of the image. One is the age of the pose. The other is the camera's position, if it
 # was calibrated with only three touched points: their small errors act through a long lever.
 #
-# The values come from different experiments, each described where it belongs, so they don't add up to a total. They
-# do tell you where to look first.
+# The values come from different experiments, each described where it belongs, so they don't add up to a total.
 #
-# Most scenes below explain first and then ask. Derivations are folded away. A number in the text comes from the cell
-# above it, or from a check that `python -m course.derivations 7` runs again. All images are computed, so the true
-# poses are known.
+# Derivations are folded away. A number in the text comes from the cell above it, or from a check that
+# `python -m course.derivations 7` runs again. All images are computed, so the true poses are known.
 #
 # ## 1 · Concept: what a depth camera measures
 #
@@ -221,8 +225,8 @@ print(
 )
 
 # %% [markdown]
-# The error in the middle panel grows towards the top of the image, where the table is farther away. The next scene
-# says by how much. And from the worked example you can answer this:
+# The error in the middle panel grows towards the top of the image, where the table is farther away. The scene about
+# noise says by how much. From the worked example you can answer this:
 
 # %%
 show("small_parts_have_few_pixels")
@@ -230,15 +234,15 @@ show("small_parts_have_few_pixels")
 # %% [markdown]
 # ### Pixels without a measurement: 0 and NaN
 #
-# No depth camera measures every pixel. A black or shiny surface returns too little light, a point near an edge is
-# visible to only one of the two eyes, and something may be out of range. Such a pixel has **no measurement**, and a
-# driver has to write *something*.
+# No depth camera measures every pixel. A black or shiny surface returns too little light, a point near an edge may be
+# hidden from one of a stereo sensor's two cameras, and something may be out of range. Such a pixel has **no
+# measurement**, and a driver has to write *something*.
 #
-# There are two conventions. Many drivers write 0. ROS follows REP 118, which says that a depth image in metres marks
-# a missing measurement with NaN ("not a number"), and uses infinities for what is beyond the range. Both are
-# dangerous if your program does not expect them. A zero that is treated as a depth becomes a point at the centre of
-# the camera. A NaN that enters one sum turns the whole mean into NaN, and every comparison with NaN is false, so that
-# a test for errors may pass silently.
+# Many drivers write 0. ROS follows REP 118, which says that a depth image in metres marks a missing measurement with
+# NaN ("not a number"), and uses infinities for what is beyond the range. Both are dangerous if your program does not
+# expect them. A zero that is treated as a depth becomes a point at the centre of the camera. A NaN that enters one sum
+# turns the whole mean into NaN, and every comparison with NaN except `!=` is false, so a test for errors may pass
+# silently.
 #
 # So convert once, when you read the image, and use a single convention inside. This chapter's `Camera.picture` turns
 # every non-finite value into 0, and every later stage skips zeros.
@@ -259,9 +263,9 @@ print(f"same pose       {np.array_equal(as_zero.pose, as_nan.pose)}")
 print(f"mean of an image with NaN: {np.mean(np.where(missing, np.nan, alone))} m")
 
 # %% [markdown]
-# Units deserve the same care. Depth images are stored as metres in floating point, or as millimetres in 16-bit
-# integers. The second form, read as the first, puts the table 800 m away. `locate` rejects such an image and says
-# why:
+# Depth images are stored as metres in floating point, or as millimetres in 16-bit integers. The second form, read as
+# the first, puts the table 800 m away. `locate` rejects such an image, and also one whose rows and columns are
+# swapped:
 
 # %% tags=["hide-code"]
 for wrong in (1000.0 * noticed, noticed.T):
@@ -301,18 +305,17 @@ print(f"{what}, and nobody told the program: the box moves by {shift} mm")
 
 # %% [markdown]
 # *A straight grid as three lenses show it. The middle one is the pinhole of this chapter. The printed line is an
-# experiment: a lens that deviates by a fifth of a pixel at the corners, in a program that doesn't know it.*
+# experiment with a lens that is a fifth of a pixel off at the corners.*
 #
 # Undo the distortion before everything else. Most drivers deliver a **rectified** image, in which this has already
 # been done, and publish intrinsics that belong to the rectified image. Mixing the raw image with the rectified
-# intrinsics is a classic mistake: its error is zero in the middle and grows towards the corners. This chapter's camera
-# has no distortion. What a distortion that was not fully undone costs is printed above.
+# intrinsics is a classic mistake: its error is zero in the middle and grows towards the corners. And don't interpolate
+# a *depth* image on the way, because that mixes two surfaces at every edge. Undistort its rays instead.
 #
 # ### Noise: the square of the distance
 #
-# Depth from two eyes works like the depth that you perceive. Two cameras, a **baseline** $B$ apart, see the same
-# point in different columns. The difference of the columns is the **disparity** $d$. Similar triangles give $d =
-# fB/z$: near points shift much, far ones hardly.
+# Two cameras, a **baseline** $B$ apart, see the same point in different columns. The difference of the columns is the
+# **disparity** $d$. Similar triangles give $d = fB/z$: near points shift much, far ones hardly.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -332,8 +335,8 @@ _ = axis.set(xlim=(-0.35, 2.3), ylim=(-0.03, 0.23), yticks=[], xlabel="distance 
 plt.show()
 
 # %% [markdown]
-# *Two eyes and two points. Each ray has the same small error of angle. The thick bars are the
-# range of depths that result: short for the near point, long for the far one.*
+# *Two cameras and two points. Each ray has the same small error of angle. The thick bars are the range of depths that
+# result: short for the near point, long for the far one.*
 #
 # The matching algorithm finds the disparity with an error of a fraction $s$ of a pixel, whatever the distance. What
 # does that do to the depth?
@@ -386,8 +389,8 @@ plt.show()
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Before you choose any algorithm, write down $z^2 s/(fB)$ for your camera and distance. Every
-# tolerance in depth should be a multiple of it. A part that is only one or two of them high cannot be told from the
-# table pixel by pixel.
+# tolerance in depth should be a multiple of it. A part that is only one or two $\sigma_z$ high cannot be distinguished
+# from the table by single pixels.
 #
 # </div>
 #
@@ -416,8 +419,8 @@ print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
 # For a patch much larger than the window, the spread grows by the width of the window, here 5. A program that counts
-# the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small. For a patch
-# that is as small as the window it is about 12 times. This is the easiest mistake of the chapter to make.
+# the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small. For a
+# patch that is as small as the window it is about 12 times.
 
 # %%
 more_claims("averaging_removes_all")
@@ -437,10 +440,10 @@ more_claims("averaging_removes_all")
 # <tr><td>structured light (Kinect v1)</td> <td>shift of a known pattern</td> <td>$z^2 s/(fB)$</td> <td>sun; two
 # projectors</td> <td>Khoshelham and Elberink, Sensors 12, 2012</td></tr>
 # <tr><td>time of flight by phase (Azure Kinect)</td> <td>phase $\varphi$ of light modulated at $f_m$</td>
-# <td>$\frac{c}{4\pi f_m}\,\sigma_\varphi$</td> <td>several light paths; dark parts; sun</td> <td>Tölgyessy and
-# others, Sensors 21, 2021</td></tr>
-# <tr><td>LiDAR with pulses (OS1)</td> <td>time $t$ of a pulse</td> <td>$\frac{c}{2}\,\sigma_t$</td> <td>few points;
-# edges; glass</td> <td>Ouster, OS1 data sheet</td></tr>
+# <td>$\frac{c}{4\pi f_m}\,\sigma_\varphi$, $c$: speed of light</td> <td>several light paths; dark parts; sun</td>
+# <td>Tölgyessy and others, Sensors 21, 2021</td></tr>
+# <tr><td>LiDAR with pulses (OS1)</td> <td>time $t$ of a pulse, there and back</td> <td>$\frac{c}{2}\,\sigma_t$</td>
+# <td>few points; edges; glass</td> <td>Ouster, OS1 data sheet, edition with 850 nm lasers</td></tr>
 # </table>
 #
 # <details><summary>Common statements about them, and how much of each is right</summary>
@@ -466,8 +469,9 @@ more_claims("averaging_removes_all")
 # *640 x 480 at 30 images a second.* One of the modes. The family's table lists depth up to 1280 x 720, and up to 90
 # images a second.
 #
-# *Below a millimetre close up*, *1 to 3 mm*: both occur, at different distances (see the card on noise above). The
-# OS1's data sheet states a repeatability in centimetres, which depends on the signal and not on the distance.
+# *Below a millimetre close up*, *1 to 3 mm*: both occur, at different distances (see the card on noise above). For the
+# OS1, the edition in the table states a repeatability of 1.5 to 10 cm by signal-to-noise ratio. Other editions list it
+# by distance.
 #
 # </details>
 #
@@ -476,12 +480,12 @@ more_claims("averaging_removes_all")
 # ### Points and voxels
 #
 # The next stages work in space, not in pixels. **Back-projection** inverts the pinhole: $x = (u - c_x)\,z/f_x$ and $y
-# = (v - c_y)\,z/f_y$. You will write it in section 8. Remember that $z$ is the distance along the axis. If a sensor
-# reports the length of the ray instead, divide by the length of $((u-c_x)/f_x,\;(v-c_y)/f_y,\;1)$ first.
+# = (v - c_y)\,z/f_y$. Remember that $z$ is the distance along the axis. If a sensor reports the length of the ray
+# instead, divide by the length of $((u-c_x)/f_x,\;(v-c_y)/f_y,\;1)$ first.
 #
 # A **voxel grid** divides space into cubes and replaces the points in each cube with their mean. Later stages become
-# faster, and the density of points becomes uniform, whatever the distance. You will often read that a grid removes
-# parts smaller than a cube. The fold-out at the end of this section says what happens instead.
+# faster, and the density of points becomes uniform, as long as a pixel is narrower than a cube. Does it remove parts
+# smaller than a cube? See the fold-out at the end of this section.
 
 # %% tags=["hide-code"]
 row = int(np.argmax(np.count_nonzero(ids == 1, axis=1)))  # the row with most of the box
@@ -491,10 +495,10 @@ rays_x, _ = EYE.rays()
 in_row = np.array([rays_x[columns] * noticed[row, columns], 0 * columns, noticed[row, columns]])
 centres, _ = perception.voxel_mean(in_row, 0.01)
 figure_, axis = plt.subplots(figsize=(7, 2.6), layout="constrained")
+_ = axis.plot(1e3 * centres[0], 1e3 * centres[2], "o", color=ORANGE, ms=7, label="means of voxels")
 _ = axis.plot(
-    1e3 * in_row[0], 1e3 * in_row[2], ".", color=GREY, ms=5, label="points of one image row"
+    1e3 * in_row[0], 1e3 * in_row[2], ".", color="black", ms=4, label="points of one image row"
 )
-_ = axis.plot(1e3 * centres[0], 1e3 * centres[2], "o", color=ORANGE, ms=5, label="means of voxels")
 steps_x, steps_z = (
     np.arange(np.floor(a.min() * 100), np.ceil(a.max() * 100) + 1) * 10 for a in in_row[::2]
 )
@@ -511,8 +515,9 @@ plt.show()
 # one mean is left of each.*
 #
 # The principal point deserves attention. If pixel centres have integer coordinates, the middle of $W$ columns is
-# $(W-1)/2$ and not $W/2$. The difference of half a pixel moves *everything* sideways by the same amount. No test inside
-# the pipeline notices it, because all points still fit together. The pipeline figure shows what it costs at 0.8 m.
+# $(W-1)/2$ and not $W/2$. The difference of half a pixel moves each point sideways in proportion to its depth. Planes
+# stay planes, and depths and outline move together, so no test inside the pipeline notices it. The pipeline figure
+# shows what it costs.
 #
 # ### The table: RANSAC
 #
@@ -548,7 +553,7 @@ plt.show()
 
 # %% [markdown]
 # *RANSAC in two dimensions: two sampled points (circles) define a line. Points within the tolerance (dashed) are its
-# inliers (orange). The sample with the most inliers wins.*
+# inliers (orange).*
 #
 # How many samples do you need? If a share $w$ of the points lies on the table, three random points are all on it with
 # probability $w^3$. All of $n$ samples fail with probability $(1 - w^3)^n$. Set this to $1 - P$ and solve for $n$:
@@ -569,8 +574,7 @@ show("draws_find_the_plane")
 # *Share of runs that find the plane, against the tolerance in units of the noise. Three noisy points make a tilted
 # plane, so the plain algorithm stays below the promise. A refit to the inliers, and a second one, repair most of it.*
 #
-# RANSAC has decided which points belong to the table. How should the final fit be done? Write the plane as $1 = a\,x +
-# b\,y + c\,z$ and divide by $z$:
+# How should the final fit be done? Write the plane as $1 = a\,x + b\,y + c\,z$ and divide by $z$:
 #
 # $$\frac{1}{z} = a\,\frac{x}{z} + b\,\frac{y}{z} + c .$$
 #
@@ -585,16 +589,17 @@ show("inverse_depth_is_better")
 # ![Angle of the table against time, and its offset against the noise](../docs/charts/plane_precision.png)
 #
 # *This chart uses a better camera than the card: 320 x 240 pixels and a baseline of 75 mm, so its offsets are
-# smaller. Left: error of the plane's angle against computing time. Along a curve of RANSAC the number of samples grows,
-# which hardly helps; along the others the number of pixels. Right: systematic offset of the plane against the noise.
-# The fit of $1/z$ has none; the fit to the points (by a singular value decomposition, SVD) has one.*
+# smaller. Left: error of the plane's angle against computing time. On both RANSAC curves each further point uses more
+# samples, which hardly helps from the second point on. On the other two it uses more pixels. Right: systematic offset
+# of the plane against the noise. The fit of $1/z$ has none; the fit to the points (by a singular value decomposition,
+# SVD) has one.*
 #
 # One question remains: is the largest plane the table? It may be the lid of a large box. Three tests cost nothing. Is
 # the plane where the calibration puts the table? Does its normal point up? Are the other points above it?
 #
 # ### One cluster per part: DBSCAN and connected components
 #
-# What is left above the table are parts, walls of a bin, the robot's own hand, and noise. They have to be separated.
+# What is left above the table are parts, walls of a bin, the robot's own hand, and noise.
 #
 # **DBSCAN** (Ester and others 1996) groups by density. A point with enough neighbours within a radius `eps` is a
 # **core point**. Core points that are neighbours of each other form one cluster, and a point without any core point
@@ -641,8 +646,8 @@ print(f"pixels: clusters of {counts[counts >= 40]}, {counts[counts < 40].sum()} 
 # %% [markdown]
 # *The same image, clustered in two ways. Colours are clusters, black is noise.*
 #
-# The printed counts show how many points each stage passes on. Get into the habit of printing them: the debugging
-# section uses nothing else.
+# The printed counts show how many points each stage passes on. Get into the habit of printing them: section 7 finds
+# lost parts with them.
 
 # %%
 more_claims(
@@ -677,15 +682,16 @@ show("kabsch_without_determinant")
 # ### ICP: guessed pairs
 #
 # You don't know the pairs. **ICP**, iterative closest point (Besl and McKay 1992; Chen and Medioni 1991), guesses
-# them: each measured point belongs to the closest point of the model. Fit, move the model, and guess again. The
-# **residual** is the root mean square of the distances that remain.
+# them: each measured point belongs to the closest point of the model. Pairs farther apart than a limit, the **gate**,
+# are ignored. Fit, move the model, and guess again. The **residual** is the root mean square of the distances that
+# remain.
 #
 # There are two versions. Point-to-point pulls each point to its partner. **Point-to-plane** measures the distance
 # along the model's normal only, so that points can slide along a surface. On a flat side this makes all the
 # difference: a wrong partner on the same plane costs nothing.
 #
 # For a known part you don't even need a point cloud of the model. The closest point of a box, a cylinder or a sphere
-# has a closed form. Nothing is sampled, and there is no search tree.
+# has a closed form.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.4), layout="constrained")
@@ -715,9 +721,9 @@ plt.show()
 
 # %% [markdown]
 # *A model (blue) and measured points of two of its sides (orange). Grey lines join each point to the closest point of
-# the model: the guessed pairs. From a good start the guesses become right.*
+# the model: the guessed pairs.*
 #
-# ICP only ever goes downhill. The set of starting poses from which it reaches the right pose is its **basin**. A
+# ICP is a local search. The set of starting poses from which it reaches the right pose is its **basin**. A
 # **symmetry** of a part is a turn after which it looks the same. A prism with four sides has one of 90 degrees. So you
 # expect a start that is off by more than half of that, 45 degrees, to end in the next of its four equal poses.
 #
@@ -744,16 +750,17 @@ more_claims("icp_comes_home", "own_points_come_home", "picture_to_picture")
 # %% [markdown]
 # ### Covariance of a pose: what the points determine
 #
-# A pose is six numbers. How accurate is each of them? Take one measured point $p$ on a face with normal $n$. It
-# restricts the pose along $n$ only. A small shift $t$ and a small turn $r$ change its distance from the face by
-# $n\cdot t + (p \times n)\cdot r$. So each point contributes one row
+# A pose is six numbers. How accurate is each of them? Take one measured point $q$ on a face with normal $n$. It
+# restricts the pose along $n$ only. A small shift $t$ and a small turn $r$ about the origin of the part's frame, in
+# which $q$ is given, change its distance from the face by $n\cdot t + (q \times n)\cdot r$. So each point contributes
+# one row
 #
-# $$J = \big(\,n^\mathsf{T},\; (p \times n)^\mathsf{T}\,\big), \qquad \text{information} = \sum \frac{J^\mathsf{T}
+# $$J = \big(\,n^\mathsf{T},\; (q \times n)^\mathsf{T}\,\big), \qquad \text{information} = \sum \frac{J^\mathsf{T}
 # J}{\sigma^2}, \qquad \text{covariance} = \text{information}^{-1} .$$
 #
 # **A worked example.** A hundred points on one flat face, each with 1 mm of independent noise, determine the position
 # along the normal to $1/\sqrt{100}$, which is 0.1 mm. About a shift *along* the face they say nothing at all: that
-# entry of every row is zero, and a hundred times nothing is nothing.
+# entry of every row is zero.
 #
 # The information matrix is also called the **normal matrix**, because it is the matrix of the normal equations that
 # each step of ICP solves. A direction without information is **unobserved**. The matrix then has a zero eigenvalue
@@ -770,8 +777,8 @@ show("what_is_not_seen")
 # for something that was never measured. The honest answer is infinity, together with the name of the direction.
 #
 # And are the *finite* variances honest? Divide the squared error by the predicted variance, over many images. The mean
-# should be one. There is a reason for doubt. Near an edge, a noisy point may be closest to a face that the camera
-# cannot even see. ICP then believes that it has measured this face.
+# should be one. Near an edge, a noisy point may be closest to a face that the camera cannot even see. ICP then
+# believes that it has measured this face.
 
 # %%
 show("normal_matrix_is_covariance")
@@ -796,11 +803,13 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 # Look at a box from straight above. All its points lie on one horizontal face, so they determine its height and two
 # tilts, and nothing else. Yet you can *see* where it is, because you see its edge.
 #
-# The **outline** is the set of border pixels where the part hides something farther away. Each of them lies within
-# half a pixel of the model's contour. Its distance from the contour is one more residual, with a row $(n^\mathsf{T},
-# (p \times n)^\mathsf{T})$ as above. Here $p$ is the contour's point on the part and $n$ the direction across the
-# contour, scaled by $f/z$ because the distance is in pixels. These rows determine $x$, $y$ and the turn. One caution:
-# where something nearer covers the part, the border belongs to *that* object and must not be used.
+# The **outline** is the set of border pixels where the part hides something farther away. The contour crosses between
+# such a pixel and its neighbour outside, so the middle of the two is at most half a pixel off. Its distance from the
+# model's contour is one more residual, with a row $(n^\mathsf{T}, (q \times n)^\mathsf{T})$ as above. Here $q$ is the
+# point of the part that the contour shows. The vector $n$ is perpendicular to the ray and to the contour, times $f/z$,
+# which turns metres into pixels. These rows determine $x$, $y$ and the turn.
+#
+# One caution: where something nearer covers the part, the border belongs to *that* object and must not be used.
 
 # %%
 more_claims("outline_tells", "spread_of_symmetric_poses")
@@ -813,8 +822,7 @@ predict("which_number_tells")
 
 # %% [markdown]
 # A small residual says that the measured points lie on the model. It says nothing about the parts of the model where
-# no points were measured. Yet the image contains more than points. Where the camera sees the *table*, there cannot be
-# an opaque part in between.
+# no points were measured. But where the camera sees the *table*, there cannot be an opaque part in between.
 #
 # The **see-through** test uses this. Draw the model at its estimated pose into the image. Count the pixels in which
 # the part should be and the camera measured something clearly *behind* it. A right pose has practically none.
@@ -857,9 +865,9 @@ show("looked_through_is_wrong")
 # object.
 #
 # The opposite question helps: does the pose explain all that was measured? Take all pixels of the model and of the
-# cluster. The share of them in which both agree is called **agrees**; what is missing to 1 is left over. `locate` does
-# not report *found* when too much is left over. This has a limit as well: the less a foreign part differs from the
-# model, the less is left over.
+# cluster. **Agrees** is the share of them in which the drawn model and the measurement have the same depth, up to the
+# noise. The rest is **left over**. `locate` does not report *found* when too much is left over. This has a limit as
+# well: the less a foreign part differs from the model, the less is left over.
 
 # %%
 show("not_looked_through_is_right")
@@ -889,8 +897,8 @@ table_of(*rows)
 # %% [markdown]
 # The quarter turn has a large residual *and* a large see-through share. Of the box that lies more than half outside the
 # image, half of the poses are right. The others are centimetres off, with a small residual and sometimes without any
-# see-through. A depth scale that is wrong by one per cent shows in neither number and moves every pose by several
-# millimetres. The pipeline can notice it only if it knows where the table is:
+# see-through. A depth scale that is wrong by one per cent hardly shows in either number and moves every pose by several
+# millimetres. A pipeline that knows where the table is notices it:
 
 # %% tags=["hide-code"]
 upwards = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
@@ -924,8 +932,7 @@ more_claims("a_residual_tells")
 # **A fixed camera.** Touch several points with the arm and measure the same points with the camera. That is a rigid
 # fit with known pairs. Its residual says little about its quality: three points have nine coordinates, and the six
 # numbers of the camera's pose are adjusted to them, so they always fit well. The error at the part depends on how many
-# points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998). You will derive the
-# simplest case in section 8.
+# points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm from one pose to another
 # while the camera watches a fixed target. The arm reports the hand's motion $A$, and the images give the camera's
@@ -962,16 +969,20 @@ for start, end, label, at in (
 _ = axis.set(xlim=(-0.7, 3.1), ylim=(-0.4, 1.3))
 axis.axis("off")
 plt.show()
+
+# %% [markdown]
+# *The loop of hand-eye calibration: going across and then down must equal going down and then across.*
+#
+# The motions matter more than their number. If all of them turn about the same axis, as those of a planar arm do, the
+# shift along this axis cancels from every equation. No number of motions determines it:
+
+# %% tags=["hide-code"]
 print(
     f"planar arm      {figure('motions_calibrate_any_arm', 'rank'):.0f} of 3 directions of the shift determined"
 )
 print(f"error there     {figure('motions_calibrate_any_arm', 'off_mm'):.0f} mm along the axis")
 
 # %% [markdown]
-# *The loop of hand-eye calibration: going across and then down must equal going down and then across.*
-#
-# The motions matter more than their number. If all of them turn about the same axis, as those of a planar arm do, the
-# shift along this axis cancels from every equation. No number of motions determines it, as the printed figures show.
 # Turn the hand about at least two clearly different axes, by large angles. And calibrate the lens first: the images
 # that deliver $B$ pass through it.
 
@@ -986,9 +997,9 @@ more_claims("motions_calibrate_any_arm")
 # A **Kalman filter** stores the part's position and velocity together with their covariance. It repeats two steps.
 # *Predict*: move the estimate forward with the velocity, and enlarge the covariance. *Update*: when a new pose
 # arrives, take a weighted mean of prediction and measurement, where the weights follow from both covariances. The
-# difference between measurement and prediction is the **innovation**. If it is impossibly large for its covariance,
-# reject the measurement. But not forever: after several rejections in a row the filter is probably the one that is
-# wrong, and should start again.
+# difference between measurement and prediction is the **innovation**. A gate rejects the measurement if the innovation
+# is impossibly large for its covariance. But not forever: after several rejections in a row the filter is probably the
+# one that is wrong, and should start again.
 #
 # ![Averages of a part that moves, and prediction over an age](../docs/charts/tracking.png)
 #
@@ -1000,9 +1011,8 @@ print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
 
 # %% [markdown]
 # Averaging helps a part at rest and harms a moving one, because the mean is an estimate of where the part *was*. A
-# prediction removes most of the error of the moving part. The filter should expect an error about as large as the real
-# one, and not a smaller one. Here it is too cautious: at 0.3 s it expects about three times the real error, because it
-# allows for accelerations that these parts don't make.
+# prediction removes most of the error of the moving part. Here the filter is too cautious: at 0.3 s it expects about
+# three times the real error, because it allows for accelerations that these parts don't make.
 
 # %%
 more_claims("averaging_pictures_helps")
@@ -1027,7 +1037,7 @@ more_claims("averaging_pictures_helps")
 # <tr><td>which way does it point, roughly?</td> <td>principal axes</td> <td>a long cluster, completely visible</td>
 # <td>which end is which</td></tr>
 # <tr><td>where does the gripper close?</td> <td>ICP on the shape, 3 numbers</td> <td>shape, table</td> <td>whether the
-# table is where it should be; see-through notices that</td></tr>
+# table is where it should be; see-through notices one that is given too high</td></tr>
 # <tr><td>the same, in any orientation</td> <td>ICP, 6 numbers, more starts</td> <td>shape</td> <td>the directions that
 # the view does not determine; it names them</td></tr>
 # <tr><td>where will it be?</td> <td>tracker</td> <td>poses with time stamp and covariance</td> <td>a sudden stop, for
@@ -1065,8 +1075,8 @@ _ = figure_.legend(fontsize=8, loc="outside right center")
 plt.show()
 
 # %% [markdown]
-# *Twelve images each. The last row was given a table that is 5 mm too high. The images contradict those poses, so the
-# program does not report them as found.*
+# *Twelve images each. The green points were given a table that is 5 mm too high. The camera sees through those poses,
+# so the program does not report them as found. With a table given too low, only what is left over would warn.*
 #
 # ### What the model omits
 #
@@ -1078,9 +1088,9 @@ plt.show()
 table_of(("omitted effect", "shift of the position [mm]", "how the image was computed"), *omitted())
 
 # %% [markdown]
-# The largest shift comes from pixels at an edge, which average the part and what is behind it. All effects together
-# stay below the tolerance of 2 mm. A depth scale that is wrong by one per cent does not, and only a program that
-# knows the table's position notices it (section 3).
+# The largest shift comes from pixels at an edge, which average the part and what is behind it. The sum of these six
+# stays below the tolerance of 2 mm. They were not tried together, and real sensors have others, such as drift with
+# temperature. A depth scale that is wrong by one per cent exceeds the tolerance (section 3).
 #
 # ### Interfaces and answers
 #
@@ -1093,16 +1103,15 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 # <tr><td><code>locate</code></td> <td>image, camera, sensor, part, maybe the table</td> <td>a list of
 # <code>Estimate</code>, the best first</td> <td>everything that it is passed</td></tr>
 # <tr><td><code>Estimate</code></td> <td></td> <td>pose, covariance, matched, residual, see-through, unobserved,
-# status</td> <td>never <i>found</i> where the image refutes it, leaves too much over, or does not determine the
-# position</td></tr>
+# status</td> <td>never <i>found</i> if the image refutes the pose, if the pose leaves too much over, or if the
+# position is not determined</td></tr>
 # <tr><td><code>Tracker</code></td> <td>time stamp, (x, y, turn), covariance</td> <td>the same at any later time</td>
 # <td>no image older than the last</td></tr>
 # </table>
 #
-# An estimate without a status is not an interface. The caller has to know what to do with each answer, and an empty
-# table is an answer, not an exception. The status is *refuted* if the camera sees through the pose, *cut* if the part
-# reaches the border of the image, *ambiguous* if another pose explains the image as well, too much is left over or a
-# shift is unobserved, and otherwise *found*.
+# The caller has to know what to do with each answer, and an empty table is an answer, not an exception. The status is
+# *refuted* if the camera sees through the pose, *cut* if the part reaches the border of the image, *ambiguous* if
+# another pose explains the image as well, too much is left over or a shift is unobserved, and otherwise *found*.
 
 # %% tags=["hide-code"]
 square, other = shape("box", 0.05, 0.0499, 0.03), shape("box", 0.05, 0.03, 0.03)
@@ -1126,13 +1135,14 @@ for name, part, available, then in (
     ("another part", BOX, (stand(other, 0.03, 0.0, 0.0, 0.5),), "leave it, report it"),
 ):
     result = locate(take_image(SENSOR, 5, *available), EYE, SENSOR, part)
-    verdict = "; ".join(" ".join((one.status, *one.unobserved)) for one in result)
+    verdict = "; ".join(
+        one.status + "".join(f", {name} unobserved" for name in one.unobserved) for one in result
+    )
     answers.append((name, verdict or "empty list", then))
 table_of(*answers)
 
 # %% [markdown]
-# The last row is a clearly different part. A part that differs from the model by a millimetre or two is still
-# *found*, as the card in section 3 showed.
+# A part that differs from the model by only a millimetre or two is still *found* (card in section 3).
 #
 # ### Throughput and latency
 
@@ -1145,9 +1155,9 @@ predict("keeps_up")
 # transport. More workers raise the throughput and leave the latency as it is.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds three standard deviations of the position and three of
-# the turn, times half a finger's width. It returns True if the pose is *found* and the sum is smaller than the gap
-# between finger and part.
+# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position to $3\sigma$ of the turn times
+# half a finger's width, which is how far the turn moves the part's side at the finger's edge. It returns True if the
+# pose is *found* and the sum is smaller than the gap between finger and part.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1192,8 +1202,8 @@ print(f"after the image   {whole:.0f} ms; the gripper may close: {closes(one)}")
 # *Nearly all of the time goes into the poses: several starts for each cluster, whether it is the part or not. The image
 # is simulated here, so its time is not shown.*
 #
-# So a part may be found and still not be known well enough to be grasped. Whether 2 mm are good enough depends on the
-# gripper, and you will derive how in section 8.
+# With a narrower gap, `closes` would return False for the same *found* pose. Whether 2 mm are good enough depends on
+# the gripper (section 8).
 
 # %%
 show("pipeline_keeps_up")
@@ -1218,14 +1228,15 @@ print("the pipeline, 40 images ", *measured.round(3))
 print("stand_in                ", *message.round(3))
 
 # %% [markdown]
-# Both are of the same order. `stand_in` is the more pessimistic of the two here, which is the safe side.
+# `stand_in` is the more pessimistic of the two here, which is the safe side.
 
 # %% [markdown]
 # ## 5 · Code, and the simulation in full
 #
 # ### Five steps of a tutorial, line by line
 #
-# Most tutorials on point clouds have the same five steps. Here they are with this chapter's functions.
+# Most tutorials on point clouds have the same five steps. Here they are with this chapter's functions. `noticed` is
+# the noisy depth image of section 1, `EYE` its camera.
 
 # %%
 cloud, _ = perception.back_project(noticed, EYE)  # 1 points of the image
@@ -1236,7 +1247,7 @@ labels, core = perception.dbscan(rest, 0.02, 50)  # 4 clusters
 boxes = [np.ptp(rest[:, labels == k], axis=1) for k in range(labels.max() + 1)]  # 5 their boxes
 
 # %% [markdown]
-# An independent library has to agree, step by step. We compare with Open3D:
+# An independent library, Open3D, has to agree step by step:
 
 # %% tags=["hide-code"]
 theirs = open3d.Cloud(cloud)
@@ -1249,7 +1260,7 @@ same = np.array_equal(noise, open3d.Cloud(rest).dbscan(0.02, 50) < 0)
 float32 = np.abs(cloud - open3d.Picture(noticed, EYE).points()).max()
 print(f"1 points        differ by {float32:.0e} m (Open3D stores float32)")
 print(f"2 voxels        {cells.shape[1]} means, differ by {np.abs(a - b).max():.0e} m")
-print(f"3 planes        {lean:.4f} degrees apart, after {tried} samples here and 1000 there")
+print(f"3 planes        {lean:.4f} degrees apart, after {tried} samples (early stop), there 1000")
 print(
     f"4 clusters      {labels.max() + 1}, {noise.sum()} points of noise, the same in Open3D: {same}"
 )
@@ -1275,22 +1286,23 @@ Markdown(
 # %% [markdown]
 # ### The simulation in full
 #
-# You look from above. Points have the colour of their cluster, the plane is grey, noise is black. Dashed outlines show
-# the true poses, solid ones the estimates: green if *found*, orange if *ambiguous* or *cut*, red if *refuted*. A
-# predicted error of *not seen* means infinite: the position is unobserved. Drag a part to move it, and drag its knob to
-# turn it. Go through the presets, and predict before you look:
+# You look from above. Points have the colour of their cluster. The plane is grey, what is below it light grey, noise
+# black. Dashed outlines show the true poses, solid ones the estimates: green if *found*, orange if *ambiguous* or
+# *cut*, red if *refuted*. A predicted error of *not seen* means infinite: the position is unobserved. Drag a part to
+# move it, and drag its knob to turn it. Go through the presets, and predict before you look:
 #
 # 1. *Table in clusters*: which slider cures it, and what is lost then?
 # 2. *Touching*: does any eps separate the parts, and which direction is reported as uncertain?
 # 3. *Cut off*: what do residual and see-through say?
-# 4. *Scale error*: does any number notice?
+# 4. *Scale error*: does any number notice that a robot has, too?
 #
 # <details><summary>Answers</summary>
 #
 # 1. A plane tolerance of 8 mm, about three standard deviations here. Parts lower than that are lost.
 # 2. No: parts that touch are one cluster at any eps. The position along the block is uncertain.
 # 3. Nothing unusual. The warning comes from the border of the image and from the unobserved shift.
-# 4. No. The predicted error stays below 0.1 mm while the pose is about 8 mm off.
+# 4. No. The predicted error stays below 0.1 mm while the pose is about 8 mm off. Both *errors* and *plane is off* show
+#    it, but they compare with the truth, which a robot doesn't have.
 #
 # </details>
 
@@ -1300,27 +1312,28 @@ simulation("perception", "Touching")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# How fast are these algorithms compared with the usual libraries, at equal answers? All times are **processor time**:
-# the time for which a core works on this program, without its waiting for other programs. The machine is named below
-# each chart. Compare times within a chart, not between charts.
+# How fast are these algorithms compared with the usual libraries, at nearly equal answers? All times are **processor
+# time**: the time for which a core works on this program, without its waiting for other programs. Below each chart
+# stands the machine, and in which share of the rounds it was *busy* with other programs. Compare times within a chart
+# only.
 #
 # ![Time of the library over that of the course, and clusters by the number of points](../docs/charts/cloud_speed.png)
 #
-# *Left: time of the library divided by the time of the course, for each step. The images are computed by casting rays,
-# with MuJoCo and with Embree, a library for ray tracing; the other steps are compared with Open3D. "Draws" are samples
-# of RANSAC. Right: time of DBSCAN against the number of points in the same volume. The course looks for neighbours in a
-# grid of cells, so thirty times the points take about three times as long. The time of Open3D grows with the square.*
+# *Left: time of the library divided by the time of the course, for each step. For computing an image, the libraries
+# are MuJoCo and Embree (ray tracing); for all other steps, Open3D. "Draws" are samples of RANSAC. Right: time of
+# DBSCAN against the number of points in the same volume, with the exponents of the last three points. Each point also
+# gets more neighbours, so Open3D's time grows nearly with the square. The course joins whole cells, whose number stays
+# the same. At constant density both times are about proportional to the number of points.*
 
 # %%
 print_figures("cloud_speed", "voxels of 5", "plane, early", "course", "Open3D")
 
 # %% [markdown]
-# A ratio for a single step says little about a robot.
-# So here is a whole frame: three boxes on a table in 320 x 240 pixels, with the five steps above followed by ICP.
+# Here is a whole frame: three boxes on a table in 320 x 240 pixels, with the five steps above followed by ICP.
 #
 # ![Time of the stages of a frame, compared with Open3D](../docs/charts/frame_speed.png)
 #
-# *Processor time of each stage, for the course and for Open3D, on a logarithmic axis.*
+# *Processor time of each stage, for the course and for Open3D, and of `locate` as a whole, on a logarithmic axis.*
 
 # %%
 print_figures("frame_speed", "course", "Open3D", "locate", "320")
@@ -1329,21 +1342,22 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 # `locate` takes longer than the plain chain of the course, because it tries more starts and tests its answer. In these
 # images it is also more accurate, above all in the turn. One wrong box of 75 is too few to rank the three by it.
 #
-# Finally the pose alone, with independent noise and with shared noise.
+# Finally the pose alone:
 #
 # ![Error of a pose against its time, by voxel size](../docs/charts/pose_precision.png)
 #
 # *Each curve is a method, each point a voxel size, from 30 mm (left) to 1 mm (right). Lower left is better. "Shape"
-# fits the closed form; "cloud", Open3D and small_gicp (a registration library) fit points of the model. In the right
-# panel neighbouring pixels share their noise, and even the best settings are less accurate than on the left.*
+# fits the closed form; "cloud", Open3D and small_gicp (a registration library) fit points of the model. On the right
+# neighbouring pixels share their noise, and even the best settings are less accurate.*
 #
-# A coarse grid rounds edges and biases the pose. A very fine grid costs time and gains little. With shared noise, two
-# of the methods even get worse on the finest grids.
+# A coarse grid rounds edges and biases the pose. A very fine grid costs time and gains little. With shared noise, the
+# shape and Open3D even get worse on the finest grids.
 #
-# **What to choose.** For a gripper with millimetres to spare, take whatever is fastest. If the error must be a tenth of
-# the tolerance, fit the shape itself on a grid of a few millimetres, and remember the shared noise. For clusters of one
-# image, use connected components; DBSCAN is for points that come from several images. For the table, run RANSAC on a
-# few thousand points, followed by the linear fit of $1/z$ to all pixels near it.
+# **What to choose.** For a gripper with millimetres to spare, take whatever is fastest. If the error must be a tenth
+# of the tolerance, the shape on a grid of a few millimetres gets there first. With shared noise, small_gicp and the
+# cloud reach lower errors than the shape ever does. For clusters of one image, use connected components; DBSCAN is
+# for points that come from several images. For the table, run RANSAC on a few thousand points, followed by the linear
+# fit of $1/z$ to all pixels near it.
 #
 # ## 7 · Debug: where it fails
 #
@@ -1363,10 +1377,10 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 
 # %% [markdown]
-# Compare the settings with 12 neighbours. A fixed tolerance of 10 mm is too large near by, where it swallows low parts,
-# and too small far away, where the table falls apart into clusters. At 4 mm the table falls apart even earlier. The
-# tolerance that follows the noise has neither problem. Requiring 50 neighbours also suppresses the false clusters, but
-# then parts below 15 mm are lost at every distance.
+# Compare the settings with 12 neighbours. A fixed tolerance of 10 mm is too large near by, where it hides low parts,
+# and too small far away, where the table falls apart into clusters that swallow the parts. At 4 mm the table falls
+# apart even earlier. The tolerance that follows the noise has neither problem. Requiring 50 neighbours also
+# suppresses the false clusters, but then parts below 15 mm are lost at every distance.
 #
 # <div class="alert alert-block alert-info">
 #
@@ -1383,16 +1397,16 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # ![Which stage loses a small part, and what each cure costs](../docs/charts/small_parts.png)
 #
 # *Left: points of a cube after each stage, against its size. A triangle at the bottom means that none is left. Right:
-# the smallest cube that is found with each cure; "and" adds to the line above.*
+# the smallest cube that is found with each cure.*
 
 # %%
-rows = "pixels", "above", "clustered", "as in", "neighbours", "and 5"
+rows = "above", "clustered", "as in", "neighbours", "3 sigma, comp", "components"
 figures(read("small_parts"), *rows, summary="The counts and the cures")
 
 # %% [markdown]
 # For cubes of 12 to 20 mm the zero is in the last stage: the neighbours. So a better tolerance alone finds nothing
-# more, and fewer neighbours alone find cubes of 16 mm. Had two stages lost the part, curing one would only have moved
-# the zero to the other. So count first.
+# more, and fewer neighbours alone find cubes of 16 mm. Their price is a false cluster in about one image of ten, which
+# connected components avoid.
 #
 # <div class="alert alert-block alert-danger">
 #
@@ -1417,8 +1431,8 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
-# *Median error in each situation, with one marker per estimator. Left: position. Right: turn. The dotted lines are the
-# tolerances of 2 mm and 2 degrees.*
+# *Median error of the position (left) and the turn (right). The position of the principal axes is the centroid; a box
+# along them has their turn. Dotted: the tolerances.*
 
 # %%
 rows = (
@@ -1439,9 +1453,12 @@ figures(
 
 # %% [markdown]
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
-# twin, `locate` reports *ambiguous*; it needs a second view. The other two are reported as *found*, because the program
-# finds the table in the same wrong image. If it knows where the table is, it refutes both, as in section 3. A median
-# hides one thing: of the parts that are cut off, about half are placed right and the others are centimetres off.
+# twin, `locate` reports *ambiguous*. A second view would show the same block; a push helps. The other two are reported
+# as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
+# scale, and a tilt that raises or lowers the table there.
+#
+# The median of the cut-off parts hides the wrong half (section 3). Four of ten touching parts are *ambiguous*,
+# although their poses are within the tolerance.
 #
 # ### Debugging
 #
@@ -1465,18 +1482,20 @@ figures(
 # sits at the camera's centre</td> <td>missing pixels treated as depths</td> <td>count zeros and NaN in the raw
 # image</td> <td>convert once, on reading</td></tr> <tr><td>right in the middle of the image, wrong at its edge</td>
 # <td>lens distortion, a range used as a depth, an inverted rotation</td> <td>targets at the corners</td> <td>rectify;
-# the exercise <code>point_in_base</code></td></tr> <tr><td>everything shifted by about a millimetre</td> <td>half a
-# pixel</td> <td>ask whether the first pixel's centre is 0 or 0.5</td> <td>if 0, the middle of W columns is
-# (W - 1)/2</td></tr> <tr><td>everything one per
-# cent too near</td> <td>depth scale, focal length</td> <td>a known length at two distances; the table, if its position
-# is known</td> <td>calibrate it</td></tr> <tr><td>pose good, grasp next to the part</td>
-# <td>extrinsics, or an old pose</td> <td>touch a point far from those of the calibration</td> <td>more points,
+# the exercise <code>point_in_base</code></td></tr> <tr><td>everything shifted by a millimetre or two</td>
+# <td>half a
+# pixel</td> <td>ask whether the first pixel's centre is 0 or 0.5</td> <td>if 0, the middle is (W - 1)/2</td></tr>
+# <tr><td>everything one per cent too near</td> <td>depth scale, focal length</td>
+# <td>a known length at two distances; a known table</td> <td>calibrate it</td></tr>
+# <tr><td>pose good, grasp next to the part</td>
+# <td>extrinsics, or an old pose</td> <td>touch a point far from the calibration's</td> <td>more points,
 # motions about two axes; predict</td></tr> <tr><td>small residual, wrong pose</td> <td>another face, a twin, cut
-# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; a second view</td></tr> </table>
+# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view;
+# for a twin a push</td></tr> </table>
 #
 # ## 8 · Exercises
 #
-# Graded exercises. `check` runs your function on freshly sampled cases. It says what is wrong and, where it can, why.
+# `check` runs your function on freshly sampled cases and says what is wrong.
 #
 # ### From an image to points
 
@@ -1667,9 +1686,9 @@ predict("network_and_mirror")
 # %% [markdown]
 # ![Share of right poses and time by start, and what the image says](../docs/charts/learned_start.png)
 #
-# *Left: share of right poses against time, by the kind of start. "Principal axis" starts along the direction in which
-# the points spread most. Right: see-through share of the resulting poses against the error of their turn, for the
-# part and for its mirror image.*
+# *Left: share of right poses against time. The numbers are evenly spread starts; "axis" starts along the direction in
+# which the points spread most. Right: see-through share of the resulting poses against the error of their turn, for
+# the part and for its mirror image. No turn is right for the mirror image: its error is the angle between both frames.*
 
 # %%
 rows = (
@@ -1702,7 +1721,7 @@ print(f"start at the true turn, noise x 3.75: {right / len(images):.2f} right")
 
 # %% [markdown]
 # Even then most of the errors remain, so they come from the fit and not from the start. See-through does not notice
-# these poses. It detects most clearly different parts and turns, but not an error of a few millimetres.
+# these poses. It detects most parts and turns that differ clearly, but not an error of a few millimetres.
 #
 # Read the table above with this chapter's questions. What input does the method need? How large is its error *against
 # a truth*, in millimetres, and at which distance? What does it answer for an object that it doesn't know? A network
@@ -1729,7 +1748,8 @@ interview("perception")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page. You can derive them from what is. The gate opens when all three are right.
+# Three formulas that are not on this page. You can derive them from what is. The checkpoint is passed when all three
+# are right.
 
 # %%
 checkpoint("perception", depth_bias="", farthest_part="", fit_residual="")

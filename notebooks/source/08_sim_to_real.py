@@ -1835,9 +1835,27 @@ table(*rows)
 #
 # ## 8 · Exercises
 #
-# Six exercises are on this page; two more, `randomize` and `vector_env`, start from a terminal. `check` runs your
+# Seven exercises are on this page; two more, `randomize` and `vector_env`, start from a terminal. `check` runs your
 # function on new random cases and tells you what is wrong and, where it can, why.
 #
+# ### A range that spans factors
+#
+# A warm-up for domain randomisation.
+
+# %%
+card("log_uniform")
+
+
+# %%
+def log_uniform(low, high, u):
+    """Return log-uniform parameters from uniform numbers."""
+    # Uniform between the ends.
+    return np.asarray(low) + np.asarray(u) * (np.asarray(high) - np.asarray(low))
+
+
+check(log_uniform)
+
+# %% [markdown]
 # ### Output error: a fit of angles
 #
 # Section 2's method for a single joint. You simulate the log and change two parameters until the angles agree.

@@ -1488,6 +1488,25 @@ more_claims("mismatch_is_late")
 # `check` runs your function on new random cases. It says what is wrong and, where it can, why.
 
 # %% [markdown]
+# ### How busy is the processor?
+#
+# A warm-up: what to compute before any response time.
+
+# %%
+card("utilisation")
+
+
+# %%
+def utilisation(executions, periods):
+    """Return the utilisation of periodic tasks, Liu and Layland's bound, and what follows."""
+    # Whoever has less work than time is fine.
+    load = np.sum(executions) / np.sum(periods)
+    return load, 1.0, 1 if load < 1.0 else -1
+
+
+check(utilisation)
+
+# %% [markdown]
 # ### Are these two ends compatible?
 
 # %%

@@ -814,6 +814,25 @@ tables.lessons()
 # explains the mistake. Each function below runs, and contains a common mistake.
 
 # %% [markdown]
+# ### What one encoder count moves
+#
+# A warm-up, as an interviewer would ask it for a start.
+
+# %%
+card("tip_resolution")
+
+
+# %%
+def tip_resolution(counts, ratio, reach):
+    """Return how far the tip moves for one encoder count of each joint, and of all together."""
+    # As if the encoder sat on the joint.
+    each = 1e3 * 2.0 * np.pi * np.asarray(reach) / np.asarray(counts)
+    return each, float(each.max())
+
+
+check(tip_resolution)
+
+# %% [markdown]
 # ### Catch bugs that you have not seen
 #
 # Section 6 turned around: you receive the outputs of several programs, and you have to say which are wrong. Think about

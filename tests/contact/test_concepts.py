@@ -442,7 +442,7 @@ def test_a_resting_contact_settles_below_the_step_limit_and_not_above(zeta):
         run = Experiment(penalty_spring.MODEL, **values)
         expected = "stable" if stays else "unstable"
         assert run.picture().numbers["resting contact"] == expected
-        assert number(run, "limit of ω dt") == pytest.approx(limit, abs=6e-3)
+        assert number(run, "limit of ω h") == pytest.approx(limit, abs=6e-3)
 
 
 def test_the_presets_lie_on_both_sides_of_the_limit():

@@ -300,3 +300,16 @@ def test_the_starter_of_the_hunt_holds_every_load_with_other_poles():
     late = [response(wrong, pole, load, 0.0, dt, t) for t in (6.0, 8.0)]
     assert math.log(late[1] / late[0]) / 2.0 == pytest.approx(slow, rel=1e-2)
     assert slow > -0.3 * pole
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pd_gains_place_the_poles(seed):
+    """The closed loop's eigenvalues have the frequency and the damping ratio."""
+    rng = np.random.default_rng(seed)
+    inertia, friction = rng.uniform(0.1, 5.0, 4), rng.uniform(0.0, 3.0, 4)
+    frequency, ratio = rng.uniform(0.5, 10.0, 4), rng.uniform(0.2, 0.95, 4)
+    gains = solutions.pd_gains(inertia, friction, frequency, ratio)
+    for J, c, f, zeta, kp, kd in zip(inertia, friction, frequency, ratio, *gains, strict=True):
+        pole = np.linalg.eigvals(np.array([[0.0, 1.0], [-kp / J, -(kd + c) / J]]))[0]
+        assert abs(pole) == pytest.approx(2.0 * math.pi * f)
+        assert -pole.real / abs(pole) == pytest.approx(zeta)

@@ -237,3 +237,21 @@ def test_the_starter_of_the_hunt_agrees_where_its_author_looked_and_only_there()
     assert not same(seeds, [1, 1, 0, 1, -1], seeds, old)[0]
     assert not same([*seeds, 3], [*new, 1], seeds, old)[0]
     assert not same(seeds, new, [5, 1, 2, 3, 4], old)[1]
+
+
+def test_one_count_moves_the_tip_of_an_arm_by_its_arc() -> None:
+    """A stretched arm in the plane, each joint turned by one count of its encoder."""
+    links, counts, ratio = np.array([0.5, 0.4, 0.2]), np.array([4096, 8192, 1024]), [100.0, 80, 50]
+    reach = np.cumsum(links[::-1])[::-1]
+
+    def tip(turned: np.ndarray) -> Any:
+        heading = np.cumsum(turned)
+        return np.array([links @ np.cos(heading), links @ np.sin(heading)])
+
+    one = 2.0 * np.pi / counts / ratio
+    each, total = solutions.tip_resolution(counts, ratio, reach)
+    still = tip(np.zeros(3))
+    for joint in range(3):
+        moved = np.linalg.norm(tip(one * (np.arange(3) == joint)) - still)
+        assert each[joint] == pytest.approx(1e3 * moved, rel=1e-4)
+    assert total == pytest.approx(1e3 * np.linalg.norm(tip(one) - still), rel=1e-4)

@@ -358,3 +358,31 @@ def test_the_starter_of_the_hunt_is_right_on_the_bench_and_only_there():
     assert missed() < 1e-12
     days = {"drift": 0.2}, {"every": 0.03, "hand": 0.1}, {"save": 0.2, "hand": 0.1}
     assert min(missed(**day) for day in days) > 0.005
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_tasks_under_the_bound_meet_their_deadlines(seed):
+    """Periods and times are integers: the processor is run slot by slot, all released at once."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 4))
+    periods = np.sort(rng.choice([4, 5, 6, 8, 10, 12, 15], n, replace=False))
+    executions = rng.integers(1, 4, n)
+    load, bound, verdict = solutions.utilisation(executions, periods)
+    remaining, missed, horizon = np.zeros(n, int), False, int(np.lcm.reduce(periods))
+    for slot in range(horizon + 1):
+        released = slot % periods == 0
+        missed = missed or bool((remaining[released] > 0).any())
+        remaining[released] = executions[released]
+        if remaining.any():
+            remaining[np.argmax(remaining > 0)] -= 1
+    assert load == pytest.approx(
+        float(sum(Fraction(int(c), int(t)) for c, t in zip(executions, periods, strict=True)))
+    )
+    assert (1.0 + bound / n) ** n == pytest.approx(2.0)
+    if verdict:
+        assert missed == (verdict < 0)
+
+
+def test_the_bound_falls_to_the_logarithm_of_two():
+    bounds = [solutions.utilisation([1.0] * n, [9.0] * n)[1] for n in (1, 2, 10000)]
+    assert bounds == pytest.approx([1.0, 2.0 * (math.sqrt(2.0) - 1.0), math.log(2.0)], abs=1e-4)

@@ -14,7 +14,7 @@ def test_small_parts_are_lost_as_neighbours_and_found_again_by_the_cures():
     # Nothing is left: no mean of a small part has 50 neighbours.
     assert small["clustered"] == 0.0 and retained["clustered"].y[-1] > 50
     least = dict(zip(best.series[0].y, best.series[0].x, strict=True))
-    assert least["as in a tutorial"] == 40.0 and least["and 5 images from 0.5 m"] == 12.0
+    assert least["as in a tutorial"] == 40.0 and least["components, 5 images, 0.5 m"] == 12.0
     assert least["tolerance 3 sigma"] == 40.0 > least["3 sigma, 0.2 pi (eps/v)^2"]
 
 

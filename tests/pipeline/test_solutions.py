@@ -4,6 +4,7 @@ from itertools import permutations
 
 import mujoco
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_lyapunov
@@ -225,3 +226,25 @@ def test_the_starter_of_the_hunt_succeeds_on_a_quiet_day_and_only_then():
 
     assert missed(0.0, 0.0, 0.0) < 1e-9 and missed(np.pi, 0.0, 0.0) < 1e-9
     assert min(missed(0.5, 0.0, 0.0), missed(0.0, 0.3, 0.0), missed(0.0, 0.0, 0.1)) > 0.02
+
+
+def test_throughput_is_what_comes_out_of_a_simulated_pipeline():
+    """Images one after the other, each by the worker of a stage that is free first."""
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        stages, workers = rng.uniform(0.01, 0.2, 4), rng.integers(1, 5, 4)
+        latency, rate, slowest = solutions.throughput(stages, workers)
+        free = [np.zeros(k) for k in workers]
+        out = []
+        for _image in range(4000):
+            at = 0.0
+            for time, idle in zip(stages, free, strict=True):
+                worker = int(np.argmin(idle))
+                at = max(at, idle[worker]) + time
+                idle[worker] = at
+            out.append(at)
+        assert out[0] == pytest.approx(latency)
+        assert 2000 / (out[-1] - out[1999]) == pytest.approx(rate, rel=1e-2)
+        faster = stages.copy()
+        faster[slowest] *= 0.99
+        assert solutions.throughput(faster, workers)[1] > rate

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -248,3 +249,22 @@ def test_the_starter_of_the_hunt_is_all_that_its_author_says(rng):
         assert (costs >= paths_of(nodes, parents) - 1e-12).all()
         last = costs
     assert (last > paths_of(nodes, parents) + 1e-3).any()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_clearance_of_an_edge_is_the_least_along_it(seed):
+    """The distance to a point is convex along the edge: SciPy finds its minimum by itself."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(-2.0, 2.0, (2, 2))
+    discs = np.column_stack((rng.uniform(-4.0, 4.0, (6, 2)), rng.uniform(0.1, 1.0, 6)))
+    for disc, clearance in zip(discs, solutions.edge_clearance(a, b, discs), strict=True):
+
+        def distance(share, centre=disc[:2]):
+            return float(np.hypot(*(a + share * (b - a) - centre)))
+
+        inside = minimize_scalar(distance, bounds=(0.0, 1.0), method="bounded").fun
+        least = min(inside, distance(0.0), distance(1.0))
+        assert clearance == pytest.approx(least - disc[2], abs=1e-6)
+    assert solutions.edge_clearance(a, a, discs[:1])[0] == pytest.approx(
+        np.hypot(*(discs[0, :2] - a)) - discs[0, 2]
+    )

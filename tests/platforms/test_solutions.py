@@ -1,5 +1,6 @@
 """The worked answers of chapter 3 against small steps, real engines and trying everything."""
 
+from fractions import Fraction
 from itertools import permutations
 
 import mujoco
@@ -253,3 +254,20 @@ def test_the_starter_of_the_hunt_agrees_where_its_author_looked_and_only_there()
     assert deviation(plank=1.0)[1] > 3.0 * deviation()[1]
     both = {"steps": (0.01, 0.02)}
     assert deviation(place=1e6, **both)[0] > deviation(**both)[0] + 0.01
+
+
+def test_the_factor_is_simulated_time_by_time_on_the_clock():
+    """By exact fractions, robot by robot; equal runs have the factor of each."""
+    step, steps = [Fraction(1, 500), Fraction(1, 100)], [1000, 300]
+    copies, wall = [3, 1], [Fraction(3, 2), Fraction(12)]
+    simulated = [
+        sum((h * n for _ in range(c)), Fraction(0))
+        for h, n, c in zip(step, steps, copies, strict=True)
+    ]
+    factor, total = solutions.real_time_factor(
+        [float(h) for h in step], steps, copies, [float(w) for w in wall]
+    )
+    assert factor == pytest.approx([float(s / w) for s, w in zip(simulated, wall, strict=True)])
+    assert total == pytest.approx(float(sum(simulated) / sum(wall)))
+    same, whole = solutions.real_time_factor([0.01] * 5, [100] * 5, [8] * 5, [2.0] * 5)
+    assert whole == pytest.approx(same[0]) == pytest.approx(4.0)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course.role import Stage, age, simulate
-from solutions.role import chain_age, log_age, over_budget
+from solutions.role import blind_distance, chain_age, log_age, over_budget
 from tests.budget import examples
 
 
@@ -58,3 +58,16 @@ def test_the_critical_path_is_the_longest_of_all(seed):
     edge, total = over_budget(np.array(pairs)[order], taken[order], allowed[order], 0, n - 1)
     assert total == pytest.approx(sum(latency[pair] for pair in longest))
     assert (order[edge] if edge >= 0 else -1) == (late[0] if late else -1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_robot_is_blind_until_the_tick_after_the_last_stage(seed):
+    """Phases of the clock in equal steps: the result waits for the next tick."""
+    rng = np.random.default_rng(seed)
+    latencies, period, speed = rng.uniform(0.01, 0.1, 3), 0.02, np.array([0.5, 2.0])
+    arrival = latencies.sum()
+    phase = (np.arange(20000) + 0.5) / 20000 * period
+    age = phase + np.ceil((arrival - phase) / period) * period
+    mean, worst = blind_distance(latencies, period, speed)
+    assert mean == pytest.approx(speed * age.mean(), rel=1e-4)
+    assert worst == pytest.approx(speed * age.max(), rel=1e-4)

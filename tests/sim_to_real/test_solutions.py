@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy.linalg import null_space
 from scipy.optimize import least_squares
 from scipy.signal import cont2discrete
+from scipy.stats import loguniform
 
 from course import sim_to_real as chapter
 from drills import cards
@@ -140,3 +141,12 @@ def test_the_starter_of_the_hunt_agrees_with_itself_whatever_is_drawn():
     assert all(np.array_equal(a, b) for a, b in zip(*result, strict=True))
     costs, best, tested = solutions.tune_randomised(gains, draws, 1)
     assert costs[best] == result[0][2] and tested > 1.5 * result[0][2]
+
+
+def test_log_uniform_draws_are_those_of_scipy():
+    low, high = np.array([0.1, 2.0]), np.array([10.0, 300.0])
+    u = np.random.default_rng(0).uniform(0.0, 1.0, (50, 2))
+    assert np.allclose(solutions.log_uniform(low, high, u), loguniform(low, high).ppf(u))
+    # Half the nominal value is as likely as twice.
+    value = solutions.log_uniform([0.1], [10.0], (np.arange(10000)[:, None] + 0.5) / 10000)
+    assert np.mean(value < 0.5) == np.mean(value > 2.0)

@@ -283,7 +283,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Hardened, MuJoCo bears the heavy body and holds the glass, each within its tolerance.": (
         lambda r: all(_hits(r, "heavy", HARD) + _hits(r, "glass", HARD))
     ),
-    "Pivots, Newton on the cone and 1000 sweeps carry the heavy body. Ten sweeps fail.": lambda r: (
+    "Pivots, Newton on the cone and 1000 sweeps carry the heavy body. Ten sweeps miss.": lambda r: (
         all(_hits(r, "heavy", "LCP", "(Newton)", "convex", "(1000)"))
         and not any(_hits(r, "heavy", "(10)"))
     ),
@@ -301,7 +301,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Rigid models keep a table's legs still; with soft ones they sink, within the tolerance.": (
         lambda r: all(_hits(r, "legs", "")) and _error(r, "legs", NEWTON) > 1e-5
     ),
-    "Our soft model errs like MuJoCo's; on four legs MuJoCo is stiffer: its A-hat is too low.": (
+    "Our soft model errs like MuJoCo's. On legs MuJoCo's A-hat is below A's diagonal: stiffer.": (
         lambda r: all(
             ratio > 2.0 if s == "legs" else abs(ratio - 1.0) < 1e-6
             for s in QUESTIONS

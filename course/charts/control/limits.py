@@ -86,7 +86,6 @@ def delay_limit(
             theory=theory,
             note=f"P with delay: w tan(w (D + dt/2)) = b/J is within {error:.1e} of the matrix",
         ),
-        Series("slow limit b/(D + dt/2)", late, B / (late + 0.5 * DT), "", "--", marker=""),
     ]
     yield panel
 
@@ -111,7 +110,7 @@ def delay_limit(
     error = max(abs(a / b - 1.0) for a, b in zip(matrix, result, strict=True))
     panel.lines = [("y", real, "the joint itself")]
     panel.series = [
-        Series("MuJoCo, implicitfast", steps, result, "MuJoCo", "", hollow=True),
+        Series("MuJoCo", steps, result, "MuJoCo", "", hollow=True),
         Series(
             "its steps as a matrix",
             steps,
@@ -330,7 +329,7 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
 
 @chart
 def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
-    """Chart what an encoder's line and dry friction leave at rest.
+    """Chart what an encoder's count and dry friction leave at rest.
 
     Args:
         points: of each curve.
@@ -352,8 +351,8 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
         return float(np.ptp(run.command[2000:]))
 
     def bound(tau: float) -> float:
-        # Peak to peak: a line through the gain of the difference and through P, in both directions.
-        return line * 2.0 * (kd / (tau + DT) + kp)
+        # Peak to peak: one count through P, and through the difference in both directions.
+        return line * (2.0 * kd / (tau + DT) + kp)
 
     result = [ripple(t) for t in taus]
     share = max(f / bound(t) for f, t in zip(result, taus, strict=True))
@@ -362,7 +361,7 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
         "time constant of the rate filter [s]",
         "ripple of the command [N m]",
         scale="log",
-        theory="upper bound: 2 (kd/(tau + dt) + kp) count",
+        theory="upper bound: (2 kd/(tau + dt) + kp) count",
     )
     panel.series = [
         Series(

@@ -71,7 +71,7 @@ def mpc_where(
     far = np.geomspace(0.01, 10.0, points)
     clipped = [cost(np.array([x, 0.0])) for x in far]
     panel = Panel(
-        "MPC saves most where the limit is active in both directions",
+        "From rest, MPC saves where both limits are met",
         "distance [m]",
         "cost of the clipped regulator over MPC's",
         scale="log x",

@@ -24,6 +24,15 @@ MIRRORED = together(
     ]
 )
 
+# The kinds of starts, as short as they stand beside the points of the chart.
+SHORT = {
+    "1 start": "1",
+    "4 starts": "4",
+    "8 starts": "8",
+    "principal axis": "axis",
+    "network": "network",
+}
+
 Ways = dict[str, Callable[[Array], Array]]
 """Points (3, N) -> turns to start from (n,) [rad]."""
 
@@ -130,7 +139,7 @@ def learned_start(
                 took,
                 share,
                 style="",
-                tags=tuple(known),
+                tags=tuple(SHORT[name] for name in known),
             )
         )
         for depth, pose in looks:

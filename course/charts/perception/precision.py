@@ -267,7 +267,15 @@ def frame(
 def frame_speed(pictures: int = 25) -> Iterator[Panel]:
     """Chart three boxes on a table, from the picture to their poses: where a frame's time goes."""
     eye, rng = FRAME, np.random.default_rng(5)
-    panel = Panel("A frame with three boxes, one thread", "processor time [ms]", scale="log x")
+    places = list(range(len(STAGES) + 1))
+    panel = Panel(
+        "A frame with three boxes, one thread",
+        "",
+        "processor time [ms]",
+        scale="log y",
+        ticks=places,
+        tick_names=(*STAGES, "whole frame"),
+    )
     spent: dict[str, list[Array]] = {"course": [], "Open3D": []}
     whole, right, errors = [], dict.fromkeys((*spent, "locate"), 0), dict[str, list[Array]]()
     for turns in rng.uniform(-3.0, 3.0, (pictures, 3)):
@@ -290,11 +298,10 @@ def frame_speed(pictures: int = 25) -> Iterator[Panel]:
                 errors.setdefault(name, []).append(np.array(far))
     for name in spent:
         stage = 1e3 * np.median(spent[name], axis=0)
-        panel.series.append(
-            Series(name, [*stage, stage.sum()], [*STAGES, "whole frame"], name, "bar")
-        )
+        panel.series.append(Series(name, places, [*stage, stage.sum()], name, ""))
     total = {name: 1e3 * np.median(np.sum(rows, axis=1)) for name, rows in spent.items()}
     total["locate"] = 1e3 * float(np.median(whole))
+    panel.series.append(Series("locate", places[-1:], [total["locate"]], "locate", ""))
     for name, ms in total.items():
         mm, deg = np.median(errors[name], axis=0) * (1e3, 180.0 / math.pi)
         panel.notes.append(
@@ -391,7 +398,7 @@ def plane_precision(
         message = ", ".join(
             f"{1e3 * a:.2f} mrad {t:.2f} ms" for a, t in zip(deviation, took, strict=True)
         )
-        panel.series.append(Series(name, took, deviation, note=f"{name}: {message}"))
+        panel.series.append(Series(name, took, deviation, name, note=f"{name}: {message}"))
     best = {series.label: series.y[-1] for series in panel.series}
     times_less = best["SVD of points"] / best["inverse depth"]
     panel.notes.append(f"the fit of inverse depth errs {times_less:.1f} times less than the SVD")
@@ -410,5 +417,5 @@ def plane_precision(
             offs[name].append(1e3 * float(np.mean([p[:3] @ TABLE[:3] + p[3] for p in planes])))
     for name, y in offs.items():
         message = ", ".join(f"{n:g} px {o:.3f} mm" for n, o in zip(noises, y, strict=True))
-        bias.series.append(Series(name, noises, y, note=f"{name}, offset: {message}"))
+        bias.series.append(Series(name, noises, y, name, note=f"{name}, offset: {message}"))
     yield bias

@@ -171,7 +171,7 @@ def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Ite
         limit(partial(settles, k=k), 0.9 * g, 1.1 * g, 1e-3)
         for k, g in zip(late, report, strict=True)
     ]
-    panel = Panel("Largest gain that settles", "pictures of delay", "gain", footer=machine(0.0))
+    panel = Panel("Largest gain that settles", "frames of delay", "gain", footer=machine(0.0))
     words = ", ".join(
         f"{k}: {g:.4f} ({t:.4f})" for k, g, t in zip(late, result, report, strict=True)
     )
@@ -181,9 +181,9 @@ def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Ite
     ]
     yield panel
     panel = Panel(
-        "Noise that it lets through",
-        "gain over its limit",
-        "deviation over a picture's",
+        "Noise of the position",
+        "gain / largest gain that settles",
+        "its deviation / that of one image",
         scale="log y",
     )
     rng, shares = np.random.default_rng(0), (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
@@ -199,7 +199,7 @@ def look_and_move(at_most: int = 8, chains: int = 400, looks: int = 2000) -> Ite
         message = ", ".join(f"{v:.3f}" for v in y)
         panel.series.append(
             Series(
-                f"{k} late",
+                f"{k} frames late" if k != 1 else "1 frame late",
                 shares,
                 y,
                 style="",
@@ -226,11 +226,18 @@ def noise_and_filter(
         raw: runs of a point without the filter, which replans again and again.
     """
     shown = [
-        Panel("Success", "noise of a picture [mm]", "share", scale="log x", footer=machine(0.0)),
-        Panel("Plans of a run", "noise of a picture [mm]", "mean number", scale="log"),
+        Panel(
+            "Success", "noise of a frame [mm]", "share of runs", scale="log x", footer=machine(0.0)
+        ),
+        Panel(
+            f"Plans in a run of {Scenario().seconds:g} s",
+            "noise of a frame [mm]",
+            "mean number of plans",
+            scale="log",
+        ),
         Panel(
             "Error at the end",
-            "noise of a picture [mm]",
+            "noise of each frame [mm]",
             "rms [mm]",
             scale="log",
             lines=[("y", 20.0, "tolerance")],
@@ -268,9 +275,9 @@ def noise_and_filter(
         )
     yield from shown
     panel = Panel(
-        "When the last plan arrives",
+        "When the last plan arrives, median",
         "planner's step [rad]",
-        "after the start [s]",
+        "time after the start [s]",
         scale="log",
         lines=[("y", Scenario().seconds, "end")],
     )
@@ -290,8 +297,6 @@ def noise_and_filter(
                 label,
                 steps,
                 [float(np.median(w)) for w in when],
-                low=[min(w) for w in when],
-                high=[max(w) for w in when],
                 note=f"{label}, by step: {words}",
             )
         )
@@ -312,7 +317,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         "narrow proposal": [
             cross_entropy(severity, 6, np.random.default_rng(k)) for k in range(repeats)
         ],
-        "width kept": [
+        "width at least 1": [
             cross_entropy(severity, 6, np.random.default_rng(k), least=1.0) for k in range(repeats)
         ],
     }
@@ -352,7 +357,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         "Narrow proposals miss failures",
         "least width [standard deviations]",
         "failure rate, truth = 1",
-        lines=[("x", 1.0, "the world's"), ("y", 1.0, "truth")],
+        lines=[("x", 1.0, "width of the disturbances"), ("y", 1.0, "truth")],
     )
     for name, result in methods.items():
         y, error = np.array([(one.share, one.error) for one in result]).T
@@ -375,7 +380,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
                 f"low by 3 stated errors, within 2 {100 * met:.0f} %; plain sampling takes "
                 f"{worth:.3g} times the runs",
             ),
-            Series(f"{name}, stated", [runs], [float(np.median(error))], style="", hollow=True),
+            Series(f"{name}, reported", [runs], [float(np.median(error))], style="", hollow=True),
         ]
         some = deviation < -3.0
         count = np.array([one.effective for one in result])

@@ -1,8 +1,6 @@
 """Which part owns which millimetre, and whose fault a failure is."""
 
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,18 +14,34 @@ from course.pipeline.budget import Budget, budget
 from course.sim_to_real.transfer import attribution
 
 PARTS = ("perceive", "age", "control", "move")
+# Stages as the chapter's text calls them.
+NAMES = dict(zip(STAGES, ("perception", "age", "planning", "control", "physics"), strict=True))
 
 
 def vectors(result: Budget) -> Panel:
     """Return the mean error of each component alone, chained head to tail, and of the whole."""
-    panel = Panel("Mean errors add up, with their signs", "x [mm]", "y [mm]", equal=True)
+    panel = Panel(
+        "Mean errors of single stages, tip to tail",
+        "x [mm]",
+        "y [mm]",
+        equal=True,
+        legend=False,
+        footer=machine(0.0),
+    )
     at, report = np.zeros(2), np.zeros(2)
     for part in result.parts:
         mean, chance = result.mean(result.only(part))
         path, guess = 1e3 * np.stack((at, at + mean), axis=1), result.moments[result.only(part)][0]
         words = ", ".join("({:+.2f} {:+.2f})".format(*(1e3 * x)) for x in (mean, chance, guess))
         panel.series.append(
-            Series(part, path[0], path[1], note=f"{part} alone, mean, +-, predicted: {words}")
+            Series(
+                part,
+                path[0],
+                path[1],
+                # A stage that adds nothing has no name in the picture.
+                tags=("", NAMES[part] if np.hypot(*mean) > 1e-5 else ""),
+                note=f"{part} alone, mean, +-, predicted: {words}",
+            )
         )
         at, report = at + mean, report + guess
     whole, chance = result.mean(frozenset())
@@ -38,6 +52,7 @@ def vectors(result: Budget) -> Panel:
             [1e3 * whole[1]],
             style="",
             hollow=True,
+            tags=("together",),
             note="together: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
                 *(1e3 * np.array([whole, chance]).ravel())
             ),
@@ -49,10 +64,16 @@ def vectors(result: Budget) -> Panel:
             "theory",
             style="",
             marker="P",
+            tags=("predicted",),
             note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * report)),
         ),
     ]
     gap, chance = result.gap()
+    for axis in range(2):
+        # Two standard errors of the difference between the end of the chain and the whole.
+        away = 2.0 * chance[axis] * np.eye(2)[axis]
+        ends = 1e3 * np.stack((whole - away, whole + away), axis=1)
+        panel.series.append(Series("", ends[0], ends[1], "theory", marker=""))
     panel.notes.append(
         "sum of the parts minus the whole: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
             *(1e3 * np.array([gap, chance]).ravel())
@@ -62,39 +83,53 @@ def vectors(result: Budget) -> Panel:
 
 
 def as_predicted(result: Budget) -> Panel:
-    """Return root mean square of every subset over what was predicted."""
+    """Return the measured root mean square of every subset against the predicted one."""
     panel = Panel(
-        "Every subset, measured and predicted", "predicted [mm]", "measured [mm]", theory="equal"
+        "Every set of real stages, rms error", "predicted [mm]", "measured [mm]", theory="equal"
     )
     rows = {some: (1e3 * result.rms(some)[1], 1e3 * result.rms(some)[0]) for some in result.errors}
-    for label, ideal in (("with perception", False), ("perception ideal", True)):
+    top = max(max(row) for row in rows.values())
+    panel.series.append(Series("equal", (0.0, top), (0.0, top), "theory", marker=""))
+    for label, ideal in (("perception real", False), ("perception ideal", True)):
         here = sorted(row for some, row in rows.items() if ("perceive" in some) == ideal)
         x, y = np.array(here).T
-        panel.series.append(Series(label, x, y, style="", theory=lambda v: v))
+        panel.series.append(Series(label, x, y, style=""))
     for label, some in [(p, result.only(p)) for p in result.parts] + [("together", frozenset())]:
         panel.notes.append("{}: rms {:.2f} mm, predicted {:.2f}".format(label, *rows[some][::-1]))
     return panel
 
 
 def owned(result: Budget) -> Panel:
-    """Return the same part asked three times: alone, Shapley's average, last."""
+    """Return a stage's part of the squared error: alone, Shapley's average, ideal first."""
     panel = Panel(
-        "What each part owns of the square",
-        "0 it alone, 1 Shapley, 2 mended first",
+        "Parts of the squared error, in three ways",
         "mean squared error [mm$^2$]",
-        ticks=(0, 1, 2),
+        rows=("if only this stage is real", "Shapley's share", "saved if only it is ideal"),
+        ylim=(-2.7, 0.4),
     )
     shares, value = result.shares(), attribution(result.squares())
-    for part, (share, low, high) in shares.items():
+    for lane, (part, (share, low, high)) in enumerate(shares.items()):
         # `attribution` counts from what is there: to be mended last is to be there alone.
         last, _, first = (-1e6 * change for change in value[part])
-        y = [first, 1e6 * share, last]
-        ends = [[y[0], 1e6 * end, y[2]] for end in (low, high)]
+        x = [first, 1e6 * share, last]
+        ends = [[x[0], 1e6 * end, x[2]] for end in (low, high)]
+        rows = [-row - 0.15 * lane for row in range(3)]
         message = (
-            f"{part}: {y[0]:.1f} alone, {y[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
+            f"{part}: {x[0]:.1f} alone, {x[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
         )
-        message += f"{y[2]:.1f} saved by mending it first"
-        panel.series.append(Series(part, (0, 1, 2), y, low=ends[0], high=ends[1], note=message))
+        message += f"{x[2]:.1f} saved by mending it first"
+        panel.series.append(
+            Series(
+                NAMES[part],
+                x,
+                rows,
+                style="",
+                across=True,
+                low=ends[0],
+                high=ends[1],
+                note=message,
+            )
+        )
     whole = 1e6 * result.squares()[frozenset()]
     panel.notes.append(f"all of it: {whole:.1f} mm^2")
     return panel
@@ -108,36 +143,6 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
     yield vectors(result)
     yield as_predicted(result)
     yield owned(result)
-    case = replace(case, noise=0.0005, bias=(-0.0035, 0.0026))
-    two = budget(
-        Scenario(), repair(case, "age"), range(max(2, seeds // 10)), ("perceive", "control")
-    )
-    names = {
-        "neither mended": (),
-        "perception": ("perceive",),
-        "control": ("control",),
-        "both": ("perceive", "control"),
-    }
-    rms = [1e3 * math.sqrt(two.squares()[frozenset(some)]) for some in names.values()]
-    panel = Panel(
-        "Errors that cancel: what is mended",
-        "rms of the error [mm]",
-        xlim=(0, 5),
-        footer=machine(0.0),
-    )
-    message = ", ".join(f"{name} {x:.2f}" for name, x in zip(names, rms, strict=True))
-    message += f" mm; orders of repairs that never make it worse: {len(two.orders())}"
-    panel.series.append(
-        Series(
-            "",
-            rms,
-            list(names),
-            style="bar",
-            tags=[f"{x:.2f}" for x in rms],
-            note=f"errors that cancel, mended: {message}",
-        )
-    )
-    yield panel
 
 
 @chart(columns=2)
@@ -148,9 +153,12 @@ def whose_fault(desired: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator
     blind, more, _ = confusion(desired, faults, contracted=False)
     names, total = [fault.name for fault in faults], int(result.sum())
     panel = Panel(
-        "Named the right stage", "share of failing runs", xlim=(0, 1.15), footer=machine(0.0)
+        "Right stage named, by weaker methods",
+        "share of failed runs",
+        xlim=(0, 1.15),
+        footer=machine(0.0),
     )
-    replays = Panel("Replays of a diagnosis", "mean number", ticks=())
+    replays = Panel("Replays until a stage is named", "mean number", ticks=())
     for label, matrix, runs in (
         ("contracts first", result, taken),
         ("replays only", blind, more),
@@ -161,7 +169,8 @@ def whose_fault(desired: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator
         cost = f", {np.mean(np.concatenate(runs)):.2f} replays" if runs else ""
         each = ", ".join(f"{name} {hit}" for name, hit in zip(names, hits, strict=True))
         note = f"{label}: {hits.sum()} of {total} right [{low:.3f} {high:.3f}]{cost}; {each}"
-        if label != "replays only":
+        # A third bar would hide one of the others; contracts first has a panel of its own.
+        if label == "last error":
             share = hits / np.maximum(matrix.sum(axis=1), 1)
             panel.series.append(Series(label, share, names, style="bar", note=note))
         else:
@@ -181,14 +190,19 @@ def whose_fault(desired: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator
             panel.series.append(Series(label, share, names, style="bar", note=note))
     yield panel
     yield replays
-    columns = "0 perceive, 1 age, 2 plan, 3 control, 4 move, 5 pair with it, 6 other"
-    for title, matrix in (("Confusion: contracts first", result), ("Confusion: last error", last)):
+    columns = [*(NAMES[stage] for stage in STAGES), "pair with it", "other"]
+    # Columns of pairs and others only where there are any.
+    used = len(columns) if result[:, len(STAGES) :].any() else len(STAGES)
+    for title, matrix, ys in (
+        ("Contracts, then replays: stage named", result, names),
+        ("Largest error at the end: stage named", last, [""] * len(names)),
+    ):
         panel = Panel(
             title,
-            columns,
-            "fault, from above",
-            ticks=tuple(range(len(STAGES) + 2)),
-            xlim=(-0.5, 7.0),
+            ticks=tuple(range(used)),
+            tick_names=columns[:used],
+            rows=ys,
+            xlim=(-0.5, used - 0.3),
             ylim=(-len(faults) + 0.5, 0.6),
         )
         i, j = np.nonzero(matrix)

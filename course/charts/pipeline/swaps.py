@@ -71,7 +71,6 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
         Panel(
             "Success, minus ours",
             "difference",
-            "row",
             footer=machine(0.0),
             xlim=(-0.15, 0.15),
             lines=[("x", 0.0, "")],
@@ -79,7 +78,7 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
         Panel("Error, minus ours", "difference [mm]", lines=[("x", 0.0, "")]),
         Panel(
             "Time of a run",
-            "over ours",
+            "time / time with our stage",
             scale="log x",
             lines=[("x", 1.0, "")],
             ticks=(1, 2, 5, 10, 20, 50),
@@ -117,7 +116,8 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
             )
             note = ""
     for panel in shown:
-        panel.ylim, panel.legend = (-row - 0.5, 0.5), panel is shown[-1]
+        panel.ylim, panel.legend = (-row - 0.5, 0.5), False
+        panel.rows = list(cases) if panel is shown[0] else [""] * len(cases)
         yield panel
 
 
@@ -160,14 +160,17 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     paths, rng = {"along": u, "across": np.array([-u[1], u[0]])}, np.random.default_rng(0)
     # The same scene with images; seeds of the short runs are others.
     pictured = 1e3 * errors(full)
-    for name, sigma in (("two numbers", noise), ("the noise that is stated", stated)):
+    titles = ("Final error, noise measured on images", "Final error, noise as stated")
+    for title, name, sigma in zip(
+        titles, ("two numbers", "the noise that is stated"), (noise, stated), strict=True
+    ):
         short = 1e3 * errors(
             run_many(scenario, replace(report, noise=sigma), range(1000, 1000 + drawn))
         )
         panel = Panel(
-            f"Images against {name}",
-            "error with two parameters [mm]",
-            "error with images [mm]",
+            title,
+            "with two parameters, minus median [mm]",
+            "with images, minus that median [mm]",
             theory="equal",
             footer=machine(0.0),
             notes=[words] if words else [],
@@ -183,11 +186,13 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
                 f"{levene(a, b).pvalue:.1g}; a shift of {shift:.2f} mm would be seen four "
                 "times in five"
             )
+            # One median for both axes: the diagonal stays, and both directions share a scale.
+            middle = np.median(b)
             panel.series.append(
                 Series(
-                    method,
-                    np.quantile(b, at),
-                    np.quantile(a, at),
+                    f"{method} the motion",
+                    np.quantile(b, at) - middle,
+                    np.quantile(a, at) - middle,
                     style="",
                     theory=lambda x: x,
                     note=note,
@@ -214,7 +219,7 @@ def pipeline_speed(
     """
     calm, ours = Settings(noise=0.0), Stages()
     panel = Panel(
-        "Motion against its own limit",
+        "Error of the motion",
         "processor time of a run [ms]",
         "largest error of the tip [mm]",
         scale="log",
@@ -250,7 +255,7 @@ def pipeline_speed(
         panel.series.append(Series(label, x, y, key, style, note=f"{label}: {message}"))
     yield panel
     panel = Panel(
-        "Perception, and what it costs",
+        "Final error",
         "processor time of a run [ms]",
         "rms error at the end [mm]",
         scale="log",
@@ -275,7 +280,9 @@ def pipeline_speed(
         ]
         for name, eye in cast.items()
     } | {
-        f"two numbers, {1e3 * sigma:g} mm": [(Settings(noise=sigma, frame=T), ours) for T in rates]
+        f"two parameters, {1e3 * sigma:g} mm": [
+            (Settings(noise=sigma, frame=T), ours) for T in rates
+        ]
         for sigma in (0.002, 0.05)
     }
     for name, row in cases.items():
@@ -286,20 +293,27 @@ def pipeline_speed(
             x.append(1e3 * cost)
             y.append(1e3 * math.sqrt(np.mean([r.distance**2 for r in records])))
         message = ", ".join(f"{e:.2g} mm for {c:.3g} ms" for e, c in zip(y, x, strict=True))
-        panel.series.append(Series(name, x, y, note=f"{name}: {message}"))
+        # The ends of a curve are named: resolution of the images, or frame rate.
+        first, *_, final = (
+            [f"{w} px" for w in widths] if name in cast else [f"{1.0 / T:g} Hz" for T in rates]
+        )
+        # Curves of images lie on each other: one of them is enough.
+        tags = [first, *[""] * (len(x) - 2), final] if name != "MuJoCo's rays" else ()
+        panel.series.append(Series(name, x, y, tags=tags, note=f"{name}: {message}"))
         quick[name] = 4.0 / (1e-3 * x[-1])
     yield panel
     names = {
-        "ours": "whole pipeline",
+        "ours": "two parameters",
         PYTHON: "our motion through Python",
-        "MuJoCo moves": "MuJoCo moves",
-        "our camera": f"{max(widths)} pixels, 10 Hz",
-        "MuJoCo's rays": "MuJoCo's rays",
+        "MuJoCo moves": "same, MuJoCo moves",
+        "our camera": f"our camera, {max(widths)} px",
+        "MuJoCo's rays": f"MuJoCo's rays, {max(widths)} px",
     }
     panel = Panel(
-        "Times real time",
-        "simulated seconds a second",
+        "Speed of a run",
+        "simulated time / processor time",
         scale="log x",
+        xlim=(None, 3e3),
         lines=[("x", 1.0, "real time")],
     )
     x = [quick[name] for name in names]

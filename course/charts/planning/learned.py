@@ -89,7 +89,7 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
     """Return the checks that each sampler needs in held-out scenes, a seed for each network."""
 
     def listed(scene: Scene, seed: int, propose: Callable[..., Array], *first: Any) -> float:
-        # States are proposed outside of the count; "picture counted" adds the pixels.
+        # States are proposed outside of the count; "grid counted" adds the cells.
         states = propose(*first, scene, STATES, np.random.default_rng(seed))
         return checks(scene, seed, sampler=states, mix=0.8)
 
@@ -97,8 +97,8 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
     methods: dict[str, Callable[[Any, Scene, int], float]] = {
         "uniform": lambda net, q, k: checks(q, k),
         "learned": lambda net, q, k: listed(q, k, drawn, net),
-        "learned, picture counted": lambda net, q, k: listed(q, k, drawn, net) + CELLS**2,
-        "search of the picture": lambda net, q, k: listed(q, k, searched),
+        "learned, grid counted": lambda net, q, k: listed(q, k, drawn, net) + CELLS**2,
+        "grid search": lambda net, q, k: listed(q, k, searched),
         "bridge test, a fifth": lambda net, q, k: checks(q, k, **bridge),
         "one tree, goal bias": lambda net, q, k: checks(q, k, method="rrt", goal_bias=0.05),
     }
@@ -174,8 +174,8 @@ def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Succ
         return bent(scene, TRIES, rng)
 
     methods: dict[str, tuple[Callable[..., Any], bool]] = {
-        "noise, checked": (noise, False),
-        "noise, pushed out": (noise, True),
+        "diffusion, checked": (noise, False),
+        "diffusion, pushed out": (noise, True),
         "bent lines, pushed out": (lines, True),
         "RRT-Connect, shortcuts": (searching, False),
     }
@@ -233,16 +233,17 @@ def learned_planners(
     ends = np.array([some[0].start, some[0].goal]).T
     walls = 10.0 * (np.argwhere(picture(some[0])[0] == 0.0).T + 0.5) / CELLS
     for label, (x, y), key, size in (
-        ("walls", walls, "theory", 2.5),
         ("proposed states", states, "course", 2.0),
-        ("start and goal", ends, "chosen", 8.0),
+        ("walls", walls, "theory", 5.5),
+        ("", ends, "chosen", 8.0),
     ):
-        observed.series.append(Series(label, x, y, key, "", marker="s", size=size))
+        tags = () if label else ("start", "goal")
+        observed.series.append(Series(label, x, y, key, "", marker="s", size=size, tags=tags))
     observed.notes = [f"sampler: {cost:.0f} s of processor time to train, on {sampler[0]} worlds"]
     yield observed
 
     within = np.geomspace(30, 30_000, 61)
-    families = {"Held-out worlds of the family": some, "The same, turned by a quarter": turned}
+    families = {"Held-out worlds of the family": some, "The same worlds, rotated by 90°": turned}
     for title, family in families.items():
         only = ("uniform", "learned") if family is turned else ()
         panel = Panel(
@@ -267,7 +268,7 @@ def learned_planners(
     requested = questions(grown(world), queries, np.random.default_rng(8))
     requested = [Scene("discs", world, q.start, q.goal, 1.0) for q in requested]
     panel = Panel(
-        "Paths out of noise, in the world they know",
+        "Diffusion: paths in the world of its training",
         "seconds to a free path",
         "share of queries",
         scale="log x",

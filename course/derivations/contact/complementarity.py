@@ -126,7 +126,7 @@ def never_both_positive(result):
     "multiplier of that constraint. A mass that hangs on a spring and rests on the ground is held "
     "up by f = {formula}.",
     ask=(
-        "A mass m hangs on a spring k whose rest position is at a height c above the ground. The "
+        "A mass m hangs on a spring k that is relaxed when the mass is at the height c. The "
         "mass touches the ground, at q = -c. Minimise V = k q^2/2 + m g q subject to "
         "phi = q + c >= 0. What is the multiplier f, the contact force?",
         "f = m*g - k*c",
@@ -327,7 +327,7 @@ def penalty_is_a_step(result):
     "Backpropagation through contact gives zero or undefined gradients.",
     "It gives zero before touch, two one-sided values at touch, and an ordinary number after it: "
     "a finger that reaches the block moves it {after_s:.3f} m farther for each m/s more. What "
-    "does go wrong is another thing. A bounce that is applied at the end of its step has the "
+    "does go wrong is another thing. An elastic bounce applied at the end of its step has the "
     "derivative {stepped:.0f} at every step size, although the truth is 1.",
 )
 def contact_gradients_vanish(result):

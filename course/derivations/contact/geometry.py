@@ -582,7 +582,7 @@ def circles_once_a_step(result):
 
 @claim(
     "With a step that is small enough, nothing passes a thin wall.",
-    "With one test per step, a hit can be missed only at (2 r + w) / dt or faster: "
+    "With one test per step, a hit can be missed only at (2 r + w) / h or faster: "
     "{geometric_m_per_s:.0f} m/s for a ball of {ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} mm "
     "and a step of {step_ms:g} ms. But a soft contact gives way. Pushed past the middle of the "
     "wall, the ball comes out on the far side. In MuJoCo's critically damped default this starts "

@@ -31,11 +31,12 @@ def _stable_loops(rng, n):
 
 
 @claim(
-    "A peak sensitivity of at most 2 guarantees a gain margin of at least 2 and a phase margin of "
-    "at least 29 degrees.",
+    "In a stable loop, a peak sensitivity of at most 2 guarantees a gain margin of at least 2 and "
+    "a phase margin of at least 29 degrees.",
     "The Nyquist curve stays at least 1/Ms away from -1. So the gain margin is at least Ms/(Ms - "
     "1) and the phase margin at least {formula}, which is {phase_deg:.1f} degrees for Ms = "
-    "{limit:g}. Of {draws:.0f} random PID loops with a delay, {inside:.0f} have an Ms of at most "
+    "{limit:g}. Of {draws:.0f} random stable PID loops with a delay, {inside:.0f} have an Ms of "
+    "at most "
     "{limit:g}; their smallest margins are {gain:.2f} and {least_deg:.0f} degrees.",
     ask=(
         "The Nyquist curve is never closer to -1 than 1/M. Where it crosses the unit circle, which "

@@ -12,11 +12,10 @@ SYMBOLS = {
 
 @claim(
     "MPC achieves a lower cost than LQR with a clipped command.",
-    "A mass with a weak motor shows when. If a limit becomes active after the start, for "
-    "example because the mass has to speed up and then brake, only a plan sees it coming: "
-    "{far_m:g} m from the target LQR costs {gain:.2f} times as much as MPC. If the limit is "
-    "active from the start or never, both cost the same to {same:.0e}. MPC plans {ahead:.0f} "
-    "samples each time.",
+    "A mass with a weak motor shows when. From rest {far_m:g} m from the target it has to speed "
+    "up at one limit and to brake at the other. Only a plan sees the second one coming, and LQR "
+    "costs {gain:.2f} times as much as MPC. If the limit is active in one stretch from the start, "
+    "or never, both cost the same to {same:.0e}. MPC plans {ahead:.0f} samples each time.",
 )
 def mpc_beats_clipping(result):
     from itertools import pairwise
@@ -43,7 +42,7 @@ def mpc_beats_clipping(result):
     result.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
     result.statement_holds(
         min(s for s, _ in draws) > 1e-9,
-        only_if="a limit becomes active after the start",
+        only_if="the clipped command reaches a limit after it was free or at the other limit",
         inside=[s > 1e-9 for s in coming],
         outside=[s > 1e-9 for s in less],
     )
@@ -79,7 +78,7 @@ def samples_find_the_plan(result):
     "Second differences of an angle with noise s have the noise {formula}, which is "
     "{worst:.0f} rad/s^2 for {noise:.0e} rad at {rate:.0f} Hz. The inertia from such a log "
     "comes out {diff:.0%} too small. The same equation, multiplied with a test function and "
-    "integrated by parts, differentiates no measurement. It is off by at most {integral:.1%}.",
+    "integrated by parts, differentiates no measurement. It is off by at most {integral:.2%}.",
     ask=(
         "Each angle has independent noise of standard deviation s. What is the standard deviation "
         "of the second difference (q[k+1] - 2 q[k] + q[k-1])/dt^2?",

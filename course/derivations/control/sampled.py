@@ -254,7 +254,8 @@ def _largest_gain(growth, high, low=0.0):
 
 @claim(
     "A first-order Pade approximation of the delay is good enough for any stability limit.",
-    "It is good only if the delay's phase lag is small at the limit. For a PD loop that is "
+    "It replaces e^(-s D) by (1 - s D/2)/(1 + s D/2), so that the loop has a polynomial. It is "
+    "good only if the delay's phase lag is small at the limit. For a PD loop that is "
     "limited by its rate gain, where this lag is {turned:.2f} rad, the first-order "
     "approximation allows {first:.0%} too much gain and the second-order one {second:.1%}. "
     "For P it is within {slow:.1e} where friction is small and the oscillation therefore "
@@ -297,8 +298,8 @@ def pade_is_enough(result):
     "Too much D only makes a joint sluggish.",
     "At first it does: the settling time rises from {fast_s:.2f} s at kd = {light:g} to "
     "{slow_s:.1f} s at kd = {heavy:g}. Then the joint shakes. With a backward difference for "
-    "the rate and {late_ms:g} ms of delay the loop is unstable above kd = {edge:.0f} N m "
-    "s/rad, where it oscillates at {hertz:.0f} Hz.",
+    "the rate and {late_ms:g} ms of delay the loop is unstable above {edge:.0f} N m s/rad, "
+    "where it oscillates at {hertz:.0f} Hz.",
 )
 def too_much_d(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
@@ -381,7 +382,7 @@ def encoder_ripple(result):
         )
     ]
     result.statement = (
-        "The last second of a step with a load, the encoder's noise a fifth of a line."
+        "The last second of a step with a load, the encoder's noise a fifth of a count."
     )
     result.statement_holds(plain < 3 * kp * line)
     result.correction_holds(

@@ -210,8 +210,8 @@ def listing_friction(result):
 @claim(
     "The PID code of many tutorials (kp 20, ki 5, kd 8) has settled at the target after "
     "three seconds.",
-    "It is {error_mrad:.0f} mrad {side} the target and creeping back. The slow pole of the "
-    "integral has a time constant of {slow_s:.1f} s, and the joint is within a fiftieth of "
+    "It is {error_mrad:.0f} mrad {side} the target and creeping back. The slowest part of "
+    "the error has a time constant of {slow_s:.1f} s, and the joint is within a fiftieth of "
     "the step only {settled}. The first command is {first_n_m:.0f} N m, the torque limit, "
     "because of the derivative of the error.",
 )
@@ -442,8 +442,9 @@ def overdamped_cure(result):
 
 @claim(
     "Raise P until the loop oscillates at a constant amplitude: every joint has such a gain.",
-    "Only a loop with a delay has one: a hold, a bus, or a motor that lags. Under a hold and "
-    "without friction no P gain is stable. With friction and without delay none is too high. "
+    "A rigid joint has one only with a delay: a hold, communication, or a motor that lags. "
+    "Under a hold and without friction no P gain is stable. With friction and without delay none "
+    "is too high. "
     "At {rate_hz:.0f} Hz the hold alone makes it {gain:.0f} N m/rad, with a period of "
     "{period_s:.3f} s. With a torque limit, twice and ten times that gain also end in a "
     "constant amplitude, so a constant amplitude does not prove that the gain is the "
@@ -504,9 +505,10 @@ def quoted_ku_tu(result):
 
 @claim(
     "The gains 27, 120 and 1.5 from that table give about 15 % overshoot.",
-    "They are unstable on that joint, whatever the sample time. Routh's condition is (b + "
-    "kd) kp > J ki, and {left:.0f} is less than {right:.0f}. The oscillation grows "
-    "{factor:.3f} times per second without delay, and {delayed:.1f} times with the "
+    "They are unstable on that joint, whatever the sample time. Even the continuous loop "
+    "is stable only if (b + kd) kp > J ki (Routh's condition), and {left:.0f} is less than "
+    "{right:.0f}. The oscillation grows {factor:.3f} times per second without delay, and "
+    "{delayed:.1f} times with the "
     "{late_ms:.0f} ms for which the ultimate gain is {said:.0f}.",
 )
 def quoted_gains_overshoot(result):

@@ -255,7 +255,7 @@ def dagger_fixes_drift(result):
     )
     result.statement_holds(
         quiet < 1.0,
-        only_if="noise takes the learner off the line of the demonstrations",
+        only_if="something takes the learner off the line of the demonstrations, here noise",
         inside=inside,
         outside=outside,
     )
@@ -271,20 +271,21 @@ def dagger_fixes_drift(result):
 
 @claim(
     "Each round of DAgger lowers the cost of a clone, because it adds the right data.",
-    "The network also has to fit the added data. On the circle task two rounds lower the cost "
-    "from {long_clone:.1f} to {long_dagger:.1f} if each training has {long:.0f} gradient steps. "
-    "With {short:.0f} steps the same network does not fit three times the data: the cost rises "
-    "from {short_clone:.1f} to {short_dagger:.1f}, in {worse:.0f} of {n:.0f} seeds. Errors die "
+    "The network also has to fit the added data. On the circle task two rounds, which triple the "
+    "labels, lower the cost of {horizon:.0f} steps from {long_clone:.1f} to {long_dagger:.1f} m if "
+    "each training has {long:.0f} gradient steps. With {short:.0f} steps the same network does not "
+    "fit three times the data: the cost rises from {short_clone:.1f} to {short_dagger:.1f} m, in "
+    "{worse:.0f} of {n:.0f} seeds. Errors die "
     "out on this task, so the clones' cost grows almost linearly with time (exponent "
     "{exponent:.2f}).",
 )
 def dagger_needs_room(result):
     from course.learning import Circle, clone, dagger, roll
 
-    task = Circle()
+    task, horizon = Circle(), int(result.input("horizon", 160))
 
     def costs(steps, seed):
-        """Return distances from the circle summed up to each of 160 steps, before and after DAgger.
+        """Return distances from the circle summed up to each step, before and after DAgger.
 
         DAgger runs for two rounds.
         """
@@ -292,13 +293,13 @@ def dagger_needs_room(result):
         learn = partial(clone, seed=seed, width=32, steps=steps, rate=3e-3)
         each = list(dagger(task, task.expert, learn, task.starts, 40, rng, rounds=2))
         # Judged on four times the length of the demonstrations.
-        ran = [roll(task, r.policy, task.starts(100, rng), 160, rng).states for r in each[::2]]
+        ran = [roll(task, r.policy, task.starts(100, rng), horizon, rng).states for r in each[::2]]
         return [np.cumsum(task.cost(states[:, 1:]).mean(axis=0)) for states in ran]
 
     long, short = int(result.input("long", 600)), int(result.input("short", 150))
     n = int(result.input("n", 6))
     runs = [costs(long, 0), costs(long, 1), *(costs(short, seed) for seed in range(n))]
-    T = np.array([10, 20, 40, 80, 160])
+    T = np.array([10, 20, 40, 80, horizon])
     grown = [np.polyfit(np.log(T), np.log(first[T - 1]), 1)[0] for first, _ in runs]
     result.measure("exponent", max(grown), 0.1)
     ends = np.array([[first[-1], last[-1]] for first, last in runs])

@@ -99,8 +99,8 @@ def baseline_is_free(result):
 
 @claim(
     "Generalised advantage estimation is a weighted mean of all n-step advantage estimates, whose "
-    "weights fall by the factor lambda from one n to the next; the longest gets what is missing "
-    "to 1.",
+    "weights are proportional to 1, lambda, lambda^2 and so on; the longest estimate gets the "
+    "rest, so that they add up to 1.",
     "The same number is easier to compute from the critic's one-step errors d0, d1 and so on: "
     "it is their sum, with one more factor of gamma lambda for each step ahead. With three "
     "steps left it is {formula}. Both computations agree to {worst:.0e}, also where episodes "
@@ -268,8 +268,9 @@ def beyond_the_clip(result):
     "PPO's clip keeps every probability ratio between 1 - eps and 1 + eps.",
     "The clip removes the incentive to go further, but it does not hold the ratio. After an "
     "iteration on the point task {share:.0%} of the ratios were outside the range, at a mean KL "
-    "divergence of {kl:.3f}. With large steps the clip still matters: with a step size of {large} "
-    "and {many:.0f} epochs the divergence was {strong:.3f}, and {free:.1f} without the clip. In "
+    "divergence of {kl:.3f}. With large steps the clip still matters: in the first three "
+    "iterations with a step size of {large} and {many:.0f} epochs the divergence was "
+    "{strong:.3f}, and {free:.1f} without the clip. In "
     "the first gradient step of a batch all ratios are 1, so the clip does nothing and the step "
     "is that of the plain policy gradient.",
 )
@@ -684,8 +685,8 @@ def two_gains(result):
     "multiplications as the forward pass.",
     "With two hidden layers the backward pass takes {formula} multiplications per sample, in "
     "PyTorch {ratio:.2f} times the forward pass for {width:.0f} units per layer. Small networks "
-    "spend their time elsewhere: one gradient step makes {calls:.0f} operator calls, whatever "
-    "the width.",
+    "probably spend their time elsewhere: one gradient step makes {calls:.0f} operator calls, "
+    "whatever the width.",
     ask=(
         "A network has d inputs, two hidden layers of h units and m outputs. The forward pass "
         "takes d h + h h + h m multiplications per sample. How many does the backward pass "

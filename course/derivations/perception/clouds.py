@@ -14,8 +14,8 @@ SYMBOLS = {
 
 @claim(
     "A small part far away has few pixels.",
-    "Where it faces the camera it has (f a / z)^2 pixels, give or take a row and a column. A "
-    "square of {side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of an image that is "
+    "A square of side a that faces the camera has (f a / z)^2 pixels, give or take a row and a "
+    "column. One of {side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of an image that is "
     "{wide:.0f} pixels wide, and {near:.0f} at half of that distance. If it is tilted, multiply "
     "by the cosine of the tilt.",
 )

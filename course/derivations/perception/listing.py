@@ -224,12 +224,12 @@ def pipeline_keeps_up(result):
     "{wide:.0f} mm.",
     ask=(
         "Two parallel fingers, b wide along the part, close on a part of width W that is longer "
-        "than b. The part lies e to the side and is turned by t about the fingers' middle. How "
-        "much farther than W/2 from the middle must each finger start?",
+        "than b. Midway along the fingers, the part's middle line is e to the side, and the part "
+        "is turned by t there. How much farther than W/2 from the middle must each finger start?",
         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)",
         {
             "e": "A turned part is wider between the fingers.",
-            "e + b*tan(t)": "The part turns about the fingers' middle: half of it.",
+            "e + b*tan(t)": "A finger reaches b/2 to either side of its middle.",
             "e + W/2*sin(t)": "It is the fingers' width that meets the slope, not the part's.",
         },
     ),

@@ -78,10 +78,11 @@ def one_repair_cures(result):
 
 @claim(
     "The stage with the largest error at the end of a run is the one at fault.",
-    "Errors are passed on, so this rule names {last:.0%} of ten kinds of faults correctly. "
-    "Contracts from the camera downwards, then replays with one ideal stage, name {ours:.0%}. "
-    "That takes a simulator: one of the contracts needs the true target. The contracts alone "
-    "name {alone:.0%} with it and {blind:.0%} without it.",
+    "This rule names {last:.0%} of ten kinds of faults correctly. It names perception in "
+    "{perception:.0%} of the cases, because the error of the estimate is mostly the largest at "
+    "the end, whatever was broken. Contracts from the camera downwards, then replays with one "
+    "ideal stage, name {ours:.0%}. That takes a simulator: one of the contracts needs the true "
+    "target. The contracts alone name {alone:.0%} with it and {blind:.0%} without it.",
 )
 def last_error_blames(result):
     from course.pipeline import STAGES
@@ -94,6 +95,7 @@ def last_error_blames(result):
     right = np.arange(len(FAULTS)), [STAGES.index(fault.stage) for fault in FAULTS]
     ours = result.measure("ours", text[right].sum() / text.sum(), 0.05)
     theirs = result.measure("last", last[right].sum() / last.sum(), 0.2)
+    result.measure("perception", last[:, 0].sum() / last.sum(), 0.2)
     result.statement = "One failing run of each of ten injected faults."
     result.statement_holds(theirs > 0.9)
     result.correction_holds(ours > 0.8, theirs < 0.7, bool(blind < 0.8 < alone))
@@ -111,10 +113,10 @@ WORST: dict[str, dict[str, Any]] = {
 @claim(
     "With everything at its worst, contracts lead back sooner than turning sliders.",
     "No single slider is enough. Following the first broken contract, stage by stage, took "
-    "{contracts:.0f} runs on average. Trying all sets of sliders, smallest first, took "
-    "{sliders:.0f}. But turning sliders back one by one, in any order, and leaving them there "
-    "took only {kept:.1f}. With five stages, contracts save few runs; what they save is "
-    "guessing.",
+    "{contracts:.1f} runs on average, the failed one counted. Turning sliders back one after the "
+    "other, in any order, and leaving them there took {kept:.1f}: no clear difference. Only "
+    "testing all sets of sliders, smallest first, is slow, with {sliders:.0f} runs. Contracts "
+    "save guessing here, hardly any runs.",
 )
 def contracts_before_sliders(result):
     from course.pipeline import Scenario, Settings, run
@@ -139,7 +141,7 @@ def contracts_before_sliders(result):
     def first_that_works(choices, seed):
         return next(i for i, some in enumerate(choices) if tried(frozenset(some), seed).success) + 1
 
-    seeds = range(3)
+    seeds = range(10)
     ours = result.measure("contracts", np.mean([by_contracts(seed) for seed in seeds]), 0.2)
     every = [some for n in range(6) for some in combinations(WORST, n)]
     theirs = result.measure("sliders", np.mean([first_that_works(every, k) for k in seeds]), 0.4)
@@ -154,12 +156,12 @@ def contracts_before_sliders(result):
         ),
         0.2,
     )
-    result.statement = "Five stages at their worst, three seeds."
-    result.statement_holds(ours < min(retained, theirs))
+    result.statement = "Five stages at their worst, ten seeds; all orders of the sliders."
+    result.statement_holds(ours < 0.8 * retained)
     result.correction_holds(
         ours <= len(WORST) + 1,
         theirs > 1.5 * ours,
-        retained < 1.4 * ours,
+        retained < 1.25 * ours,
         not any(tried(frozenset([one]), k).success for one in WORST for k in seeds),
     )
 
@@ -210,9 +212,11 @@ def reward_by_the_step(result):
 
 @claim(
     "At a tenth of the step, repeating each action ten times keeps the best behaviour of the task.",
-    "The discount and the possible paths per second are the old ones. The best behaviour is "
+    "Then discount, cost and possible paths per second are the old ones. The best behaviour is "
     "still to {best}, and its value changes by {moved:.1%}, because the arrival is paid a few "
-    "short steps later. The price is a policy that cannot react sooner than before.",
+    "short steps later. If each short step costs as much as a long one did, ten of them cost ten "
+    "times as much, and it is best to {summed}. In both cases the policy cannot react sooner than "
+    "before.",
 )
 def repeated_actions(result):
     from course.pipeline.timestep import Way, chain, prefers, repeated
@@ -226,11 +230,26 @@ def repeated_actions(result):
     result.measure("moved", abs(prefers(new)[1] / prefers(old)[1] - 1.0), 0.5)
     draws = [
         Way(cost=float(c), fall=float(f), effort=float(e))
-        for c, f, e in result.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (2, 3))
+        for c, f, e in result.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (8, 3))
     ]
-    pairs = [(prefers(chain(w, 0.01)), prefers(repeated(chain(w, 0.001), 10))) for w in draws]
+
+    def same(walker, per_step=None):
+        """Return whether repeated short steps keep behaviour and value, to 2 of 100 points."""
+        first, second = chain(walker, 0.01), repeated(chain(walker, 0.001, None, per_step), 10)
+        a, b = prefers(first), prefers(second)
+        return a[0] == b[0] and abs(a[1] - b[1]) < 2.0
+
+    # What a second costs by the long step, paid at every short one.
+    unconverted = path.horizon * -np.expm1(-0.01 / path.horizon)
+    summed = prefers(repeated(chain(path, 0.001, None, unconverted), 10))[0]
+    result.measure("summed", summed)
     result.statement = "The walker's chain at 10 ms, and at 1 ms with each action ten times."
-    result.statement_holds(all(abs(a[1] - b[1]) < 2.0 for a, b in pairs))
+    result.statement_holds(
+        same(path, unconverted),
+        only_if="the rewards of the ten short steps sum to that of one old step",
+        inside=[same(walker) for walker in draws],
+        outside=[same(walker, unconverted) for walker in draws],
+    )
     result.correction_holds(
         prefers(new)[0] == prefers(old)[0], retained < 1e-9, abs(new.gamma / old.gamma - 1.0) < 1e-9
     )
@@ -238,7 +257,7 @@ def repeated_actions(result):
 
 @claim(
     "Meshes make a simulation slow because each of their vertices has to be searched.",
-    "Contacts are the other half. A box makes {box:.1f} times as many solver rows as a sphere,"
+    "Contacts are a second cause. A box makes {box:.1f} times as many solver rows as a sphere,"
     " and a hull of {few:.0f} points {hull:.1f} times as many. From {some:.0f} to {many:.0f} "
     "points, the rows grow by {more:.0%}, and collision detection takes {search:.1f} times as "
     "long.",

@@ -56,7 +56,7 @@ def learned_sampler_speeds_up(result):
     for name, label in (
         ("learned", "learned"),
         ("uniform", "uniform"),
-        ("search", "search of the picture"),
+        ("search", "grid search"),
         ("turned", "turned: learned"),
         ("turned_uniform", "turned: uniform"),
     ):
@@ -64,7 +64,7 @@ def learned_sampler_speeds_up(result):
     worlds = [learned.slits(result.rng) for _ in range(40)]
     picture = result.measure("picture", learned.picture(worlds[0])[0].size)
     # What needs no training is asked again, in other worlds.
-    untrained = sampled([None], worlds, "uniform", "search of the picture")
+    untrained = sampled([None], worlds, "uniform", "grid search")
     again = {x.name: x.budget()[0] for x in untrained}
     result.statement = (
         "200 held-out worlds, three networks; the methods without a network again in 40 others."
@@ -88,7 +88,7 @@ def learned_sampler_speeds_up(result):
         costs["learned"] < costs["search"] < costs["uniform"],
         picture > costs["uniform"],
         0.6 < again["uniform"] / costs["uniform"] < 1.6,
-        again["search of the picture"] < 0.75 * again["uniform"],
+        again["grid search"] < 0.75 * again["uniform"],
     )
 
 
@@ -109,15 +109,16 @@ def diffusion_is_collision_free(result):
     # Shares of first proposals that collide, as they come and pushed.
     (raw, raw_pushed), (bare, bare_pushed) = (
         np.array(numbers_in(rf"{name}, pushed out +(\d+)% collide, +(\d+)% once pushed")) / 100.0
-        for name in ("noise", "bent lines")
+        for name in ("diffusion", "bent lines")
     )
     shares = {"raw": raw, "bare": bare, "raw_pushed": raw_pushed, "bare_pushed": bare_pushed}
     for name, share in shares.items():
         result.measure(name, share)
     curves = _panels()[3]
-    solved = result.measure("solved", max(curves["noise, checked"].y), 0.1)
+    solved = result.measure("solved", max(curves["diffusion, checked"].y), 0.1)
     paths = [
-        numbers_in(rf"{name}.* median ([\d.]+) ms")[0] for name in ("noise, checked", "RRT-Connect")
+        numbers_in(rf"{name}.* median ([\d.]+) ms")[0]
+        for name in ("diffusion, checked", "RRT-Connect")
     ]
     times = result.measure("times", paths[0] / paths[1])
     world = scenes.discs(count=chart.DISCS).world
@@ -136,7 +137,7 @@ def diffusion_is_collision_free(result):
         raw_pushed < bare_pushed < 0.5 * bare,
         solved < 0.95,
         times > 1.0,
-        max(curves["RRT-Connect"].y) == 1.0 == max(curves["noise, pushed out"].y),
+        max(curves["RRT-Connect"].y) == 1.0 == max(curves["diffusion, pushed out"].y),
         abs(again - bare) < 0.15,
         pushed < again - 0.3,
     )

@@ -112,8 +112,8 @@ def _tight():
 
 
 @claim(
-    "Slow plans at a shelf are slow more because of the query than because of the seed.",
-    "At the tight shelf {between:.0%} of the variance of the logarithm of the samples of "
+    "Slow plans at the tight shelf are slow more because of the query than because of the seed.",
+    "There {between:.0%} of the variance of the logarithm of the samples of "
     "RRT-Connect lies between queries, the rest between seeds. So another seed helps somewhat: the "
     "slowest tenth of the runs took {slow:.0f} samples in the median, and with other seeds the "
     "same queries take {again:.0f}. But that is still far above the median of all runs, "

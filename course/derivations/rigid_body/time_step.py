@@ -192,7 +192,7 @@ def semi_implicit_unconditional(result):
         "What is the largest stable step of semi-implicit Euler for a mass m on a spring k?",
         "dt < 2*sqrt(m/k)",
         {
-            "sqrt(m/k)": "The factor 2 is missing: the trace reaches -2 at omega dt = 2.",
+            "sqrt(m/k)": "The factor 2 is missing: the trace reaches -2 at omega h = 2.",
             "2*sqrt(k/m)": "That is 2 omega, a rate; a stiffer spring needs a smaller step.",
             "2*m/k": "The root is missing: check the units.",
             "4*m/k": "That is the square of the limit.",

@@ -89,11 +89,11 @@ word, colour = draw.words_table(), draw.colours_table()
 _SAFE, _UNSAFE = colour("#dff0e6", "#f7dedd")
 _DEPTH, _FORCE, _LOOP = word("penetration [mm]", "contact force [N]", "force against penetration")
 _TIME, _HEIGHT, _MOTION = word("time [s]", "height [mm]", "height of the mass")
-_ZETA, _STEP, _LIMITS = word("damping ratio", "ω dt", "step limit: drag the point")
+_ZETA, _STEP, _LIMITS = word("damping ratio", "ω h", "step limit: drag the point")
 _STABLE, _UNSTABLE = word("stable", "unstable")
 _THIS, _FINE, _NOW = word("this step", "shortest step", "now, in slow motion")
 _LIMIT, _SIDE, _DEEPEST, _BOUNCE = word(
-    "limit of ω dt", "resting contact", "deepest", "highest bounce"
+    "limit of ω h", "resting contact", "deepest", "highest bounce"
 )
 _MM, _NONE = word(" mm", "none")
 _LEFT, _TOP, _BOTTOM = (0.85, 3.95, 0.75, 4.1), (5.0, 8.8, 3.0, 4.25), (5.0, 8.8, 0.72, 1.95)
@@ -245,8 +245,8 @@ PRESETS = {
 
 # What each number below the picture means.
 READOUTS = {
-    "ω dt": "Natural frequency of the spring times the step.",
-    "limit of ω dt": (
+    "ω h": "Natural frequency of the spring times the step.",
+    "limit of ω h": (
         "Largest stable value at this damping ratio, for a contact that stays closed and a "
         "semi-implicit step."
     ),

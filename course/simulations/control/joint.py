@@ -134,7 +134,7 @@ TITLE = "A joint that tracks a step"
 word, colour = draw.words_table(), draw.colours_table()
 _TIME, _ANGLE, _TORQUE, _WANTED = word("time [s]", "angle [rad]", "torque [N m]", "target")
 _OVER, _SETTLED, _ERROR, _GROWTH = word(
-    "overshoot", "settled after", "steady error", "growth a sample"
+    "overshoot", "settled after", "error at the end", "growth a sample"
 )
 _GAIN, _PHASE, _DELAY = word("gain margin", "phase margin", "delay margin")
 _PERCENT, _S, _MRAD, _DEGREES, _MS, _TIMES = word(" %", " s", " mrad", "°", " ms", "×")
@@ -248,7 +248,7 @@ PAPER = draw.Paper(TITLE, word, colour)
 READOUTS = {
     "overshoot": "How far the joint goes beyond the target, as a fraction of the step.",
     "settled after": "Time after which the error stays within the settling band.",
-    "steady error": "Error at the end of the run.",
+    "error at the end": "Target minus angle at the end of the run. It may still be decaying.",
     "growth a sample": (
         "Spectral radius of the closed loop: the factor by which its slowest mode changes per "
         "sample. Above 1 it is unstable."

@@ -112,6 +112,18 @@ def test_the_compiled_clearances_are_the_same() -> None:
     assert np.all(np.isinf(clearance(CELL.lengths, np.zeros((0, 3)), q[:3])))
 
 
+def test_compiled_edges_end_where_the_worked_answer_s_do() -> None:
+    plain, shares = load_part(course_part("edge_check")), []
+    rng = np.random.default_rng(2)
+    for _ in range(200):
+        posts = np.column_stack((rng.uniform(-0.8, 0.8, (3, 2)), rng.uniform(0.02, 0.08, 3)))
+        a, b = rng.uniform(-2.5, 2.5, (2, 2))
+        args = (np.array(CELL.lengths), posts, a, b)
+        shares.append(plain(*args))
+        assert abs(FUNCTIONS["edge_check"](*args) - shares[-1]) < 1e-6
+    assert sum(share == 1.0 for share in shares) > 20 < sum(0.0 < share < 1.0 for share in shares)
+
+
 def test_the_compiled_matches_are_the_same() -> None:
     model, _, faces = stages.part_model(CELL)
     rng = np.random.default_rng(1)

@@ -23,7 +23,7 @@ def test_a_diffusion_trained_anew_collides_as_often() -> None:
     requested = learned.questions(learned.grown(world), 60, np.random.default_rng(70))
     some = [scenes.Scene("discs", world, q.start, q.goal, 1.0) for q in requested]
     result = chart.proposed([net], some)
-    assert 0.45 < result["noise, checked"][1][0] < 0.8
-    assert result["noise, pushed out"][2][0] < 0.12
-    solved = max(charts.stored("learned_planners")[3]["noise, checked"].y)
-    assert abs(result["noise, checked"][0].ever - solved) < 0.12
+    assert 0.45 < result["diffusion, checked"][1][0] < 0.8
+    assert result["diffusion, pushed out"][2][0] < 0.12
+    solved = max(charts.stored("learned_planners")[3]["diffusion, checked"].y)
+    assert abs(result["diffusion, checked"][0].ever - solved) < 0.12

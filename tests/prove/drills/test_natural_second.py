@@ -1,0 +1,48 @@
+"""A second set of answers as people write them, to which nothing was tuned: what a learner gets."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from drills import cards
+from drills.grade_report import Report
+from drills.grader import attempt
+from drills.reasons import Reason
+from drills.verify import in_this_process
+from tests.prove.drills.test_natural import HEAD, SHARE
+
+ANSWERS = tomllib.loads(Path(__file__).with_name("natural_second.toml").read_text(encoding="utf-8"))
+
+
+def report_of(name: str, text: str) -> Report:
+    """What the grader says of an answer."""
+    return attempt(cards.card(name), HEAD + text, seed=11, place=in_this_process).report
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_right_answers_pass_in_any_style(name: str) -> None:
+    rows = ANSWERS[name]["right"]
+    failed = [
+        (style, report.sentence)
+        for style, text in rows
+        if not (report := report_of(name, text)).passed
+    ]
+    assert len(rows) == 2 and failed == []
+
+
+def test_wrong_answers_fail_and_nine_of_ten_get_more_than_numbers() -> None:
+    reports = {
+        (name, what): report_of(name, text)
+        for name, rows in ANSWERS.items()
+        for what, text in rows["whole"]
+    }
+    assert [one for one, report in reports.items() if report.passed] == []
+    bare = [
+        one
+        for one, report in reports.items()
+        if not report.slip and report.reason == Reason.WRONG_VALUE
+    ]
+    assert len(reports) == 60 and len(bare) <= (1.0 - SHARE) * len(reports), bare
