@@ -85,11 +85,16 @@ def trials_for_width(share: float, half: float) -> int:
     return next(n for n in itertools.count(1) if half_width(share, n) <= half)
 
 
-def trials_each(first_share: float, second_share: float, power: float = 0.8) -> int:
-    """Return trials of each of two policies that tell their shares apart, two-sided at 5 %."""
+def trials_each(
+    first_share: float, second_share: float, power: float = 0.8, together: float | None = None
+) -> int:
+    """Return trials of each of two policies that tell their shares apart, two-sided at 5 %.
+
+    On the same scenes, `together` is the share of them that both solve.
+    """
     from course.sim_to_real import trials
 
-    return trials(first_share, second_share, power=power)
+    return trials(first_share, second_share, power=power, together=together)
 
 
 def trials_for_gate(gate_share: float, true_share: float, power: float = 0.8) -> int:
@@ -241,7 +246,9 @@ def contact_force_n(
 
     It is V sqrt(k m), with m their reduced mass.
 
-    The robot's is its effective mass at the contact; the body's is infinite where it is clamped.
+    The speed is the closing speed: that of the robot plus that of a person who walks towards it.
+    The robot's mass is its effective mass at the contact; the body's is infinite where it is
+    clamped.
     """
     if not body_kg > 0.0:
         raise invalid("body_kg", body_kg, "a positive number, or infinite")
@@ -377,12 +384,12 @@ def cores(robots: int, cores_each: float, times_real_time: float, workers: int =
 
 
 def budget_if_open(samples: float, failing: float, doubt: float) -> float:
-    """Return the samples after which a planner that found nothing would be so unlucky.
+    """Return the samples in which a run misses an open gap with the probability `doubt`.
 
     Args:
         samples: measured with a gap of the same width.
         failing: share of the runs that had found no path by then.
-        doubt: chance that is small enough to call the gap closed.
+        doubt: probability that a run finds nothing although the gap is open.
     """
     share, small = finite("failing", failing, 1e-9, 1 - 1e-9), finite("doubt", doubt, 1e-12, 0.5)
     return positive("samples", samples) * math.log(small) / math.log(share)

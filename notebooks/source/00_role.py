@@ -95,8 +95,8 @@ predict("never_late")
 
 # %% [markdown]
 # The table lists the arrows with the largest bandwidth. A function of this chapter, `check_stack`, tests the graph:
-# every loop has to pass through the robot or its simulation. The programs of any other loop would react only to each
-# other, and to nothing that happened in the world.
+# every loop has to pass through the robot or its simulation. This is a convention of this graph. It finds arrows that
+# were drawn the wrong way, and programs that would wait for each other.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -168,9 +168,12 @@ table(
 # %% [markdown]
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. A part on a belt at 0.3 m/s moves by $0.3 \cdot
-# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it. This is the mean over all
-# phases that the clocks can have to each other. Clocks of their own run through all these phases while the robot works.
-# Clocks that are locked to each other keep one phase, and that run then has a mean of its own (section 6).
+# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it.
+#
+# Two clocks may start at any
+# shift against each other, their **phase**; 172.4 ms is the mean over all phases. Clocks of their own drift through all
+# of them while the robot works. If two clocks never drift, the phase of the start stays, and so the mean differs from
+# one start of the robot to the next (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
@@ -198,8 +201,8 @@ show("polling_makes_fresh")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Information ages while it is worked on *and while it waits*. At each arrow it waits for half of the
-# interval at which it is produced, on average. The last command, too, waits for the next one: at a random moment it has
-# been in force for half of the interval at which it is renewed.
+# interval at which it is produced, on average. The last command ages as well, until the next one replaces it: on
+# average by half of the interval at which it is renewed.
 #
 # </div>
 #
@@ -259,12 +262,12 @@ table(
 #
 # With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
 # **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
-# $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only use the
-# mean age, and the scatter of the age adds an error of its own to either of the two.
+# $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only predict
+# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age.
 #
-# If a control loop runs through the chain, age costs it stability: its answer to a swing of $f$ cycles per second comes
-# too late by the share $f A$ of a cycle, which is the angle $2\pi f A$, called **phase**. An answer that comes half a
-# cycle too late drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
+# If a control loop runs through the chain, age costs it stability. A delay of $A$ is $f A$ cycles of a swing at $f$ Hz.
+# As an angle that is $2\pi f A$, the phase that the loop loses. An answer that comes half a cycle too late drives the
+# swing instead of damping it. Chapter 6 derives how much a loop can afford.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -272,7 +275,7 @@ figure_, axes = plt.subplots(figsize=(8, 3.0), layout="constrained")
 for name, row, style in (
     ("used as it came", 0, "-"),
     ("predicted, a = 1 m/s²", 1, "--"),
-    ("without stamps: added to either, rms", 2, ":"),
+    ("predicted without stamps: additional, rms", 2, ":"),
 ):
     _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
 _ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="a mean age of 172 ms")
@@ -285,7 +288,7 @@ table(
     ("at 0.3 m/s", "error"),
     ("used as it came", f"{1000 * paid.held:.0f} mm"),
     ("predicted with each sample's age, a = 1 m/s²", f"{1000 * paid.predicted:.0f} mm"),
-    ("additional, without stamps", f"{1000 * paid.unstamped:.0f} mm rms"),
+    ("additional in a prediction without stamps", f"{1000 * paid.unstamped:.0f} mm rms"),
     ("phase that a loop of 1 Hz loses", f"{np.degrees(paid.phase):.0f} degrees"),
 )
 
@@ -315,7 +318,7 @@ table(
 # ## 3 · Code: reading, age and reaction
 #
 # Three short functions carry the chapter. `read` says which sample a reader gets from a queue. `age` and `reaction`
-# are the two definitions of section 1, evaluated on a recorded run:
+# are methods of the class `Trace`, a recorded run. They are the two definitions of section 1:
 
 # %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
@@ -347,9 +350,12 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 #
 # Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
 # a box it is worked on; on an arrow it waits. The bars are the distribution of all ages in forty seconds, and the
-# dashed lines are the closed form: least, mean and bound. Its clocks differ a little from their nominal rates, as real
-# ones do, so that all phases occur; the switch *all clocks from one* locks them. Take the presets one after another,
-# and say what the bars will do before you look. The preset *Deep queue*, for example:
+# dashed lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase
+# changes all the time. The switch *all clocks from one* keeps it fixed.
+#
+# Take the presets one after another, and say
+# what the bars will do before you look. In the preset *Deep queue* samples wait in line, and the reader gets the
+# oldest:
 
 # %%
 predict("queue_of_ten")
@@ -359,7 +365,8 @@ predict("queue_of_ten")
 #
 # There are two ways to compute a mean age: the closed form, and an event simulation that is started with many random
 # phases. How many starts does the simulation need? The chart compares them on this chapter's chain. The reference is
-# an average over a regular grid of phases. Its own error is what the point of the closed form shows.
+# an average over a regular grid of phases. The closed form differs from it a little; that is mostly the reference's
+# error.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -367,7 +374,8 @@ predict("queue_of_ten")
 figures(read("age_precision"), "closed form", "1000 random", summary="Times and errors")
 
 # %% [markdown]
-# The event simulation needs a thousand starts for an accuracy of half a millisecond. But it can show what happens
+# Each point of the event simulation is the median error of nine repeats, and the band spans the quartiles. It takes a
+# thousand starts until the median is about half a millisecond. But the event simulation can show what happens
 # after *one particular* start, and the closed form can't. Use the formula to design, and the simulation for everything
 # that breaks the formula's assumptions.
 #
@@ -402,8 +410,11 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 #
 # Time stamps help only if the computers agree on the time. If the camera's computer is 5 ms ahead of the controller,
 # every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All stamps
-# are shifted by the same amount, so the scatter of the ages looks as usual. The log shows an offset only when it is so
-# large that ages become impossible: less than the execution times, or negative.
+# are shifted by the same amount, so the scatter of the ages looks as usual.
+#
+# Look at the extremes instead. Over a long
+# log the least age is the sum of the execution times, and the greatest is the bound. If both are off by the same
+# amount, suspect an offset. You can see one only if you know the execution times more precisely than that.
 #
 # Computers set their clocks over the network. One asks the other for the time, and notes when the question left and
 # when the answer came. It doesn't know how much of the delay belongs to the way there and how much to the way back,
@@ -466,7 +477,7 @@ show("deep_queue")
 
 # %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)
-rows = [("rule", "queue depth", "mean age of both [ms]", "cores")]
+rows = [("rule", "queue depth", "mean age behind the second stage's result [ms]", "cores")]
 for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
     busy = [camera, Stage("slow", 0.060, None, depth, rule)]
     rows.append((rule, depth, f"{1000 * age(busy).mean:.0f}", f"{load(busy):.2f}"))
@@ -754,7 +765,10 @@ table(
         f"An event simulation gave {figure('chain_age', 'simulated_ms'):.1f} ms where the model "
         f"predicts {figure('chain_age', 'mean_ms'):.1f} ms.",
     ),
-    ("W", "It has not run on a robot yet; there I would test it with the time stamps of captures."),
+    (
+        "W",
+        "It has not run on a robot yet; there I would send the capture's stamp with each command.",
+    ),
 )
 
 # %% [markdown]
@@ -766,8 +780,9 @@ interview("role")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page; you can derive them from what is. The third needs one more fact: the
-# integral of a swing lags behind it by a quarter of a cycle. The gate opens when all three are right.
+# Three formulas to derive. The second one stands in an answer above, so try it with that answer closed. The third needs
+# one more fact: the integral of a swing lags behind it by a quarter of a cycle. The gate opens when all three are
+# right.
 
 # %%
 checkpoint(

@@ -13,8 +13,8 @@ simulation("interview")
 
 # %% [markdown]
 # Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
-# it. The rating counts at once: the curve, which is the predicted probability that you still know the answer, starts
-# again at one and falls more slowly, and the panel says when it will ask you again. Section 4 explains the schedule.
+# it. The curve is the predicted probability that you still know the answer. After your rating it starts again at one
+# and falls more slowly. The panel says when the card comes back. Section 4 explains the schedule.
 
 # %%
 predict("hundred_runs")
@@ -72,8 +72,8 @@ plt.show()
 
 # %% [markdown]
 # Every measured or derived number in an answer is computed by code of this course; the command
-# `python -m course.derivations 12` recomputes those of this page. Inputs such as a braking of 2 m/s² are assumptions,
-# and the answers say so. You can also practise in a terminal, with three commands:
+# `python -m course.derivations 12` recomputes those of this page. Inputs such as a braking of 2 m/s² are stated
+# assumptions. The four stories in section 9 are invented, to show the form. For the terminal there are three commands:
 #
 # | Command | What it does |
 # |---|---|
@@ -98,7 +98,7 @@ badges(12)
 # The table has such an answer for each of eight subjects. Read one row, look away, and say it in your own words. Each
 # row ends with a measurement from this course: the task, the computing time of our method and of an established
 # library, and a limit. The times are from one machine and one task, so they rank nothing in general. Names that you
-# don't know belong to chapters that you skipped; learn the rows of the subjects that you claim on your CV.
+# don't know belong to chapters that you skipped; learn the rows of the subjects on your CV.
 
 # %%
 tables.cheat_sheet()
@@ -114,7 +114,7 @@ tables.cheat_sheet()
 #
 # ### How good is a policy that passed a test?
 #
-# The first screen asked about a policy with seventy successes in a hundred runs. Suppose that each run
+# The card at the top asked about a policy with seventy successes in a hundred runs. Suppose that each run
 # succeeds with the same probability $p$, the true success rate, whatever happened before. Then the number of successes
 # in $n$ runs follows a binomial distribution. The observed rate scatters around $p$ with the standard deviation
 #
@@ -135,14 +135,14 @@ plt.show()
 # %% [markdown]
 # **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
 # deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
-# this width you need four times as many runs. The interval below is a little different, because it does not insert the
+# this width you need four times as many runs. Wilson's interval, defined next, differs a little: it does not insert the
 # observed rate for $p$.
 #
 # A **confidence interval** is the set of true rates that are compatible with the observed count, at a chosen level of
 # confidence. Two standard deviations correspond to a level of about 95 %. The simple formula above uses the observed
-# rate instead of the unknown one, and fails near 0 and 1. The **Wilson interval** avoids this. It contains every $p$
-# for which the observed rate lies within two standard deviations of $p$, computed with that $p$. You will program it in
-# section 8.
+# rate instead of the unknown one, and fails near 0 and 1. The **Wilson interval** avoids this. Take each $p$ in turn,
+# compute the standard deviation with this $p$, and keep $p$ if the observed rate is within two of them. You will
+# program it in section 8.
 #
 # Robot teams use such counts for a **gate**, a threshold that a policy has to pass before it may go on, for example
 # from the simulator to the robot.
@@ -230,8 +230,8 @@ plt.show()
 # ### What does a sampled controller cost?
 #
 # A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
-# the staircase that the motor receives. The dotted curve is the staircase averaged over one sample, centred: what a
-# slow motor feels. Compare it with the ideal command: the shape is nearly the same, but it lags behind.
+# the staircase that the motor receives. The dotted curve is a moving average of the staircase, half a sample to
+# each side; a slow motor responds to it. Its shape is nearly that of the ideal command, but it lags behind.
 
 # %% tags=["hide-code"]
 time = np.linspace(0.0, 8.0, 801)
@@ -567,22 +567,21 @@ case.show()
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
 # 8. The drive integrates its error too fast for the damping there is.
 #
-# Each case leaves one of the eight off the list above, and offers `none_of_these` instead, which is right if the one
-# that is missing is at work.
+# Each case lists seven of these eight, and `none_of_these`. If the missing cause is at work, that is the right answer.
 
 # %%
 predict("first_probe")
 
 # %% [markdown]
 # Before you run anything, say what each cause predicts. Three of the probes report a ratio: the time until the slide is
-# lost with the change, divided by the time without it. We simulate for three times the duration of the failing run. If
-# the slide isn't lost by then, we enter that time, so the ratio is at most about three. A ratio of one means that the
-# change doesn't matter.
+# lost with the change, divided by the time without it. We simulate three times as long as the failing run lasted. A
+# slide that survives counts as three. A ratio of one means that the change doesn't matter.
 #
-# * **Half the step** cures or nearly cures what a large step caused (1, 5 and 6). Explicit Euler (2) adds half as much
-#   energy each second, so the slide lasts twice as long. Causes 3, 4, 7 and 8 don't care about the step.
-# * **No brake** removes causes 3 and 5. It cures cause 1 as well: a brake that is computed from the old speed lowers
-#   the largest stable step, and that was the missing margin. The other causes stay.
+# * **Half the step** cures the doubled stiffness and brake (1, 5), and nearly cures the late contacts (6). Explicit
+#   Euler (2) adds half as much energy each second, so the slide lasts twice as long. Causes 3, 4, 7 and 8 don't care
+#   about the step.
+# * **No brake** removes causes 3 and 5. It cures cause 1 as well. The brake uses the old speed, which lowers the
+#   largest stable step; without it the doubled stiffness is just stable. The other causes stay.
 #
 # We don't have to guess the numbers. The program can be run with each cause on other machines. The table lists the
 # range that each cause explains, in bold where the measured number lies in it. The last row is the failing machine:
@@ -641,8 +640,9 @@ diagnose("sure", seed=1).show()
 
 # %% [markdown]
 # How much does one probe tell? Eight causes make 28 pairs. The chart shows for each probe the share of
-# pairs that it tells apart reliably, that is, by more than its own noise. The model answer divides by the price in
-# minutes, and uses the blue probes; a grey probe with a long bar is expensive, or tells apart what another already did:
+# pairs that it tells apart reliably, that is, by more than its own noise. The model answer ranks the probes by pairs
+# told apart per minute. The ones that it uses are blue. A grey probe with a long bar is expensive, or tells apart what
+# another already did:
 
 # %% tags=["hide-code"]
 from itertools import combinations
@@ -780,7 +780,8 @@ predict("learned_or_not")
 #
 # On the left, compare heights and times: the network is right as often as four starts, in less than half of the time.
 # The crossover is a time limit between the two. On the right, a mirrored part that the network has never seen: there it
-# is wrong by a quarter turn, and only the share of the image that looks *through* the estimated part reveals it.
+# is wrong by a quarter turn. The share of the image that looks *through* the estimated part reveals most of these
+# poses, those above the dotted line.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
@@ -988,8 +989,8 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # Three formulas to derive yourself, with one idea for each:
 #
 # 1. The peak force of a contact. All kinetic energy is in the spring (section 2).
-# 2. The slope of the mean reward of two actions over the score of the first. The probability of the first action is the
-#    logistic function of its score, $p = 1/(1 + e^{-\theta})$. Start with the mean reward as a function of $p$, then
+# 2. Two actions: how does the mean reward change with the score $\theta$ of the first? Its probability is the logistic
+#    function of the score, $p = 1/(1 + e^{-\theta})$. Start with the mean reward as a function of $p$, then
 #    use the chain rule.
 # 3. The noise of a derivative that is computed from two noisy samples. Variances of independent errors add up.
 #

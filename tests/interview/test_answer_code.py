@@ -186,7 +186,7 @@ def _tree(names: Names) -> None:
             and np.array_equal(path[-1], ends[1])
         )
         for a, b in itertools.pairwise(path):
-            assert np.linalg.norm(b - a) <= 1.0 + 1e-12
+            assert 1e-9 < np.linalg.norm(b - a) <= 1.0 + 1e-12
             points = a + fractions * (b - a)
             gaps = np.linalg.norm(points[:, None] - centres, axis=2) - radii
             assert gaps.min() > -1e-9
@@ -209,6 +209,9 @@ def _tree(names: Names) -> None:
         for _ in "ab"
     ]
     assert np.array_equal(runs[0][0], runs[1][0])
+    # The first sample is the goal, within a step of the start: two points, not the goal twice.
+    near = (start, start + 0.5, ring[:1], [0.2], 10.0, 1.0, np.random.default_rng(5))
+    assert np.array_equal(names["rrt"](*near, bias=1.0)[0], [start, start + 0.5])
 
 
 # --- Randomiser: what MuJoCo then computes --------------------------------------------------------
@@ -274,6 +277,14 @@ def _randomiser(names: Names) -> None:
     for twin in twins:
         twin.start()
     assert np.array_equal(twins[0].model.body_mass, twins[1].model.body_mass)
+    # Beside the arm a ball on a free joint falls with gravity times time; only hinges are damped.
+    ball = '<body pos="1 1 9"><freejoint/><geom size=".1"/></body></worldbody>'
+    world = mujoco.MjModel.from_xml_string(ARM.replace("</worldbody>", ball))
+    names["Randomiser"](world, np.random.default_rng(7)).start()
+    assert np.all(world.dof_damping[:2] > [0.0, 0.3])
+    falling = mujoco.MjData(world)
+    mujoco.mj_step(world, falling, 200)
+    assert falling.qvel[4] == pytest.approx(-9.81 * falling.time, rel=1e-9)
 
 
 # --- The age of a chain: clocks with random phases ------------------------------------------------
@@ -311,6 +322,10 @@ def _age(names: Names) -> None:
         assert observed.mean() == pytest.approx(mean, abs=5.0 * observed.std() / math.sqrt(4000))
     with pytest.raises(ValueError, match="overload"):
         names["chain_age"]([(0.045, 1 / 30, 1)])
+    # On arrival a stage inherits the camera's interval: too short for one worker, not for two.
+    with pytest.raises(ValueError, match="overload"):
+        names["chain_age"]([(0.045, 1 / 30, 2), (0.06, None, 1)])
+    assert names["chain_age"]([(0.045, 1 / 30, 2), (0.06, None, 2)])[0] == pytest.approx(0.105)
 
 
 # --- A loop at a fixed rate: a clock that the test turns ------------------------------------------

@@ -65,6 +65,22 @@ def test_the_trials_of_two_policies_have_the_power_they_promise() -> None:
     assert power == pytest.approx(0.8, abs=0.01)
 
 
+def test_pairs_have_the_power_they_promise() -> None:
+    """McNemar's statistic over every count of pairs that disagree, weighed by its probability."""
+    case = e.ESTIMATES["pairs"]
+    given, n = case.given(), int(case.value())
+    won = given["second_share"] - given["together"]
+    apart = won + given["first_share"] - given["together"]
+    assert apart == pytest.approx(0.1)
+    power = 0.0
+    for pairs in range(1, n + 1):
+        k = np.arange(pairs + 1)
+        noticed = np.abs(2 * k - pairs) / np.sqrt(pairs) > 1.959964
+        power += binom.pmf(pairs, n, apart) * binom.pmf(k, pairs, won / apart)[noticed].sum()
+    # The normal approximation, of a count of thirty or so.
+    assert power == pytest.approx(0.8, abs=0.03)
+
+
 def test_the_width_of_an_interval_is_the_one_of_its_equation() -> None:
     """Wilson's ends are the shares p at which |share - p| is 1.96 spreads of p."""
     half, n, z = e.half_width(0.7, 100), 100, 1.959963984540054
@@ -311,6 +327,12 @@ def test_the_inputs_of_one_answer_agree_with_each_other() -> None:
     assert late == pytest.approx(0.1)
     objects = cases["hand_objects"]
     assert given["hand_trials_h"]["samples"] == objects.value() * objects.given()["trials_each"]
+    # A blow has the closing speed: the walk alone if the base stands, both if it drives.
+    both = given["separation"]
+    assert given["contact_standing"]["speed_m_per_s"] == both["person_m_per_s"]
+    closing = both["person_m_per_s"] + both["robot_m_per_s"]
+    assert given["contact_base_fast"]["speed_m_per_s"] == closing
+    assert given["grip_force_better"]["rise_m_per_s2"] == given["cycle_better"]["rise_m_per_s2"]
     for name in ("gate_trials", "bin_trials"):
         assert given[f"{name}_bar"]["trials"] == cases[name].value()
         assert given[f"{name}_bar"]["gate_share"] == given[name]["gate_share"]

@@ -320,8 +320,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_friction",
-            "share of steps in which friction pushes with the speed, less the "
-            "share in which it pushes against it",
+            "+1 if friction always pushes along the speed, -1 if always against it",
             "",
             6,
             logged(lambda log: np.mean(np.sign(log["rub"] * log["v"])[1:])),

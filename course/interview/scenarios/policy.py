@@ -367,7 +367,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "two_torques",
-            "inertia from how speeds under two torques part",
+            "inertia from the difference of the speeds under two torques",
             "kg m^2",
             12,
             two_torques,
