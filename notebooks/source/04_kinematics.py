@@ -830,10 +830,9 @@ print(
 )
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
-# %% [markdown]
-# With the base mounted as it is, the fit predicts every torque, and it doesn't know the mass of the first link. The combinations that can be
-# identified are the **base parameters** (Khalil and Dombre 2002). A controller needs no more; chapters 6 and 8 fit
-# them.
+# %% [markdown] With the base mounted as it is, the fit predicts every torque, and it doesn't know the mass of the
+# first link. The combinations that can be identified are the **base parameters** (Khalil and Dombre 2002). A
+# controller needs no more; chapters 6 and 8 fit them.
 #
 # ## 2 · Design: three levels and their rates
 #
@@ -896,9 +895,9 @@ print("actuator space:", listed(torques), "N m")
 # ### Where to solve inverse kinematics
 #
 # You can solve IK *once*, for the goal, and let a planner find a path in joint space. Or you can solve at every tick
-# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap. Far
-# from singularities the tip follows $\dot x$ closely, and feeding back its error leaves only a small lag. But it doesn't
-# look ahead: it may run into a joint limit or a singularity.
+# for a velocity, $\dot q = J^+\dot x$ with damping. That is **resolved rate** control (Whitney 1969). It is cheap.
+# Far from singularities the tip follows $\dot x$ closely, and feeding back its error leaves only a small lag. But it
+# doesn't look ahead: it may run into a joint limit or a singularity.
 #
 # A third approach plans points of the tip and solves IK for each of them. If the joints are interpolated in between,
 # the tip leaves the straight line, and two neighbouring solutions may lie on different branches. If you solve IK all
@@ -1134,11 +1133,10 @@ TradeOff(result)
 # %%
 print_figures("ik_residual", "A target on")
 
-# %% [markdown]
-# For the ordinary target, constant damping ($\lambda = 0.1$, full steps) soon shrinks the error by the same factor in
-# every step. On the edge $J$ is singular at the solution, so the pseudo-inverse and Levenberg-Marquardt only divide the error
-# by four per step. The damped and the adaptive step get slower and slower: after $n$ steps the error is proportional to
-# $1/n$.
+# %% [markdown] For the ordinary target, constant damping ($\lambda = 0.1$, full steps) soon shrinks the error by the
+# same factor in every step. On the edge $J$ is singular at the solution, so the pseudo-inverse and
+# Levenberg-Marquardt only divide the error by four per step. The damped and the adaptive step get slower and slower:
+# after $n$ steps the error is proportional to $1/n$.
 #
 # ### When is a planar model enough?
 #
@@ -1662,9 +1660,8 @@ show("flow_samples_all")
 # %%
 figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
-# %% [markdown]
-# The network needs as many steps as the lookup table. Neither covers clearly more solutions than random starts. Here, training
-# brought no advantage.
+# %% [markdown] The network needs as many steps as the lookup table. Neither covers clearly more solutions than random
+# starts. Here, training brought no advantage.
 #
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
 # a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of section
