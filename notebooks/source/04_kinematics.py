@@ -830,7 +830,8 @@ print(
 )
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
-# %% [markdown] With the base mounted as it is, the fit predicts every torque, and it doesn't know the mass of the
+# %% [markdown]
+# With the base mounted as it is, the fit predicts every torque, and it doesn't know the mass of the
 # first link. The combinations that can be identified are the **base parameters** (Khalil and Dombre 2002). A
 # controller needs no more; chapters 6 and 8 fit them.
 #
@@ -1133,7 +1134,8 @@ TradeOff(result)
 # %%
 print_figures("ik_residual", "A target on")
 
-# %% [markdown] For the ordinary target, constant damping ($\lambda = 0.1$, full steps) soon shrinks the error by the
+# %% [markdown]
+# For the ordinary target, constant damping ($\lambda = 0.1$, full steps) soon shrinks the error by the
 # same factor in every step. On the edge $J$ is singular at the solution, so the pseudo-inverse and
 # Levenberg-Marquardt only divide the error by four per step. The damped and the adaptive step get slower and slower:
 # after $n$ steps the error is proportional to $1/n$.
@@ -1660,7 +1662,8 @@ show("flow_samples_all")
 # %%
 figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
-# %% [markdown] The network needs as many steps as the lookup table. Neither covers clearly more solutions than random
+# %% [markdown]
+# The network needs as many steps as the lookup table. Neither covers clearly more solutions than random
 # starts. Here, training brought no advantage.
 #
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
