@@ -205,7 +205,7 @@ def utilisation(executions: ArrayLike, periods: ArrayLike) -> tuple[float, float
     Returns:
         (utilisation, bound, verdict: 1 schedulable, -1 overloaded, 0 undecided).
     """
-    n = len(executions)
+    n = np.asarray(executions).size
     load = float(np.sum(np.asarray(executions, dtype=float) / np.asarray(periods)))
     bound = n * (2.0 ** (1.0 / n) - 1.0)
     return load, bound, 1 if load <= bound else (-1 if load > 1.0 else 0)

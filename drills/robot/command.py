@@ -214,7 +214,7 @@ def run(
     empty = _stages_without(parts)
     broken = [row.part for row in named if row.breach is not None]
     passed = mine.low > one.threshold
-    counts = passed and gap is None and not empty and not broken
+    it_counts = passed and gap is None and not empty and not broken
     lower = f"{100 * mine.low:.1f} %"
     rule = f"its success rate must exceed {100 * one.threshold:.0f} % with 95 % confidence"
     if passed:
@@ -236,10 +236,10 @@ def run(
     previous = _previous(stored, entry)
     if previous is not None:
         _say_change(session, previous, mine, entry)
-    _remember(session, entry, counts, number)
+    _remember(session, entry, it_counts, number)
     payload |= {
         "passed": passed,
-        "counts": counts,
+        "counts": it_counts,
         "success": mine.rate,
         "low": mine.low,
         "high": mine.high,
