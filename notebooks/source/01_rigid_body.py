@@ -600,7 +600,7 @@ show("semi_implicit_unconditional")
 # overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
 # limit is $2/316$ s, or 6.3 ms. At 6.5 ms the simulation explodes within a hundred steps.
 #
-# A robot's controller rarely needs such short steps. So simulators take several physics steps, **substeps**, per
+# A stiffer contact needs shorter steps than the controller. So simulators take several physics steps, **substeps**, per
 # controller step.
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
@@ -1059,7 +1059,7 @@ figures(
 #
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
 #   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself
-#   never reads a clock, so on the same machine the same inputs give the same motion, bit for bit.
+#   never reads a clock, so the clock makes no two runs differ.
 # * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight of the newer of the last
 #   two states; the older one gets the rest. If you draw the latest state instead, the motion judders by up to one step.
 #   Interpolation costs one step of delay.
@@ -1127,7 +1127,7 @@ more_claims(
 #
 # Semi-implicit Euler adds $h\,v'$ to a position, but it multiplies an orientation by $\exp(h\,\omega')$. The course
 # puts the difference into one function. `retract(q, u)` moves from $q$ by $u$. If the array of positions is one element
-# longer than the array of velocities, its last four elements are a unit quaternion. MuJoCo uses the same layout. The
+# longer than the array of velocities, its last four elements are a unit quaternion, as in MuJoCo for a free body. The
 # integrator itself then has two lines:
 # %% tags=["hide-code"]
 source(rigid_body.retract, rigid_body.semi_implicit_euler)
@@ -1245,7 +1245,7 @@ simulation("bouncing_box")
 # work. A method of fourth order may need a thousand times fewer steps.
 #
 # A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
-# horizontal line at your tolerance: the curve that it meets furthest to the left is the cheapest method. On the
+# horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
 # logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order. The problem here is a
 # double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. Counts
 # are exact, but other programs may disturb a time:
@@ -1369,7 +1369,7 @@ figures(
 # The largest savings come before the integrator, from what you do *not* simulate. Air, deformation, the third
 # dimension: which of them may you neglect? State the question and the tolerance. Then compute the answer with and
 # without each effect. Leave effects out as long as the *sum* of their differences (all are in the fold-out) stays
-# below the tolerance.
+# below the tolerance, and check without all.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
@@ -1451,8 +1451,7 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # ### Energy over a million steps
 #
 # The chart shows a pendulum over a million steps. Explicit Euler is useless after a few seconds. RK4 is the most
-# accurate at first, but its small error accumulates. The errors of the symplectic methods are at first larger than
-# RK4's, but they do not grow:
+# accurate at first, but its small error accumulates. The errors of the symplectic methods do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1498,8 +1497,8 @@ print(
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** An impact that the step does not resolve makes every method first order. Then the cheapest of the
-# stable ones wins.
+# **Key insight.** An impact that the step does not resolve makes every method first order at best. Then the cheapest of
+# the stable ones wins.
 #
 # </div>
 # %%
@@ -1515,8 +1514,8 @@ show("tunnelling_thickness")
 # %%
 simulation("tunnelling")
 # %% [markdown]
-# Let $D$ be the sum of both thicknesses. While $vh \le D$, at least one step ends in an overlap. Beyond that, and if
-# the ball starts at a random position, one check per step misses the wall with probability
+# Let $D$ be the sum of both thicknesses. While $vh \le D$, a ball that hits head on overlaps after at least one step.
+# Beyond that, and if the ball starts at a random position, one check per step misses the wall with probability
 #
 # $$P = 1 - \frac{D}{v\,h}, \qquad v\,h > D .$$
 #
@@ -1621,7 +1620,7 @@ figures(
 #
 # **Debugging tip.** *Objects pass through each other.* Compare the relative travel per step, $vh$, with the *sum* of
 # both thicknesses. If $vh$ is larger, use continuous collision detection (in MuJoCo the `speculative` flag). If $vh$ is
-# much smaller, the contact is too soft: stiffen it.
+# much smaller, the pair is not tested, or the contact is too soft.
 #
 # <details><summary>And in between</summary>
 #
@@ -1636,7 +1635,7 @@ predict("perfect_energy_wrong_momentum")
 # %% [markdown]
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>positions go to infinity within a few steps</td> <td>$h$ beyond the limit of the stiffest spring</td>
+# <tr><td>positions go to infinity within a few steps</td> <td>$h$ beyond $2/\omega_{\max}$</td>
 # <td>compare $\omega_{\max}h$ with the table of integrators in section 2</td> <td>smaller step, implicit method, softer
 # contact</td></tr>
 # <tr><td>amplitude grows slowly at <em>every</em> step size</td> <td>explicit Euler or explicit midpoint on an

@@ -1,7 +1,10 @@
 """Numba's code as a module: what it computes, what it takes, and what it refuses."""
 
+import fcntl
 import inspect
 import multiprocessing
+import os
+import pickle
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
@@ -79,10 +82,18 @@ def built() -> tuple[bytes, dict[str, str]]:
 
 
 @pytest.fixture(scope="module")
-def made() -> tuple[bytes, dict[str, str]]:
-    fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=fresh) as pool:
-        return pool.submit(built).result()
+def made(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What `built` returns; of several workers one builds it, and the others wait."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base
+    stored = shared / "pieces.pickle"
+    with (shared / "pieces.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not stored.exists():
+            fresh = multiprocessing.get_context("spawn")
+            with ProcessPoolExecutor(1, mp_context=fresh) as pool:
+                stored.write_bytes(pickle.dumps(pool.submit(built).result()))
+    return pickle.loads(stored.read_bytes())
 
 
 def run(instance: Instance, name: str, values: Any) -> Any:

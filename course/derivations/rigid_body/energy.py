@@ -444,7 +444,8 @@ def swapping_two_lines(result):
 
 
 @claim(
-    "Where forces depend on positions alone, semi-implicit Euler is symplectic and RK4 is not.",
+    "Where accelerations depend on positions alone, semi-implicit Euler is symplectic and RK4 is "
+    "not.",
     "With one degree of freedom semi-implicit Euler, velocity Verlet and the implicit midpoint "
     "rule then keep phase-space area. On an oscillator RK4 shrinks it by (omega h)^6 "
     "/ 72 per step, the explicit midpoint rule grows it by (omega h)^4 / 4, to leading order, and "

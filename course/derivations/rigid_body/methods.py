@@ -33,9 +33,8 @@ def _evaluations(problem, name, tolerance, steps):
 
 
 @claim(
-    "Both Euler methods are of first order, RK4 of fourth.",
-    "Explicit and semi-implicit Euler 1; velocity Verlet and both midpoint rules 2; RK4 4, on a "
-    "smooth motion.",
+    "On a smooth motion, both Euler methods are of first order, RK4 of fourth.",
+    "Explicit and semi-implicit Euler 1; velocity Verlet and both midpoint rules 2; RK4 4.",
 )
 def orders_of_accuracy(result):
     from course.rigid_body import integrators, problems

