@@ -650,8 +650,9 @@ print_figures(
 # Printed are the error at the end, the largest error, and the share of time in the air. MuJoCo's cube in *drop* ends
 # well, but misses its tolerance as it lands. In the sliding scenes, the hop of MuJoCo is the largest difference that
 # fair settings leave between the engines. Drake's problem is convex, too. With the approximation `sap`, which couples
-# friction and separation as MuJoCo's does, a sliding box also glides above the ground (Castro, Permenter and Han,
-# 2022). Its default `lagged` takes the normal force for the friction limit from the step before, and the block stays down.
+# friction and separation as MuJoCo's does, a sliding box also glides above the ground (Castro, Permenter and
+# Han, 2022). Its default `lagged` takes the normal force for the friction limit from the step before, and the block
+# stays down.
 #
 # Here are seven jobs, written as limits on the numbers of the two charts above. A position may be off by 1 mm, and a
 # braking block by 1 cm during its motion. Two more facts are not in the charts: the share of faulty models that an
