@@ -18,7 +18,7 @@ from course.check import finite, invalid, positive
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s^2
-INFEASIBLE = 1e-6  # residual of the least distance problem below which there are no forces
+INFEASIBLE = 1e-12  # squared residual of the least distance problem below which there are no forces
 
 
 class Biped(NamedTuple):
@@ -171,7 +171,8 @@ def stand(standing: Biped) -> Standing:
     stacked = np.vstack((-A.T / size, -b / size))
     target = np.append(np.zeros(5), 1.0)
     r = stacked @ nnls(stacked, target)[0] - target
-    if np.linalg.norm(r) < INFEASIBLE:
+    # At the minimum the last component is minus the squared length.
+    if -r[5] < INFEASIBLE:
         return Standing(np.zeros((2, 2, 2)), np.zeros((2, 3)), False)
     u = -r[:5] / r[5]
     x = (x0 + Z @ np.linalg.solve(R, u - centre)) * standing.mass * GRAVITY
