@@ -49,11 +49,11 @@ def test_forces_are_scipys_minimum(changed):
     standing = biped(**changed)
     expected = minimum(standing)
     heavy = standing.mass * GRAVITY
-    ours, worked = stand(standing), standing_qp(*standing)
-    assert ours.feasible and worked[2] == 1.0
-    for forces in (ours.forces, worked[0]):
+    ours, answer = stand(standing), standing_qp(*standing)
+    assert ours.feasible and answer[2] == 1.0
+    for forces in (ours.forces, answer[0]):
         np.testing.assert_allclose(forces.ravel() / heavy, expected, atol=1e-6)
-    np.testing.assert_allclose(worked[1], ours.torques, atol=1e-8 * heavy)
+    np.testing.assert_allclose(answer[1], ours.torques, atol=1e-8 * heavy)
 
 
 def test_forces_carry_the_weight_and_torques_carry_the_forces():

@@ -94,8 +94,8 @@ def _group(label: str, changed: dict[str, Any], errors: Errors) -> Callable[[Att
             away = estimates - truth
             with np.errstate(all="ignore"):  # what came back may be as large as it likes
                 errors.yours.append(np.mean(away[scored:] ** 2, axis=0))
-            worked = attempt.expected(*log.sensors)[0]
-            errors.ours.append(np.mean((worked - truth)[scored:] ** 2, axis=0))
+            reference = attempt.expected(*log.sensors)[0]
+            errors.ours.append(np.mean((reference - truth)[scored:] ** 2, axis=0))
             bound = hop_bound(log)[scored:, [0, 1], [0, 1]]
             errors.least.append(np.mean(bound, axis=0))
             if not _positive(attempt, covariances):
@@ -134,7 +134,7 @@ def _compare(
     yours: Sequence[Array],
     other: Sequence[Array],
     limit: float,
-    whose: str = "the worked answer's",
+    baseline: str = "the worked answer's",
 ) -> None:
     """Check root mean square errors of height and velocity against others of the same logs."""
     ratios = np.sqrt(np.mean(yours, axis=0) / np.mean(other, axis=0)).tolist()
@@ -144,7 +144,7 @@ def _compare(
             f"{label}: error of the {name}",
             ratio <= limit,
             sentence=f"The root mean square error of the {name} is {size:.3g} {unit}, "
-            f"{ratio:.3g} times {whose}. At most {limit:g} times is right.",
+            f"{ratio:.3g} times {baseline}. At most {limit:g} times is right.",
             error=ratio,
             tolerance=limit,
             why=WHY,
