@@ -227,7 +227,9 @@ def hopper_filter(
     touches, and the accelerometer shows this at once, so it replaces the contact sensor. A gate on
     the innovation rejects the readings for which even the load was misjudged.
     """
-    force, length, offset = (np.asarray(a, dtype=float) for a in (force, length, offset))
+    force, length, offset, noise = (
+        np.asarray(a, dtype=float) for a in (force, length, offset, noise)
+    )
     x, P = np.array(start, dtype=float), np.diag(np.asarray(spread, dtype=float) ** 2)
     A = np.array([[1.0, dt, -0.5 * dt * dt], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
     B = np.array([0.5 * dt * dt, dt, 0.0])

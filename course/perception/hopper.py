@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from course.check import count, invalid, one_of
 from course.perception.camera import Array
@@ -50,7 +51,7 @@ class HopLog(NamedTuple):
     dt: float
     height: Array
     velocity: Array
-    stance: Array
+    stance: NDArray[np.bool_]
 
     @property
     def sensors(self) -> tuple[Array | float, ...]:

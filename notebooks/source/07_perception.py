@@ -1022,7 +1022,7 @@ more_claims("averaging_pictures_helps")
 # encoder that measures its height only while the foot touches. A contact sensor that reports lift-off too late lets
 # wrong readings in:
 #
-# ![Height error of four contact rules and the Cramér-Rao bound, and their consistency](../docs/charts/hopper_errors.png)
+# ![Height error of four contact rules beside the Cramér-Rao bound](../docs/charts/hopper_errors.png)
 #
 # *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have.
 # Right: squared error over the variance that the filter reports.*
