@@ -59,7 +59,6 @@ RECORDED = {
     "perception": "each image goes through NumPy and SciPy: rendering, k-d trees, poses",
     "sim_to_real": "each change runs hundreds of episodes, or tunes a policy again",
     "learning.point": "each change trains a policy",
-    "learning.two_ways": "each change runs a network a hundred times",
     "pipeline": "each change runs the whole pipeline a hundred times, its planner in Python",
 }
 

@@ -963,10 +963,11 @@ simulation("denoising")
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
 # DDPM (denoising diffusion probabilistic model), the original sampler, also adds fresh noise at each step. Both fit
-# into a few lines. The function `clean` is the guess $\hat x$, and `eta` is a factor on DDPM's fresh noise: 0 gives
-# DDIM, 1 gives DDPM.
+# into a few lines: `ddim_step` makes the two moves, and `denoise` repeats them. The function `clean` is the guess
+# $\hat x$, and `eta` is a factor on DDPM's fresh noise: 0 gives DDIM, 1 gives DDPM.
 
 # %% tags=["hide-code"]
+source(learning.ddim_step, "implied = (x")
 source(learning.denoise, "alpha, sigma = mix")
 
 # %% [markdown]

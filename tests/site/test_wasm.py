@@ -39,7 +39,7 @@ def hosted(name: str) -> Hosted:
 def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
     assert not wasm.stale(name), f"run `python -m course.site.wasm {name}`"
     module = wasm.file_of(name).read_bytes()
-    assert len(gzip.compress(module)) <= wasm.LARGEST
+    assert len(gzip.compress(module)) <= wasm.largest(name)
     assert set(compiler.imports(module)) <= compiler.MATHS
     has = {"memory", "__heap_base", *wasm.signatures(wasm.model(name))}
     assert hosted(name).exports.keys() == has
