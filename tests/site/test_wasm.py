@@ -25,8 +25,16 @@ pytestmark = pytest.mark.slow
 
 
 LIVE = wasm.live()
-# In plain Python a start of these takes a second: ten times as many runs prove them.
-EXPENSIVE = {"control.joint", "control.probe", "kinematics.elbow", "learning.denoising"}
+# A start of these takes seconds, in plain Python or in a host that calls back for every sine: ten
+# times as many runs prove them.
+EXPENSIVE = {
+    "control.joint",
+    "control.probe",
+    "kinematics.elbow",
+    "learning.denoising",
+    "learning.two_ways",
+    "sim_to_real",
+}
 # Compiled anew by the tests, and the constant that one of them changes.
 SMALL, CONSTANT, OTHER = "role.development", "tries * real / 86_400.0", "tries * real / 80_000.0"
 
