@@ -128,7 +128,7 @@ DIRECTION = {
     "noise": 0.001,
 }
 # The simulator's arm and that direction, as columns in the order of `FIELDS`.
-HOME = np.array([float(field.default) for field in dataclasses.fields(Plants)])[:, None]
+HOME = np.array([getattr(Plants(), name) for name in FIELDS])
 CHANGE = np.array([DIRECTION.get(name, 0.0) for name in FIELDS])[:, None]
 
 

@@ -99,10 +99,8 @@ def run_episodes(fields, gains, start, reference, goal, noise, trace):
     numbers = _CONTROLLERS.copy()
     numbers[0, :, :3] = gains.copy().reshape(2, 3)
     arm, plan = plants.columns_of(fields), np.empty((0, 2, 1))
-    episodes(
-        arm, numbers, rest, reference.copy(), goal.copy(), noise, plan, SIZES.copy(), out,
-        trace,
-    )  # fmt: skip
+    goals, references, sizes = goal.copy(), reference.copy(), SIZES.copy()
+    episodes(arm, numbers, rest, references, goals, noise, plan, sizes, out, trace)
     return out
 
 

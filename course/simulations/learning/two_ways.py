@@ -73,8 +73,8 @@ def chunk(head, states, sampled, seed):
     rows = (states - _INPUT_MEAN) / _INPUT_SCALE
     weights, n = _WEIGHTS[_FIRST[head] : _FIRST[head + 1]], len(states)
     # Every policy uses the same random numbers, so that differences belong to the policy.
-    noise, gumbel = normal(seed, n, _SIZE), np.empty(n * _MODES)
-    splitmix.uniform(seed, gumbel)
+    noise, uniform = normal(seed, n, _SIZE), np.empty(n * _MODES)
+    splitmix.uniform(seed, uniform)
     if head == FLOW:
         drawn = flow_sample(noise, rows, sampled, weights, _HIDDEN)
     elif head == DIFFUSION:
@@ -82,7 +82,7 @@ def chunk(head, states, sampled, seed):
     elif head == MIXTURE:
         out = perceptron(rows, weights, _HIDDEN, _MODES * (1 + 2 * _SIZE))
         # u is below 1 but may be 0, hence the logarithm of 1 - u.
-        gumbel = -np.log(1e-300 - np.log(1.0 - gumbel)).reshape(n, _MODES)
+        gumbel = -np.log(1e-300 - np.log(1.0 - uniform)).reshape(n, _MODES)
         drawn = mixture_sample(out, _MODES, gumbel, noise)
     elif head == AUTOENCODER:
         # The decoder's third input is the code, sampled from its prior.
