@@ -145,8 +145,8 @@ plt.show()
 # %% [markdown]
 # The top layer decides what to do next, for instance "grasp the cup". State machines and behaviour trees are two ways
 # of writing such decisions. The middle layer is **soft real time**: a late result is a worse result. The bottom layer
-# is **hard real time**: a missed period is a fault. It has a thread of its own, and the planner passes new trajectories
-# to it in a way that never makes it wait.
+# is **hard real time**: a missed period is a fault. The bottom layer has a thread of its own. The planner passes new
+# trajectories to this thread without ever making it wait.
 #
 # ROS 2 offers four ways to interact with a node: topics, services, actions and parameters. The drawing shows who sends
 # what in the first three, with time running downwards:
@@ -258,11 +258,11 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 #   **keep all**, it stores every message until the reader has taken it.
 # * **Lifespan**: the age at which a message is discarded.
 #
-# The writer *offers*, the reader *requests*. Four of these policies are ranked, which means that one value promises
-# more than another: reliability, durability, deadline, and liveliness with its lease. (DDS ranks more of them; one
-# appears only in an exercise.) If the writer offers less than the reader requests in any ranked policy, DDS does not
-# connect the two at all. For times, shorter promises more: a writer with a deadline of 50 ms offers more than one with
-# 100 ms. History, depth and lifespan are not compared, so they never prevent a connection.
+# The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
+# liveliness with its lease. (DDS has further ranked policies; one appears only in an exercise.) In a ranked policy, one
+# value promises more than another. If the writer offers less than the reader requests in any ranked policy, DDS does
+# not connect the two at all. For times, shorter promises more: a writer with a deadline of 50 ms offers more than one
+# with 100 ms. History, depth and lifespan are not compared, so they never prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -1369,7 +1369,7 @@ for axis, again in zip(axes, (False, True), strict=True):
             _ = axis.plot(sent + 3, 0.5, "x", color=RED)
         if missing and not again:
             _ = axis.plot([came, came + 10.0], [0, 0], color=GREY, lw=3)
-            _ = axis.text(came + 5.0, 0.1, "the old command stays", ha="center", fontsize=8)
+            _ = axis.text(came + 5.0, 0.1, "old command", ha="center", fontsize=8)
             continue
         if missing:
             # The request for the repair goes back; then the command travels once more.
