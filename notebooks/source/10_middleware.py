@@ -3,8 +3,8 @@
 #
 # *A camera node publishes thirty images a second. The node that should find objects in them receives none. Nothing has
 # crashed, and no cable is loose. How can that happen? Guess first.* About {open minutes} minutes of reading, cards and
-# charts. The folded parts without the interview add {folded minutes} minutes. The exercises add {exercise minutes}
-# minutes.
+# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. (The interview's
+# answers are not counted.)
 
 # %%
 from course.cards import predict
@@ -179,8 +179,8 @@ for axis, (name, arrows) in zip(axes, talks.items(), strict=True):
 plt.show()
 
 # %% [markdown]
-# The fourth, a **parameter**, is a named value that belongs to one node. The table lists typical uses. For its last
-# column we imitated each of the four with two Python threads. These are not times of ROS 2.
+# The fourth, a **parameter**, is a named value that belongs to one node. The table lists typical uses. Its last column
+# was measured with two Python threads.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 bus = Bus()
@@ -232,9 +232,9 @@ table(
 )
 
 # %% [markdown]
-# Do not take these times as fixed: they depend on how a message travels and on what the receiver is doing. A service is
-# a request topic, a reply topic and a callback at the server, so the reply has to wait until the server has time for
-# that callback. An action is made of services and topics. (A parameter is read inside the node.)
+# These are not times of ROS 2, and they are not fixed: they depend on how a message travels and on what the receiver is
+# doing. A service is a request topic, a reply topic and a callback at the server, so the reply waits until the server
+# has time for that callback. An action is made of services and topics.
 
 # %% tags=["hide-code"]
 more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node_is_a_process")
@@ -242,13 +242,13 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # %% [markdown]
 # ### Offer and request: the quality of service
 #
-# Should a lost message be sent again? Should a subscriber that starts later receive old messages? The publisher and the
-# subscriber of a topic each have settings for such questions. **Quality of service** (QoS) is the set of these
-# settings, and each setting is a **policy**. A **profile** is one end's choice for all policies.
+# Should a lost message be sent again? Should a subscriber that starts later receive old messages? Both ends of a topic
+# have settings for such questions. **Quality of service** (QoS) is the set of these settings, and each setting is a
+# **policy**. A **profile** is one end's choice for all policies.
 #
 # * Reliability. *Reliable*: a message that the network loses is sent again. **Best effort**: it is not.
 # * Durability. *Volatile*: nothing is stored for later subscribers. **Transient local**: the writer stores its last
-#   messages for as long as it lives. A **late joiner** is a reader that appears after they were written. It still gets
+#   messages as long as it lives. A **late joiner** is a reader that appears after they were written. It still gets
 #   them if both ends are transient local and reliable.
 # * Deadline: the longest allowed time between two messages. If it is exceeded, DDS raises an event at both ends. You
 #   can set a callback for this event.
@@ -259,10 +259,10 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # * **Lifespan**: the age at which a message is discarded.
 #
 # The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
-# liveliness with its lease. (DDS has further ranked policies; one appears only in an exercise.) In a ranked policy, one
-# value promises more than another. If the writer offers less than the reader requests in any ranked policy, DDS does
-# not connect the two at all. For times, shorter promises more: a writer with a deadline of 50 ms offers more than one
-# with 100 ms. History, depth and lifespan are not compared, so they never prevent a connection.
+# liveliness with its lease. In a ranked policy, one value promises more than another. If the writer offers less than
+# the reader requests in any ranked policy, DDS does not connect the two. For times, shorter promises more: a writer
+# with a deadline of 50 ms offers more than one with 100 ms. History, depth and lifespan are not compared, so they never
+# prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -929,9 +929,8 @@ plt.show()
 table(*lines)
 
 # %% [markdown]
-# Least, mean and largest age are computed. The last column is the average of 16 simulated runs, in each of which every
-# clock starts at a random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms) and the planner
-# 40 ms.
+# The ages are computed; the last column is the average of 16 simulated runs. In each run, every clock starts at a
+# random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms) and the planner 40 ms.
 #
 # Much of the delay comes from the planner's fixed 10 Hz timer. If the planner starts when a new scene arrives, the
 # scene no longer waits for the timer, and plans come three times as often. That works only if planning finishes before
@@ -950,10 +949,10 @@ table(*lines)
 
 # %% [markdown]
 # Gigabit Ethernet carries at most 125 MB/s, so the larger stream does not fit: run camera and perception on one
-# computer, or compress. Even on one computer, images can be lost. The operating system stores arriving packets in a
-# **receive buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an
-# image arrive faster than the program reads, the buffer overflows. For the table, we wrote ten images of 720p at once
-# on Cyclone DDS, to another process on this machine:
+# computer, or compress. Even there, images can be lost. The operating system stores arriving packets in a **receive
+# buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an image
+# arrive faster than the program reads, the buffer overflows. Ten images of 720p, written at once on Cyclone DDS to
+# another process on this machine:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
@@ -994,9 +993,8 @@ for output, some in {
 table(*lines)
 
 # %% [markdown]
-# All three together need more than a whole core. The planner has the lowest priority, and the other two leave it less
-# time than it needs. Its first plan is late, and every later one is later still, so no bound exists. Perception uses
-# the most time, so it gets a core of its own.
+# All three together need more than a whole core. The planner has the lowest priority. Its first plan is late, and every
+# later one is later still, so no bound exists. Perception uses the most time, so it gets a core of its own.
 #
 # <div class="alert alert-block alert-success">
 #
