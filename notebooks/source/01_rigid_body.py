@@ -30,10 +30,9 @@ simulation("bouncing_box")
 #
 # ## How this chapter works
 #
-# Most sections explain an idea, ask you about it, and show the answer. Some cards show a statement, and you choose
-# between *true*, *false* and *true only if*. Derivations are folded away. Every measured number comes from a cell on
-# this page or from a check that `python -m course.derivations 1` runs again. The code is the package
-# `course.rigid_body`. Six exercises wait in section 8:
+# Most sections explain an idea, ask you about it, and show the answer. Every measured
+# number comes from a cell on this page or from a check that `python -m course.derivations 1` runs again. The code is
+# the package `course.rigid_body`. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -1108,9 +1107,9 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call its function `mj_forward` if you need them for the new positions. MuJoCo's `RK4` is the classical method.
-# Its `Euler` is semi-implicit Euler with *implicit* joint damping (computed from the new velocity). `implicitfast`
-# makes the damping of motors and cables implicit as well, and `discrete` makes the springs implicit, too.
+# step. Call `mj_forward` for those of the new positions. MuJoCo's `RK4` is the classical method. Its `Euler` is
+# semi-implicit Euler with *implicit* joint damping (computed from the new velocity). `implicitfast` makes the damping
+# of motors and cables implicit as well, and `discrete` makes the springs implicit, too.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1192,10 +1191,9 @@ more_claims("rotation_stages_add")
 # restitution and **Coulomb friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal
 # force.
 #
-# With friction, the definition of restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact
-# with friction can *gain* energy, as Kane showed in 1984. So the box uses Stronge's definition (1990): of the energy
-# that the contact stores while the bodies press together, the share $e^2$ comes back. For a ball without friction the
-# two are the same. With Stronge's, no impact can create energy.
+# With friction, restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact can *gain* energy, as
+# Kane showed in 1984. So the box uses Stronge's definition (1990), with which none can: of the energy that the contact
+# stores while the bodies press together, the share $e^2$ comes back. Without friction the two are the same.
 # %%
 predict("box_at_rest")
 # %% tags=["hide-code"]
@@ -1285,8 +1283,7 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# Here is the same diagram for the free tumble. The tolerance is 1 mrad after 20 s. (Cross: a failed run. Grey band: the
-# reference is no better.)
+# The free tumble, with a tolerance of 1 mrad after 20 s (cross: a failed run; grey band: the reference is no better):
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
@@ -1340,9 +1337,9 @@ more_claims(
 # %% [markdown]
 # ### Many bodies at once
 #
-# Reinforcement learning needs thousands of copies of a scene. Most of that runs on GPUs today; this chart measures one
-# CPU core. It compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for
-# this. The last column is the simulated time per second of computing, *summed over all bodies*:
+# Reinforcement learning needs thousands of copies of a scene, mostly on GPUs; this chart measures one CPU core. It
+# compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. The
+# last column is the simulated time per second of computing, *summed over all bodies*:
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1354,9 +1351,8 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# The chart compares a program that can do nothing but one planar box on a floor with a general engine that simulates
-# the same box. It is two orders of magnitude faster, because it models only what the task needs, and runs whole batches
-# without an engine's interface. As soon as two bodies can touch, it no longer applies.
+# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine: it
+# models only what the task needs, and runs whole batches. As soon as two bodies can touch, it no longer applies.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
@@ -1453,8 +1449,8 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # %% [markdown]
 # ### Energy over a million steps
 #
-# The chart shows a pendulum over a million steps. Explicit Euler is useless after a few seconds. RK4 is the most
-# accurate at first, but its small error accumulates. The errors of the symplectic methods do not grow:
+# A pendulum over a million steps: explicit Euler is useless after a few seconds. RK4 is the most accurate at first, but
+# its small error accumulates. The errors of the symplectic methods do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1480,9 +1476,8 @@ figures(
 # %% [markdown]
 # ### Impacts and the order of a method
 #
-# The order of a method comes from a Taylor series, and a Taylor series needs a smooth motion. At an impact the velocity
-# jumps. If the impact is noticed only at the end of a step, it comes late by up to $h$. A late impact is an error
-# proportional to $h$, and no accuracy elsewhere can repair that.
+# The order of a method comes from a Taylor series, which needs a smooth motion. At an impact the velocity jumps. If the
+# impact is noticed only at the end of a step, it comes late by up to $h$, and no accuracy elsewhere can repair that.
 # %%
 show("order_survives_bounces")
 # %% [markdown]
@@ -1582,9 +1577,8 @@ figures(
 # %% [markdown]
 # ### Orientation over a million steps
 #
-# For adding and scaling, section 2 predicted a lag of $(\omega h)^3/12$ per step. Here is the measurement for a steady
-# spin of 10 mrad per step. Over a million steps the lag adds up to 0.083 rad; the exponential map is exact up to
-# rounding:
+# For adding and scaling, section 2 predicted a lag of $(\omega h)^3/12$ per step. In a steady spin of 10 mrad per step
+# the measured lag adds up to 0.083 rad over a million steps; the exponential map is exact up to rounding:
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 # %% jupyter={"source_hidden": true}
@@ -2060,8 +2054,7 @@ more_claims(
 #
 # </div>
 #
-# Answer aloud before you open an answer. First comes what you would say in a minute, then the details and the follow-up
-# questions.
+# Answer aloud before you open an answer.
 # %%
 interview("rigid_body")
 # %% [markdown]
