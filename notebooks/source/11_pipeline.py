@@ -150,8 +150,8 @@ plt.show()
 # The four stages do not take turns. One scheduler with a resolution of a microsecond calls each of them at its own
 # rate, and each has its own random-number generator. A message, such as the estimate of the target, carries five
 # fields: the value, its covariance, the coordinate frame, the **stamp of capture** (when the image was taken), and the
-# time of arrival. A stage has to pass on the coordinate frame and the stamp of capture: later stages can reconstruct
-# them only if both never change.
+# time of arrival. Pass the frame and the stamp of capture on: later stages can reconstruct them only if
+# they never change.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -240,9 +240,8 @@ table(
 
 # %% [markdown]
 # Halving the latency pays most. The period of the camera matters little here because it is much shorter than the
-# latency. Planning time is not in this sum: between plans, each new estimate shifts the end point of the current plan
-# without planning again. The arm waits for the planner only when it needs a new plan. In a pipeline in which every
-# command waits for a new plan, planning time counts in full.
+# latency. Planning time is not in this sum: between plans, each new estimate only shifts the end point of the current
+# plan. If every command waited for a new plan, planning time would count in full.
 #
 # An **overrun** is a frame whose processing takes longer than the camera's period. There are four ways to handle it. A
 # *pipelined* camera has several processors, and the next frame goes to one that is free. The other three have a single
@@ -330,10 +329,9 @@ more_claims("filter_calms", "sag_without_kd")
 # * With ideal *control*, the arm is exactly at its reference. An ideal *arm* has ideal control and physics.
 # * Ideal *physics* takes steps of a quarter of a millisecond.
 #
-# The real final error minus the ideal one is that stage's contribution. You can also do the opposite and make all
-# *other* stages ideal. For mean errors, both agree to first order; for squared errors they do not. If an ideal stage
-# turns a failure into a success, we say that it *cures* the run. In code, `repair(settings, "age")` makes the age
-# ideal.
+# The real final error minus the ideal one is that stage's contribution. Or make all *other* stages ideal: mean errors
+# then come out the same to first order, squared errors do not. If an ideal stage turns a failure into a success, we say
+# that it *cures* the run. In code, `repair(settings, "age")` makes the age ideal.
 #
 # Two kinds of error have to be kept apart. A *mean* error is the same in every run and has a direction. A *random*
 # error is different in every run. Random errors of mean zero that are independent of each other add up by their
@@ -347,8 +345,8 @@ predict("how_parts_add")
 # The next picture draws the mean errors of three stages tip to tail, for a camera with little noise whose bias of 5 mm
 # points ahead of the moving target (the default bias is smaller). Both other errors point back along the motion. The
 # arrows form one chain; we shifted some sideways to keep them visible. The titles give the distance from the target to
-# the end of the chain. The picture adds errors of single stages, while the cards quote the error with several stages
-# real, so their numbers differ by about a tenth of a millimetre.
+# the end of the chain. The picture adds errors of single stages; the cards quote runs with several stages real, and
+# differ by about a tenth of a millimetre.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -446,8 +444,9 @@ Markdown(
     f"differ by ({gap_x:.2f}, {gap_y:.2f}) mm. The standard error of this difference is "
     f"({chance[0]:.2f}, {chance[1]:.2f}) mm, so noise can explain it. The thin black cross around "
     "the triangle shows two standard errors.\n\n"
-    f"For perception, the predicted and the measured mean square differ by {unexplained:.0f} mm². Age and control together make {lags:.0f} mm². So this budget would "
-    f"not notice a missing cause of their size."
+    f"For perception, the predicted and the measured mean square differ by {unexplained:.0f} mm². "
+    f"Age and control together make {lags:.0f} mm². So this budget would not notice a missing cause "
+    "of their size."
 )
 
 # %% [markdown]
@@ -575,10 +574,9 @@ table(head, *rows)
 # exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre. So
 # on this task both programs interpret the exchanged data alike. A level table would not show a wrong sign of gravity.
 #
-# The *time* panel says nothing about the libraries. A foreign stage is called from Python at every step and makes new
-# objects for each call, while our own run is compiled as a whole. In the rows with images our own run renders images
-# too and is slow already, so the ratio is small. To compare programs, call both from Python or both in compiled loops.
-# Otherwise you mainly compare the calls.
+# The *time* panel says nothing about the libraries. A foreign stage is called from Python at every step, while our own
+# run is compiled as a whole. In the rows with images our own run renders images too and is slow already, so the ratio
+# is small. To compare programs, call both in the same way.
 #
 # ## 4 · Code
 #
@@ -642,8 +640,7 @@ simulation("pipeline", "Stale camera")
 # ### What to break
 #
 # The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is what we
-# measured or, for control and physics, computed. The simulation computes the largest stable step for the posture shown,
-# so its value changes with the run.
+# measured or, for control and physics, computed.
 
 # %% tags=["hide-code"]
 bent = record.plans[-1].value.goal  # the posture of the reach
@@ -718,8 +715,8 @@ table(
 # %% [markdown]
 # Between 4 and 1 ms, halving the step reduces the error during the motion to about a half, as it should for a
 # first-order method. At 8 ms, close to the stability limit, the error is not yet proportional to the step. The last
-# reduction looks too strong, because the reference itself has an error. MuJoCo is called through Python here, so the
-# distance between the two curves contains the price of that interface again.
+# reduction looks too strong, because the reference itself has an error.  The distance between the two curves contains
+# the price of calling MuJoCo through Python.
 #
 # Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
 # chart compares the distributions of the final error along the target's motion and across it, quantile against
@@ -774,12 +771,13 @@ predict("raw_estimate")
 # ![Success, plans and error against noise; last plan against the planner's step](../docs/charts/noise_and_filter.png)
 #
 # Without the filter, success collapses (top left) once many frames jump by more than the replanning distance. With the
-# filter it falls slowly. If the planner ran only once, the arm would smooth this noise, and most runs would still end
-# within the tolerance (the dashed prediction). Replanning is what fails. The share of frames that jump too far has a
-# closed form. A plan's goal and a later frame both carry noise $s$ on each axis, so their difference has the variance
-# $2 s^2$ on each axis. It is longer than $r$ with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % for
-# the first frame after a plan. Among all frames it is fewer, because a goal that happens to be near the truth stays
-# longer.
+# filter it falls slowly. If the planner ran only once, most runs would still end within the tolerance (the dashed
+# prediction). Replanning is what fails.
+#
+# The share of frames that jump too far has a closed form. A plan's goal and a later frame both carry noise $s$ on each
+# axis, so their difference has the variance $2 s^2$ on each axis. It is longer than $r$ with the probability
+# $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % for the first frame after a plan, and less among all frames, because
+# a goal near the truth lasts longer.
 
 # %%
 show("raw_estimate_replans")
@@ -990,9 +988,8 @@ table(["method", "named correctly", "95 % interval for ten faults"], *rows)
 # %% [markdown]
 # The intervals look wide for 200 runs. But the 20 runs of one fault nearly all end alike, so there are about ten
 # independent cases, not 200. The cards count one run of each fault, so their shares differ slightly. The rule of the
-# largest error at the end has only two answers, so it can be right for four of the ten faults at most. It nearly gets
-# there. Its weakness is not poor guessing: it cannot name age, planning or physics, and blames perception for most of
-# them.
+# largest error at the end has only two answers, so it can be right for four of the ten faults at most, and nearly is.
+# It cannot name age, planning or physics, and blames perception for most of them.
 #
 # Two things in this table do not exist on a robot. The contract of perception compares each image with the *true*
 # target. And a replay repeats the same noise with an *ideal* stage. Without the true target the contracts miss the
@@ -1169,13 +1166,15 @@ table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, 
 # The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is $\gamma
 # = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward per step that is a price of time
 # shrinks with the step: to first order in proportion, exactly so that the discounted sum over one old step stays the
-# same. A reward for progress made shrinks by itself. A reward paid once, for reaching the goal, stays. A limit on the
-# number of steps becomes a limit in seconds. In the last row reward and discount are converted, but the limit was left
-# at 30 steps: 0.03 s, so the goal is never reached, and walking until the end costs less than the fee.
+# same. (A reward for progress shrinks by itself.) A reward paid once, for reaching the goal, stays. A limit on the
+# number of steps becomes a limit in seconds.
 #
-# One problem remains after conversion: one short step changes little, so a learner needs more data to see which action
-# is better. You can also keep the old decisions and hold each action for ten short steps. The next claim is about the
-# walker above, whose motion does not depend on the step.
+# In the last row reward and discount are converted, but the limit was left at 30 steps: 0.03 s, so the goal is never
+# reached, and walking until the end costs less than the fee.
+#
+# One problem remains: a short step changes little, so a learner needs more data to see which action is better. You can
+# also hold each action for ten short steps. The next claim is about the walker above, whose motion does not depend on
+# the step.
 
 # %%
 show("repeated_actions")
@@ -1240,11 +1239,10 @@ plt.show()
 # because it searches their vertices. Boxes are expensive in the *solver*: a face that lies on another gives several
 # contacts, and each contact several rows. So different bottlenecks can hide behind the same slow frame rate.
 #
-# Nothing was measured on a GPU here. Counts of pairs, contacts and rows carry over only if the collision algorithm is
-# the same and no buffer is full; times never do. The documentation names two effects. *MJX* (MuJoCo 3.7, 2026; our
-# charts use a later version): its JAX version uses a separating-axis test without branches, which "suffers in both
-# runtime and memory" for large meshes, and recommends hulls of about 32 vertices. *Isaac Lab* (2024): the buffers of
-# PhysX cannot grow on a GPU, so contacts are sized in advance for the worst case.
+# Nothing was measured on a GPU here.  Times never carry over. The documentation names two effects. *MJX* (MuJoCo 3.7,
+# 2026; our charts use a later version): its JAX version uses a separating-axis test without branches, which "suffers in
+# both runtime and memory" for large meshes, and recommends hulls of about 32 vertices. *Isaac Lab* (2024): the buffers
+# of PhysX cannot grow on a GPU, so contacts are sized in advance for the worst case.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("mesh_cost")
@@ -1436,9 +1434,9 @@ answer("reward_by_the_step", "1 - dt/H")
 # **Importance sampling** draws the disturbances from another distribution, the *proposal*, which produces failures
 # often. Each run then gets the weight $w = p/q$: its true probability density divided by that of the proposal. The
 # average of the weights over all runs, 0 for a success, is the failure rate. The **cross-entropy method** finds a
-# proposal: give every run a score for how near it came to failing, fit a normal distribution to the tenth with the
-# worst scores, sample from it, and repeat. The **effective number** $(\sum w)^2/\sum w^2$ measures precision: the rate
-# is as precise as if you had drawn this many failures of equal weight.
+# proposal: score how near each run came to failing, fit a normal distribution to the tenth with the worst scores,
+# sample from it, and repeat. The **effective number** $(\sum w)^2/\sum w^2$ measures precision: the rate is as precise
+# as if you had drawn this many failures of equal weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
 # normal around 3.3 instead. Half of the runs now fail, and each gets a weight far below 1.
@@ -1535,10 +1533,10 @@ for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
 table(["proposal", "seed", "failure rate", "95 % interval", "effective number"], *rows)
 
 # %% [markdown]
-# The intervals of the fitted proposal contradict each other. Those with a width of at least 1 lie closer together, but
-# the estimates still differ by almost a factor of two. So the arm's failure rate is at least of this order of
-# magnitude; a region that every proposal missed would add to it. Plain samples take milliseconds each: run some tens of
-# thousands, enough for ten failures, before you report a number.
+# The intervals of the fitted proposal contradict each other. With a width of at least 1, the estimates still differ by
+# almost a factor of two. So the arm's failure rate is at least of this order of magnitude; a region that every proposal
+# missed would add to it. Plain samples take milliseconds each: run some tens of thousands, enough for ten failures,
+# before you report a number.
 #
 # And if a sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval, a
 # confidence interval for a success rate, says what such a sample leaves open:
@@ -1601,7 +1599,7 @@ table([*head, "another target"], *rows)
 
 # %% [markdown]
 # The gain on the twelve tuning seeds is gone on new seeds: tuning fitted their noise. On another target, both methods
-# gain about a millimetre. They do not differ clearly. Tuning together can also find errors that cancel (section 2).
+# gain about a millimetre.  Tuning together can also find errors that cancel (section 2).
 #
 # ### One policy instead of three stages
 #
@@ -1630,8 +1628,8 @@ blind = ", ".join(name for name, share in measured.items() if share <= 0.5)
 print(textwrap.fill(f"not seen: {blind}", 96))
 
 # %% [markdown]
-# Ask the policy for one more output: its estimate of the target position, with an uncertainty. With a second
-# measurement of the target, the first contract can then be checked again.
+# Ask the policy for one more output: its estimate of the target position, with an uncertainty. A second measurement of
+# the target can then check it.
 #
 # ## 10 · Interview
 #
