@@ -285,11 +285,11 @@ def clip_keeps(result):
     share = result.measure("share", np.mean([x.clipped for x in report]), 0.5)
     result.measure("kl", np.mean([x.kl for x in report]), 0.5)
 
-    large, many = result.input("large", 0.01), int(result.input("many", 20))
+    large, epochs = result.input("large", 0.01), int(result.input("many", 20))
 
     def moved(clip):
         """Return the median divergence per iteration with large steps and many epochs."""
-        how = replace(settings, rate=large, epochs=many, clip=clip)
+        how = replace(settings, rate=large, epochs=epochs, clip=clip)
         runs = [ppo(envs, how, steps=64 * 32 * 3, seed=seed) for seed in range(3)]
         return np.median([x.kl for run in runs for x in run])
 
