@@ -11,10 +11,9 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, positive, vector
@@ -45,9 +44,10 @@ def wilson(solved: ArrayLike, tried: int, z: float = TWO_SIGMA) -> tuple[Array, 
     return score_interval(share, tried, positive("z", z))
 
 
-@register_jitable
-def score_interval(share, tried, z=TWO_SIGMA):
-    """Return both ends of Wilson's interval, for compiled code too: `wilson` without its checks.
+def score_interval(share: Any, tried: int, z: float = TWO_SIGMA) -> tuple[Any, Any]:
+    """Return both ends of Wilson's interval: `wilson` without its checks.
+
+    It can be compiled: `course.simulations.interval`.
 
     Args:
         share: successes / tried, a number or an array.

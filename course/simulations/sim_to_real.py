@@ -11,13 +11,13 @@ from numba.extending import register_jitable
 
 from course import sim_to_real as chapter
 from course.control import sampled, touch
-from course.measure.success import score_interval
 from course.sim_to_real import plants, transfer
 from course.sim_to_real.motion import episodes
 from course.sim_to_real.plants import HOME, SIZES
 from course.sim_to_real.tune import DELAYS, GRID, KNOWN_DELAY
 from course.simulations import pen as draw
 from course.simulations import splitmix
+from course.simulations.interval import score_interval
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider
 

@@ -13,9 +13,9 @@ from course.learning.clone import prepared
 from course.learning.forward import diffusion_sample, flow_sample, mixture_sample, perceptron
 from course.learning.recorded import CHUNK, DEMONSTRATIONS, HEADS, SEED, stored_weights
 from course.learning.tasks import sides
-from course.measure.success import score_interval
 from course.simulations import pen as draw
 from course.simulations import splitmix
+from course.simulations.interval import score_interval
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider
 
