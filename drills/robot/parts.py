@@ -43,15 +43,19 @@ def literal(value: Any) -> str:
         return "acceleration"
     if isinstance(value, np.generic):
         return repr(value.item())
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        fields = zip(value._fields, value, strict=True)
+        return f"{type(value).__name__}({', '.join(f'{k}={literal(v)}' for k, v in fields)})"
     return repr(value)
 
 
 def call_text(entry: str, args: Sequence[Any]) -> str:
     """Return a call as code that can be pasted after `import numpy as np`."""
     text = f"{entry}({', '.join(literal(a) for a in args)})"
-    if any(callable(a) for a in args):
+    flat = [value for a in args for value in (a if isinstance(a, tuple) else (a,))]
+    if any(callable(value) for value in flat):
         # The only function that a part is passed: the joints' accelerations, almost constant.
-        q, acceleration = args[0], next(a for a in args if callable(a))
+        q, acceleration = flat[0], next(value for value in flat if callable(value))
         text = f"acceleration = lambda q: {literal(acceleration(q))}\n{text}"
     return text
 

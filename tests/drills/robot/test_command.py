@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drills import cards
-from drills.robot.command import fault_of
+from drills.robot.hidden import fault_of
 from drills.robot.holders import course_part
 from drills.robot.inside import Robot
 from drills.robot.levels import exact_world, level
