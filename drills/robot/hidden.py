@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import secrets
+from typing import Any
 
 import click
 import numpy as np
@@ -65,7 +66,17 @@ def run_hidden(session: Session, stored: Stored, tasks: int) -> int:
     session.say(f"  the log: {workspace.shown(path)}, positions in m")
     session.say("  drills robot blame STAGE   names the stage: " + ", ".join(STAGES[:3]) + ",")
     session.say("                             " + ", ".join(STAGES[3:]))
-    payload = {"action": "run", "level": HIDDEN, "log": str(path.absolute()), "passed": False}
+    lines = [
+        f"Level {HIDDEN} hides a fault in one stage. The log: {workspace.shown(path)}.",
+        "drills robot blame STAGE, typed in a terminal, names the stage.",
+    ]
+    payload: dict[str, Any] = {
+        "action": "run",
+        "level": HIDDEN,
+        "log": str(path.absolute()),
+        "passed": False,
+    }
+    payload["lines"] = lines
     return session.finish(RIGHT, payload)
 
 

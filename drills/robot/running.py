@@ -11,7 +11,7 @@ import numpy as np
 
 from drills import progress
 from drills.robot import chapters, hidden, inside, report, state, tables
-from drills.robot.cell import World
+from drills.robot.cell import Level, World
 from drills.robot.chapters import GAP
 from drills.robot.holders import chosen, course_part, digest_of, library_part, stage_holders
 from drills.robot.levels import LEVELS, exact_world, level
@@ -100,23 +100,11 @@ def run(
     broken = [row.part for row in named if row.breach is not None]
     passed = mine.low > one.threshold
     it_counts = passed and gap is None and not empty and not broken
-    lower = f"{100 * mine.low:.1f} %"
-    rule = f"its success rate must exceed {100 * one.threshold:.0f} % with 95 % confidence"
-    if passed:
-        word = terminal.paint(f"Level {number} passed", "right")
-        session.wrap(f"{word}: {rule}, and the interval begins at {lower}.")
-        if empty:
-            session.wrap(
-                f"It does not count yet: a robot of yours has a part of yours in every stage. "
-                f"Missing: {', '.join(empty)}."
-            )
-        if broken:
-            session.wrap(f"It does not count yet: {', '.join(broken)} broke a promise.")
-    else:
-        need = report.tasks_needed(mine.rate, one.threshold)
-        more = f" More tasks narrow the interval: at this rate, {need} are enough." if need else ""
-        word = terminal.paint(f"Level {number} not passed", "wrong")
-        session.wrap(f"{word}: {rule}, and the interval begins at {lower}.{more}")
+    verdict = _verdict(mine, one, passed, empty, broken)
+    word = terminal.paint(verdict[0], "right" if passed else "wrong")
+    session.wrap(f"{word}: {verdict[1]}")
+    for line in verdict[2:]:
+        session.wrap(line)
     entry = _entry(mine, parts, number, tasks, seed, gap)
     previous = _previous(stored, entry)
     if previous is not None:
@@ -132,11 +120,39 @@ def run(
         "libraries": None if other is None else other.rate,
         "parts": part_names(parts),
         "named": [row.part for row in named],
+        "lines": [
+            f"Level {number}: {int(mine.success.sum())} of {tasks} tasks, 95 % interval "
+            f"{100 * mine.low:.1f} to {100 * mine.high:.1f} %.",
+            f"{verdict[0]}: {verdict[1]}",
+            *verdict[2:],
+            *(f"Look at {row.part}: {row.text}." for row in named),
+        ],
         "budget": {s: [float(x) for x in mine.mean[i]] for i, s in enumerate(STAGES)}
         if np.isfinite(mine.mean).all()
         else None,
     }
     return session.finish(RIGHT if passed else WRONG, payload)
+
+
+def _verdict(
+    mine: Summary, one: Level, passed: bool, empty: list[str], broken: list[str]
+) -> list[str]:
+    """Return whether a level is passed, why, and what is missing for it to count."""
+    rule = f"its success rate must exceed {100 * one.threshold:.0f} % with 95 % confidence"
+    why = f"{rule}, and the interval begins at {100 * mine.low:.1f} %."
+    if not passed:
+        need = report.tasks_needed(mine.rate, one.threshold)
+        more = f" More tasks narrow the interval: at this rate, {need} are enough." if need else ""
+        return [f"Level {one.number} not passed", why + more]
+    lines = [f"Level {one.number} passed", why]
+    if empty:
+        lines.append(
+            "It does not count yet: a robot of yours has a part of yours in every stage. "
+            f"Missing: {', '.join(empty)}."
+        )
+    if broken:
+        lines.append(f"It does not count yet: {', '.join(broken)} broke a promise.")
+    return lines
 
 
 def _has_own(parts: list[Part]) -> bool:

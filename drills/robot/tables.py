@@ -36,7 +36,7 @@ def say_summary(
 
     def cycle(one: Summary) -> str:
         low, middle, high = one.quartiles()
-        return "none" if math.isnan(middle) else f"{middle:.2f} ({low:.2f} to {high:.2f})"
+        return "none" if math.isnan(middle) else f"{middle:.2f} s ({low:.2f}, {high:.2f})"
 
     def row(head: str, *cells: str) -> None:
         session.say(f"  {head:<17}{''.join(f'{cell:<20}' for cell in cells)}".rstrip())
@@ -57,16 +57,16 @@ def say_summary(
     names = {"your robot": "yours", "the course's": "course", "libraries": "library"}
     short = "".join(f"{names[name]:>8}" for name, _ in robots)
     width = 8 * len(robots)
-    head = f"  {'error by stage [mm]':<30}{'its rms [mm]':>{width}}{'time [ms/task]':>{width + 2}}"
+    head = f"  {'error by stage [mm]':<27}{'its rms [mm]':>{width}}{'time [ms/task]':>{width + 2}}"
     session.say(session.terminal.paint(head, "head"))
-    session.say(f"  {'':<14}{'mean x':>8}{'mean y':>8}{short}  {short}")
+    session.say(f"  {'':<11}{'mean x':>8}{'mean y':>8}{short}  {short}")
     for i, stage in enumerate(STAGES):
-        line = f"  {stage:<14}{1e3 * mine.mean[i, 0]:>+8.2f}{1e3 * mine.mean[i, 1]:>+8.2f}"
+        line = f"  {stage:<11}{1e3 * mine.mean[i, 0]:>+8.2f}{1e3 * mine.mean[i, 1]:>+8.2f}"
         line += "".join(f"{1e3 * one.rms[i]:>8.2f}" for _, one in robots) + "  "
         line += "".join(f"{1e3 * one.processor[i]:>8.1f}" for _, one in robots)
         session.say(line)
     x, y = mine.total[0]
-    line = f"  {'their sum':<14}{1e3 * x:>+8.2f}{1e3 * y:>+8.2f}"
+    line = f"  {'their sum':<11}{1e3 * x:>+8.2f}{1e3 * y:>+8.2f}"
     session.say(line + "".join(f"{1e3 * one.total[1]:>8.2f}" for _, one in robots))
     session.say()
 
@@ -182,7 +182,8 @@ def stopped(session: Session, played: Played, parts: list[Part], payload: dict[s
     session.wrap(f"{head}: {failure.kind}{where}. {failure.text}")
     if failure.call and failure.task >= 0:
         say_call(session, failure.part, failure.text, failure.call, parts)
-    payload |= {"failure": failure._asdict(), "passed": False}
+    lines = [f"{failure.part} stopped the robot{when}: {failure.text}"]
+    payload = {"lines": lines, **payload, "failure": failure._asdict(), "passed": False}
     return session.finish(WRONG, payload)
 
 
