@@ -3,6 +3,9 @@
 import csv
 import importlib.util
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,7 @@ import numpy as np
 import pytest
 
 from drills import cards
+from drills.robot import libraries
 from drills.robot.hidden import fault_of
 from drills.robot.holders import course_part
 from drills.robot.inside import Robot
@@ -17,6 +21,7 @@ from drills.robot.levels import exact_world, level
 from drills.robot.loop import SIGNALS
 from drills.robot.play import gather
 from drills.robot.slots import NAMES, SLOTS, STAGES
+from tests.budget import ROOT
 from tests.drills.place import Place, a_place
 from tests.optional import skip
 
@@ -84,8 +89,48 @@ def test_a_run_is_stored_and_a_replaced_part_is_compared(own: Place) -> None:
     assert len(data["runs"]) == 2 and data["passed"] == {}
     past = own.json("robot", "history")
     assert [row["own"] for row in past["versions"]] == [6, 6]
+    assert "same tasks and noise, with 95 %" in " ".join(slower.out.split())
+    assert "the shortest time within the limits" in " ".join(slower.out.split())
     assert past["versions"][0]["cycle"] < past["versions"][1]["cycle"]
     assert Path(past["picture"]).stat().st_size > 5000
+
+
+@pytest.mark.slow
+@pytest.mark.optional
+def test_the_libraries_play_the_same_tasks_and_are_lines_of_the_chart(own: Place) -> None:
+    if not any(libraries.installed(name) for name in ("ompl", "mujoco", "pinocchio", "open3d")):
+        skip("The robot of libraries did not play: none is installed.")
+    data = own.json("robot", "run", "--level", "2", "--tasks", "3")
+    assert data["libraries"] == data["course"] == 1.0
+    done = own.run("robot", "run", "--level", "2", "--tasks", "3")
+    assert "yours minus the libraries'" in done.out and max(map(len, done.out.splitlines())) <= 80
+    stored = json.loads((own.work / "robot.json").read_text(encoding="utf-8"))
+    # Stored after the first run, and other parts than the course's.
+    assert len(stored["libraries"]) == len(stored["course"]) == 1
+    (theirs,), (ours,) = stored["libraries"].values(), stored["course"].values()
+    assert theirs["seconds"] != ours["seconds"] or theirs["distance"] != ours["distance"]
+    text = own.run("robot", "history").out
+    assert max(map(len, text.splitlines())) <= 80
+    rows = {line.split()[0]: line for line in text.splitlines() if line.strip()}
+    assert all(f"{3:>7}   100.0 %" in rows[name] for name in ("course", "libraries"))
+
+
+@pytest.mark.slow
+def test_a_broken_promise_comes_with_the_expected_result(own: Place) -> None:
+    file = own.work / "two_link_ik.py"
+    text = file.read_text(encoding="utf-8")
+    wrapped = "def two_link_ik(lengths, target):\n    return right(lengths, target) + 0.02\n"
+    file.write_text(f"{text}\n\nright = two_link_ik\n\n\n{wrapped}", encoding="utf-8")
+    out = own.run("robot", "run", "--no-libraries", "--level", "1", "--tasks", "2").out
+    assert "two_link_ik broke a promise" in out and "expected result" in out
+    done = subprocess.run(
+        [sys.executable, own.work / "robot_call.py"], cwd=ROOT, capture_output=True, text=True
+    )
+    values = [
+        np.array(re.findall(r"-?\d\.\d*(?:e-\d+)?", part), dtype=float)
+        for part in done.stdout.split("yours:")
+    ]
+    np.testing.assert_allclose(values[1] - values[0], 0.02, atol=1e-6)
 
 
 @pytest.mark.slow
