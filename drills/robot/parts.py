@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from drills.robot.records import Breach, Failure
-from drills.robot.slots import NAMED, STAGES, Part, stage_of
+from drills.robot.slots import NAMED, STAGES, Part, fits, stage_of
 
 CALL = 1.0  # s of processor time that one call may take
 TASK = 8.0  # s that the calls of one stage may take in one task
@@ -212,10 +212,7 @@ class Bench:
             except (TypeError, ValueError):
                 text = f"{where} is {_kind(value)}; numbers are expected"
                 raise self.failed(name, "wrong type", text, args) from None
-            fits = array.ndim == len(shape) and all(
-                n is None or n == m for n, m in zip(shape, array.shape, strict=True)
-            )
-            if not fits:
+            if not fits(array.shape, shape):
                 desired = str(shape).replace("None", "n")
                 text = f"{where} has the shape {array.shape}; {desired} is expected"
                 raise self.failed(name, "wrong shape", text, args)

@@ -54,6 +54,7 @@ def test_a_stage_s_call_can_be_repeated(tmp_path: Path) -> None:
         "control": "def control(command):\n    return command.q / 0 * [1.0]\n",
         "move": "def move(tick):\n    return tick.acceleration(tick.q)[:1], tick.v\n",
     }
+    messages = {"control": "inf]", "move": "yours:    (array(["}
     for name, text in texts.items():
         path = tmp_path / f"my_{name}.py"
         path.write_text(text, encoding="utf-8")
@@ -63,9 +64,29 @@ def test_a_stage_s_call_can_be_repeated(tmp_path: Path) -> None:
         program = tmp_path / "again.py"
         program.write_text(call_file(part, failure.text, failure.call), encoding="utf-8")
         done = subprocess.run([sys.executable, program], cwd=ROOT, capture_output=True, text=True)
-        assert "yours:" in done.stdout or "Error" in done.stderr, done
+        assert messages[name] in done.stdout, done
         record = {"control": Command, "move": Tick}[name]
         assert f"import {record.__name__}\n" in program.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("name", "result", "kind"),
+    (
+        ("move", "(request.q[:1], request.v)", "wrong shape"),
+        ("control", "request.q[0]", "wrong shape"),
+        ("gains", "[[50.0, 50.0]]", "wrong type"),
+        ("estimate", "([0, 0], [0, 0])", "wrong type"),
+        ("reach", "[0.3, float('nan')]", "wrong shape"),
+        ("reach", "[[0.3, float('nan')]]", "not finite"),
+        ("plan", "([[0, 0]], 1.0, [[0, 0]], [[0, 0]], [[0, 0], [0, 0]])", "wrong shape"),
+        ("perceive", "'here'", "wrong type"),
+    ),
+)
+def test_a_wrong_result_of_a_stage_is_named(name: str, result: str, kind: str) -> None:
+    text = f"def {name}(request):\n    return {result}\n"
+    part = Part(name, "yours", text, name, f"{name}.py")
+    failure = play([*map(course_part, NAMES), part], level(1), 1).failure
+    assert failure is not None and (failure.part, failure.kind) == (name, kind), failure
 
 
 def test_a_sweep_in_processes_is_the_sweep_here() -> None:
