@@ -60,7 +60,7 @@ ticks()
 #
 # The picture shows one task of the robot with the course's parts. To begin, solve an exercise such as `drills start
 # two_link_ik`: your answer then takes the place of the course's part, and [the page of the
-# drills](../drills/README.md#your-robot) explains how you measure what it changes.
+# drills](../drills/README.md) explains how you measure what it changes.
 
 # %% tags=["nbval-ignore-output"]
 your_robot()
