@@ -14,8 +14,8 @@ from drills.reasons import Reason
 from drills.verify import in_this_process
 from tests.prove.drills.test_natural import HEAD, edited
 
-# What was measured when the answers were written: 149 of 180 (83 %). The goal is 95 %, as for the first
-# set, but nothing is tuned to these answers.
+# Measured when the answers were written: 150 of 180 (83 %), and all 60 right answers pass. The goal
+# is 95 %, as for the first set, but nothing is tuned to these answers.
 SHARE = 0.8
 
 ANSWERS = tomllib.loads(Path(__file__).with_name("natural_second.toml").read_text(encoding="utf-8"))
