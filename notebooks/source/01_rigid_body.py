@@ -1283,7 +1283,7 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# The free tumble, with a tolerance of 1 mrad after 20 s (cross: a failed run; grey band: the reference is no better):
+# The free tumble, with a tolerance of 1 mrad after 20 s (cross: failed; grey band: the reference is no better):
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
