@@ -416,8 +416,8 @@ class Attempt:
             self._add(Check("inputs unchanged", Reason.INPUTS_CHANGED, sentence, call))
 
     def _add(self, check: Check) -> None:
-        asked = len(self.learner.steps)
-        self.report.checks.append(replace(check, part=self._part, asked=asked))
+        requests = len(self.learner.steps)
+        self.report.checks.append(replace(check, part=self._part, requests=requests))
 
 
 def _copied(value: Any) -> Any:

@@ -71,7 +71,7 @@ def _relevant(attempt: Attempt, check: Check | None) -> list[Step]:
     """
     learner = attempt.learner
     steps = [*learner.steps, *([learner.pending] if learner.pending else [])]
-    count = len(steps) if check is None else check.asked
+    count = len(steps) if check is None else check.requests
     if check is not None and check.reason is Reason.NOT_DETERMINISTIC:
         return steps[:count]
     case = attempt.in_case if check is None else check.part

@@ -46,7 +46,7 @@ class Check:
         slip: the slip that this failure shows, or "".
         part: the case that it belongs to, an index into `Report.parts`; -1 for none.
         values: what was compared: the value that came back, and the right one; None if nothing was.
-        asked: how many requests had been made when it was recorded.
+        requests: how many requests had been made when it was recorded.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Check:
     slip: str = ""
     part: int = -1
     values: tuple[Any, Any] | None = field(default=None, compare=False, repr=False)
-    asked: int = field(default=0, compare=False, repr=False)
+    requests: int = field(default=0, compare=False, repr=False)
 
     @property
     def passed(self) -> bool:

@@ -275,9 +275,10 @@ _ROBOT_TEXT = {
     8: "Put it into your robot. This chapter fills no slot. It is the flag --twin: an arm that is "
     "a quarter of the gap away from what the robot's programs believe. The button plays your robot "
     "with the exact arm and with that one.",
-    9: "Put it into your robot. This chapter fills no slot, but any stage can be a file of yours, "
-    "such as a trained policy: drills robot run --own control=FILE.py. The button compares your "
-    "whole robot with the course's.",
+    9: "Put it into your robot. None of this chapter's exercises is a part of it. But you can run "
+    "any of its parts from a file of yours, such as a trained policy in place of the controller: "
+    "drills robot run --own control=FILE.py. The button compares your whole robot with the "
+    "course's.",
     10: "The button plays your robot with fresh images and with images that arrive late.",
 }
 

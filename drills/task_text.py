@@ -100,7 +100,7 @@ def say_examples(card: Card, terminal: Terminal) -> None:
             terminal.say(line)
 
 
-def ladder(hints: Sequence[Hint], found: str) -> list[Hint]:
+def ladder(hints: Sequence[Hint], diagnosis: str) -> list[Hint]:
     """Return hints in the order in which they are given.
 
     The one that is about what the last check found comes first; else they are in their own order,
@@ -108,13 +108,13 @@ def ladder(hints: Sequence[Hint], found: str) -> list[Hint]:
 
     Args:
         hints: of an exercise.
-        found: what the last check said is wrong, or "".
+        diagnosis: what the last check said is wrong, or "".
     """
 
     def words(text: str) -> set[str]:
         return set(re.findall(r"[a-z]{5,}|\beps\b", text.lower()))
 
-    scores = [len(words(found) & words(f"{hint.symptom} {hint.text}")) for hint in hints]
+    scores = [len(words(diagnosis) & words(f"{hint.symptom} {hint.text}")) for hint in hints]
     best = max(scores, default=0)
     # One word in common, or as many with two hints, says nothing.
     if best < 2 or scores.count(best) > 1:

@@ -129,17 +129,19 @@ def bounce_step(
     left = dt - fall
     up = restitution * impact
     # All flights that are still to come last 2 u / g (1 + e + e^2 + ...) = 2 u / (g (1 - e)).
-    gone = left * gravity / 2.0
-    if gone * (1.0 - restitution) >= up:
+    elapsed = left * gravity / 2.0
+    if elapsed * (1.0 - restitution) >= up:
         return 0.0, 0.0
     if restitution < 1.0:
-        flights = math.floor(math.log1p(-gone * (1.0 - restitution) / up) / math.log(restitution))
+        flights = math.floor(
+            math.log1p(-elapsed * (1.0 - restitution) / up) / math.log(restitution)
+        )
         flown = up * (1.0 - restitution**flights) / (1.0 - restitution)
     else:
-        flights = math.floor(gone / up)
+        flights = math.floor(elapsed / up)
         flown = up * flights
     up *= restitution**flights
-    left = max(2.0 * (gone - flown) / gravity, 0.0)
+    left = max(2.0 * (elapsed - flown) / gravity, 0.0)
     return max(up * left - 0.5 * gravity * left * left, 0.0), up - gravity * left
 
 

@@ -741,10 +741,10 @@ def answer(id: str, text: str) -> Answer:
     Raises:
         ValueError: for an unknown id, one without a formula, or a text that is not a str.
     """
-    asked = formula(id)
-    result = answer_formula(asked, text)
-    prompt = "" if asked.prompt() in result.message else asked.prompt()
-    return replace(result, asked=prompt, typed=text)
+    requested = formula(id)
+    result = answer_formula(requested, text)
+    prompt = "" if requested.prompt() in result.message else requested.prompt()
+    return replace(result, question=prompt, typed=text)
 
 
 def formula(id: str) -> Formula:

@@ -91,14 +91,14 @@ class Answer:
         message: what to tell the learner.
         counterexample: None, or {"values": symbol -> number, "yours": number or None where it is
             not defined, "ours": number}.
-        asked: the question, and in which symbols; "" where that stands elsewhere.
+        question: the question, and in which symbols; "" where that stands elsewhere.
         typed: the learner's formula as it was typed.
     """
 
     correct: bool
     message: str
     counterexample: dict[str, Any] | None = None
-    asked: str = ""
+    question: str = ""
     typed: str = ""
 
     def __bool__(self) -> bool:
@@ -109,10 +109,10 @@ class Answer:
 
     def _repr_markdown_(self) -> str:
         # A page shows the answer without the cell that it was typed in.
-        asked = [markup.tex(self.asked)] if self.asked else []
+        question = [markup.tex(self.question)] if self.question else []
         typed = self.typed.replace("`", "'").strip()
         given = [f"Your answer: `{typed}`"] if typed and "\n" not in typed else []
-        return "  \n".join([*asked, *given, self.verdict()])
+        return "  \n".join([*question, *given, self.verdict()])
 
     def verdict(self) -> str:
         """Return whether it is right and why, without the question; Markdown."""

@@ -7,10 +7,12 @@ import sys
 import tomllib
 from pathlib import Path
 from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.util import logging
 from sphinx.util.typing import stringify_annotation
@@ -127,13 +129,17 @@ def _scripts(
         app.add_js_file("live.js", loading_method="defer", priority=900)
 
 
+# Of the environment of each build: a later one may have other titles.
+_TITLES: WeakKeyDictionary[BuildEnvironment, dict[str, nodes.bullet_list]] = WeakKeyDictionary()
+
+
 def _titles(app: Sphinx) -> dict[str, nodes.bullet_list]:
     """Return the table of contents of each document with its titles only, made once a build.
 
     The side bar of each page copies the contents of all pages, and then drops all but the titles.
     Contents that were cut to these before make the same side bar in a tenth of the time.
     """
-    stored: dict[str, nodes.bullet_list] | None = getattr(app.env, "course_titles", None)
+    stored: dict[str, nodes.bullet_list] | None = _TITLES.get(app.env)
     if stored is None:
         stored = {}
         for name, contents in app.env.tocs.items():
@@ -147,7 +153,7 @@ def _titles(app: Sphinx) -> dict[str, nodes.bullet_list]:
                     else:
                         top.pop(1)
             stored[name] = cut
-        app.env.course_titles = stored  # type: ignore[attr-defined]
+        _TITLES[app.env] = stored
     return stored
 
 

@@ -199,8 +199,8 @@ class Talk:
 
         self.store(edit)
 
-    def look(self, entry: Entry) -> None:
-        """Book the time since the last look on an entry."""
+    def add_time(self, entry: Entry) -> None:
+        """Add the time since the last look to an entry."""
         now = self.clock()
         entry.seconds += max((now - self.last_look).total_seconds(), 0.0)  # clocks are set back
         self.last_look = now
@@ -211,7 +211,7 @@ class Talk:
 
     def book_time(self, entry: Entry) -> None:
         """Book the time since the last look on an entry, and write all that was said."""
-        self.look(entry)
+        self.add_time(entry)
         self.store(lambda past: past.open.update({self.interview.started: self.interview}))
 
     def add(self, entry: Entry, name: str, line: str) -> None:
@@ -222,7 +222,7 @@ class Talk:
             self.session.wrap(_too_long(len(text)))
             return
         setattr(entry, name, f"{text}{line}\n")
-        self.look(entry)
+        self.add_time(entry)
         if self.journal is None:
             return
         row = {"key": entry.key, "name": name, "at": len(text), "line": line}

@@ -440,15 +440,15 @@ def rrt_connect(
 ) -> tuple[Array, Array]:
     """Return a path with `course.planning.plan`, its trees grown towards the samples given."""
     world = replace(_PLANE(), obstacles=_discs(discs))
-    found = planning.plan(
+    solution = planning.plan(
         world, start, goal, method="rrt_connect", budget=len(samples), sampler=samples.T, step=step
     )
-    nodes = found.nodes.shape[1]
+    nodes = solution.nodes.shape[1]
     # The nodes of both trees, one tree after the other; each begins at a root.
-    roots = np.flatnonzero(found.parents < 0)
+    roots = np.flatnonzero(solution.parents < 0)
     first = int(roots[1]) if len(roots) > 1 else 1
     sizes = np.array([first, max(nodes - first, 1)])
-    return (np.zeros((0, 2)) if found.path is None else found.path.T.copy()), sizes
+    return (np.zeros((0, 2)) if solution.path is None else solution.path.T.copy()), sizes
 
 
 def _cut(path, obstacles, draws, out):

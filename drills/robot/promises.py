@@ -20,7 +20,7 @@ Args = tuple[Any, ...]
 Promise = Callable[[Args, Any], str]
 
 
-def _off(what: str, value: float, limit: float, unit: str = "") -> str:
+def _beyond(what: str, value: float, limit: float, unit: str = "") -> str:
     """Return the sentence on a broken promise, or nothing."""
     if value <= limit:
         return ""
@@ -44,8 +44,8 @@ def back_project(args: Args, points: Any) -> str:
         x, y = fx * points[0] / points[2] + cx - u, fy * points[1] / points[2] + cy - v
     pixel = float(np.max(np.nan_to_num(np.hypot(x, y), nan=np.inf)))
     return _first(
-        _off("depth of a point is that of its pixel", depth, 1e-9, "m"),
-        _off("a point projects onto its pixel", pixel, 1e-6, "px"),
+        _beyond("depth of a point is that of its pixel", depth, 1e-9, "m"),
+        _beyond("a point projects onto its pixel", pixel, 1e-6, "px"),
     )
 
 
@@ -63,7 +63,9 @@ def plane_ransac(args: Args, result: Any) -> str:
     differ = differ[~close[differ]]
     if inside.size < 0.4 * points.shape[1]:
         text = f"most points lie near the table's plane: {inside.size} of {points.shape[1]} do"
-        return _off("normal of length 1", abs(float(np.linalg.norm(plane[:3])) - 1.0), 1e-6) or text
+        return (
+            _beyond("normal of length 1", abs(float(np.linalg.norm(plane[:3])) - 1.0), 1e-6) or text
+        )
     if not 1 <= tried <= len(triples):
         return f"the number of triples tried lies between 1 and {len(triples)}: it is {tried:g}"
     # Stop as soon as the confidence is reached, and not before. The refit may change the share.
@@ -78,10 +80,10 @@ def plane_ransac(args: Args, result: Any) -> str:
     spread = float(np.linalg.norm(tilt)) / float(np.trace(scatter))
     mean = abs(float(np.mean(distance[inside])))
     return _first(
-        _off("normal of length 1", abs(float(np.linalg.norm(plane[:3])) - 1.0), 1e-6),
+        _beyond("normal of length 1", abs(float(np.linalg.norm(plane[:3])) - 1.0), 1e-6),
         "" if not differ.size else f"the near points are listed: {differ.size} are wrong",
-        _off("the plane fits its points by least squares", spread, 0.004),
-        _off("the plane goes through the mean of its points", mean, 0.1 * tolerance, "m"),
+        _beyond("the plane fits its points by least squares", spread, 0.004),
+        _beyond("the plane goes through the mean of its points", mean, 0.1 * tolerance, "m"),
         f"enough triples are tried, about {enough:.0f}: {tried:g} were" if early else "",
         f"the search stops when it is confident, after about {enough:.0f} triples: {tried:g} were"
         if late
@@ -112,7 +114,7 @@ def plane_ransac_rule(args: Args, result: Any) -> str:
     middle = near.mean(axis=1)
     normal = np.linalg.eigh((near - middle[:, None]) @ (near - middle[:, None]).T)[1][:, 0]
     tilt = float(np.linalg.norm(np.cross(normal, result[0][:3])))
-    return _off("the plane is that of the best triple's points", tilt, 1e-5, "rad")
+    return _beyond("the plane is that of the best triple's points", tilt, 1e-5, "rad")
 
 
 def dbscan(args: Args, labels: Any) -> str:
@@ -175,7 +177,7 @@ def _rotation(R: Array) -> str:
     wrong = float(np.max(np.abs(R.T @ R - np.eye(3))))
     if np.linalg.det(R) < 0.0 and wrong < 1e-6:
         return "R is a rotation: it is a mirror image"
-    return _off("R is a rotation", wrong, 1e-7)
+    return _beyond("R is a rotation", wrong, 1e-7)
 
 
 def rigid_fit(args: Args, result: Any) -> str:
@@ -193,9 +195,11 @@ def rigid_fit(args: Args, result: Any) -> str:
     best = values[0] + values[1] + math.copysign(values[2], np.linalg.det(spread))
     return _first(
         _rotation(R),
-        _off("the shift takes one mean to the other", mean, 1e-7, "m"),
-        _off("no small turn makes the fit better", skew, 1e-7),
-        _off("no large turn makes the fit better", (best - float(np.trace(spread))) / size, 1e-7),
+        _beyond("the shift takes one mean to the other", mean, 1e-7, "m"),
+        _beyond("no small turn makes the fit better", skew, 1e-7),
+        _beyond(
+            "no large turn makes the fit better", (best - float(np.trace(spread))) / size, 1e-7
+        ),
     )
 
 
@@ -226,7 +230,9 @@ def point_to_plane_step(args: Args, result: Any) -> str:
     t = R @ middle + p - middle
     gradient = rows.T @ (rows @ np.concatenate((t, w)) - gap)
     scale = np.linalg.norm(rows, axis=0) * (float(np.linalg.norm(gap)) + 1e-9)
-    return _off("the step solves its least squares", float(np.max(np.abs(gradient) / scale)), 1e-4)
+    return _beyond(
+        "the step solves its least squares", float(np.max(np.abs(gradient) / scale)), 1e-4
+    )
 
 
 def to_the_present(args: Args, result: Any) -> str:
@@ -250,9 +256,9 @@ def to_the_present(args: Args, result: Any) -> str:
         cross = C[i, i + 2] + T * C[i + 2, i + 2] + 0.5 * noise * T * T
         worst = max(worst, abs(P[i, i + 2] - cross))
     return _first(
-        _off("the newest position moves on by age times velocity", moved, 1e-9, "m"),
-        _off("the velocity stays that of the newest message", drift, 1e-9, "m/s"),
-        _off("the covariance grows by that of velocity and noise", worst / scale, 1e-9),
+        _beyond("the newest position moves on by age times velocity", moved, 1e-9, "m"),
+        _beyond("the velocity stays that of the newest message", drift, 1e-9, "m/s"),
+        _beyond("the covariance grows by that of velocity and noise", worst / scale, 1e-9),
     )
 
 
@@ -277,7 +283,7 @@ def visual_gain(args: Args, result: Any) -> str:
     for n in range(1, errors.size):
         errors[n] = errors[n - 1] - (gain * errors[n - 1 - delay] if n > delay else 0.0)
     true = float(errors @ errors)
-    return _off("variance of the settled loop", abs(variance / true - 1.0), 1e-3)
+    return _beyond("variance of the settled loop", abs(variance / true - 1.0), 1e-3)
 
 
 def two_link_ik(args: Args, rows: Any) -> str:
@@ -287,7 +293,7 @@ def two_link_ik(args: Args, rows: Any) -> str:
     wrong = max(math.dist(tip_of(pair, q), target) for q in rows)
     bends = [math.remainder(q[1], math.tau) for q in rows]
     order = bends[0] >= -1e-6 and bends[1] <= 1e-6
-    return _off("forward kinematics leads back to the target", wrong, 1e-7, "m") or (
+    return _beyond("forward kinematics leads back to the target", wrong, 1e-7, "m") or (
         "" if order else "the first row bends the elbow to the left, the second to the right"
     )
 
@@ -313,7 +319,7 @@ def jacobian(args: Args, J: Any) -> str:
         W = (R1 - R0) / (2.0 * h) @ R.T
         column = np.concatenate(((ahead - behind) / (2.0 * h), [W[2, 1], W[0, 2], W[1, 0]]))
         worst = max(worst, float(np.max(np.abs(J[:, i] - column))))
-    return _off("a column is what its joint does to the tool", worst, 1e-6, "m/rad")
+    return _beyond("a column is what its joint does to the tool", worst, 1e-6, "m/rad")
 
 
 def damped_step(args: Args, dq: Any) -> str:
@@ -323,7 +329,7 @@ def damped_step(args: Args, dq: Any) -> str:
         return f"a step for each joint: {dq.size} numbers"
     wrong = J.T @ (J @ dq - error) + damping**2 * dq
     scale = float(np.linalg.norm(J) * np.linalg.norm(error)) + 1e-12
-    return _off("the step minimises its cost", float(np.max(np.abs(wrong))) / scale, 1e-7)
+    return _beyond("the step minimises its cost", float(np.max(np.abs(wrong))) / scale, 1e-7)
 
 
 def edge_check(args: Args, share: Any) -> str:
@@ -377,7 +383,7 @@ def rrt_connect(args: Args, result: Any) -> str:
     nodes = len(np.unique(np.round(path, 9), axis=0))
     return _first(
         _path(path, (start, goal), discs),
-        _off("no edge is longer than the step", longest - step, 1e-9, "rad"),
+        _beyond("no edge is longer than the step", longest - step, 1e-9, "rad"),
         "no point appears twice in the path" if nodes < len(path) else "",
         "the trees hold the path: it has more points than they have nodes"
         if len(path) > sizes.sum() - 1
@@ -431,7 +437,7 @@ def shortcut(args: Args, path: Any) -> str:
     longer = length(path) - length(before)
     return _first(
         _path(path, (before[0], before[-1]), discs),
-        _off("the path becomes no longer", longer, 1e-9, "rad"),
+        _beyond("the path becomes no longer", longer, 1e-9, "rad"),
     )
 
 
@@ -453,7 +459,7 @@ def shortcut_rule(args: Args, path: Any) -> str:
             points = np.vstack((points[:i], *ends, points[j:]))
     if len(points) != len(path):
         return f"the draws leave {len(points)} vertices: the path has {len(path)}"
-    return _off("vertices are at the draws", float(np.max(np.abs(points - path))), 1e-7, "rad")
+    return _beyond("vertices are at the draws", float(np.max(np.abs(points - path))), 1e-7, "rad")
 
 
 def trapezoid(args: Args, result: Any) -> str:
@@ -463,7 +469,7 @@ def trapezoid(args: Args, result: Any) -> str:
     move = end - start
     size = float(np.max(np.abs(move)))
     if size < 1e-12:
-        return _off("a motion of no length takes no time", abs(duration), 1e-9, "s")
+        return _beyond("a motion of no length takes no time", abs(duration), 1e-9, "s")
     # The fastest straight motion, by its closed form.
     ratios = np.abs(move) > 1e-12
     rate = float(np.min(speed[ratios] / np.abs(move[ratios])))
@@ -479,23 +485,25 @@ def trapezoid(args: Args, result: Any) -> str:
         f"acceleration is {fastest:.6g} s"
         if slow
         else "",
-        _off("the joints stay on the straight line", max(straight, also), 1e-8, "rad"),
+        _beyond("the joints stay on the straight line", max(straight, also), 1e-8, "rad"),
     ]
     late, early = times >= duration + 1e-12, times <= 0.0
     for mask, value, name in ((late, 1.0, "end"), (early, 0.0, "start")):
         if mask.any():
             deviation = float(np.max(np.abs(s[mask] - value)) + np.max(np.abs(ds[mask])))
-            texts.append(_off(f"the arm rests at the {name}", deviation, 1e-7))
+            texts.append(_beyond(f"the arm rests at the {name}", deviation, 1e-7))
     step = np.diff(times)
     if times.size > 2 and np.all(step > 0.0):
         # Position is the integral of the rate: exact on a ramp or a plateau, close on its corners.
         integral = np.concatenate(([s[0]], s[0] + np.cumsum(0.5 * (ds[1:] + ds[:-1]) * step)))
         drift = float(np.max(np.abs(integral - s)))
-        texts.append(_off("rates are those of the angles", drift, 2.0 * push * float(step[0]) ** 2))
+        texts.append(
+            _beyond("rates are those of the angles", drift, 2.0 * push * float(step[0]) ** 2)
+        )
         over = float(np.max(np.abs(v) / speed[:, None])) - 1.0
-        texts.append(_off("no joint exceeds its speed", over, 1e-7))
+        texts.append(_beyond("no joint exceeds its speed", over, 1e-7))
         bend = float(np.max(np.abs(np.diff(v, axis=1)) / step / limit[:, None])) - 1.0
-        texts.append(_off("no joint exceeds its acceleration", bend, 1e-6))
+        texts.append(_beyond("no joint exceeds its acceleration", bend, 1e-6))
     return _first(*texts)
 
 
@@ -506,7 +514,7 @@ def computed_torque(args: Args, tau: Any) -> str:
     got = np.array(acceleration(world, gravity, tau, v, q))
     wish = reference[2] + kd * (reference[1] - v) + kp * (reference[0] - q)
     scale = float(np.max(np.abs(wish))) + 1.0
-    return _off(
+    return _beyond(
         "the joints accelerate as the gains demand", float(np.max(np.abs(got - wish))) / scale, 1e-6
     )
 
@@ -523,7 +531,7 @@ def lqr(args: Args, K: Any) -> str:
         P, step = P + step.T @ P @ step, step @ step
     better = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
     wrong = float(np.max(np.abs(better - K))) / float(np.max(np.abs(K)))
-    return _off("no other gain costs less", wrong, 1e-6)
+    return _beyond("no other gain costs less", wrong, 1e-6)
 
 
 def rnea_planar(args: Args, tau: Any) -> str:
@@ -533,7 +541,7 @@ def rnea_planar(args: Args, tau: Any) -> str:
     got = np.array(acceleration(world, gravity, tau, v, q))
     scale = float(np.max(np.abs(a))) + 1.0
     wrong = float(np.max(np.abs(got - a))) / scale
-    return _off("the torques cause the accelerations", wrong, 1e-7)
+    return _beyond("the torques cause the accelerations", wrong, 1e-7)
 
 
 def contact_step(args: Args, result: Any) -> str:
@@ -560,9 +568,9 @@ def contact_step(args: Args, result: Any) -> str:
         along, rate = along + 0.5 * excess * remaining**2, excess * remaining
     slack = 4.0 * dt * (abs(rate) + pull * total * 0.2 + abs(float(velocity[0])) + 0.1)
     return _first(
-        _off("the part rests on the table", abs(float(x[1])), 1e-4, "m"),
-        _off("the part stops where friction stops it", abs(float(x[0]) - along), slack, "m"),
-        _off("its speed at the end", abs(float(v[0]) - rate), 20.0 * dt, "m/s"),
+        _beyond("the part rests on the table", abs(float(x[1])), 1e-4, "m"),
+        _beyond("the part stops where friction stops it", abs(float(x[0]) - along), slack, "m"),
+        _beyond("its speed at the end", abs(float(v[0]) - rate), 20.0 * dt, "m/s"),
     )
 
 
@@ -580,7 +588,7 @@ def contact_step_rule(args: Args, result: Any) -> str:
         w += push
         x, height = x + dt * u, height + dt * w
     deviation = max(abs(float(result[0][0]) - x), abs(float(result[0][1]) - height))
-    return _off("the scheme's own position at the end", deviation, 1e-8, "m")
+    return _beyond("the scheme's own position at the end", deviation, 1e-8, "m")
 
 
 def verlet(args: Args, result: Any) -> str:
@@ -593,9 +601,9 @@ def verlet(args: Args, result: Any) -> str:
     faster = float(np.max(np.abs(new_v - v - dt * a) - dt * change))
     wrong = float(np.max(np.abs(new_a - acceleration_of(new_q))))
     return _first(
-        _off("the position moves by its rate", moved, 1e-12, "rad"),
-        _off("the rate changes by the acceleration", faster, 1e-12, "rad/s"),
-        _off("the new acceleration", wrong, 1e-8 * (float(np.max(np.abs(a))) + 1.0), "rad/s^2"),
+        _beyond("the position moves by its rate", moved, 1e-12, "rad"),
+        _beyond("the rate changes by the acceleration", faster, 1e-12, "rad/s"),
+        _beyond("the new acceleration", wrong, 1e-8 * (float(np.max(np.abs(a))) + 1.0), "rad/s^2"),
     )
 
 
@@ -606,19 +614,19 @@ def verlet_rule(args: Args, result: Any) -> str:
     new_acceleration = acceleration_of(new_q)
     scale = float(np.max(np.abs(a))) + 1.0
     return _first(
-        _off(
+        _beyond(
             "the position moves by v dt + a dt^2 / 2",
             float(np.max(np.abs(new_q - q - dt * v - 0.5 * dt * dt * a))),
             1e-10 * (1.0 + scale),
             "rad",
         ),
-        _off(
+        _beyond(
             "the velocity changes by the mean of both accelerations",
             float(np.max(np.abs(new_v - v - 0.5 * dt * (a + new_acceleration)))),
             1e-9 * (1.0 + scale),
             "rad/s",
         ),
-        _off(
+        _beyond(
             "the new acceleration",
             float(np.max(np.abs(new_a - new_acceleration))),
             1e-8 * scale,

@@ -339,7 +339,7 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # ### Stability margins
 #
 # How far is a tuned loop from its limit? Cut the loop at the motor and feed in a sine of torque. The feedback subtracts
-# the measured angle. Leave out that minus sign for now, and compare the torque that comes back with the torque that
+# the measured angle. Leave out that minus sign here, and compare the torque that comes back with the torque that
 # went in. The ratio of their sizes is the **open-loop gain**, and the shift of the sine is its **phase lag**. A sine
 # that comes back with the same size and a lag of 180 degrees is inverted. The minus sign inverts it once more, into the
 # sine that went in, and the oscillation keeps itself going.

@@ -446,9 +446,9 @@ def _boxes(names: Names) -> None:
         overlapping += 1
         move = names["way_out"](a, b)
         assert not names["overlap"](a, b + 1.000001 * move)
-        ways = rng.normal(size=(300, 3))
-        ways *= 0.999 * np.linalg.norm(move) / np.linalg.norm(ways, axis=1)[:, None]
-        assert all(names["overlap"](a, b + way) for way in ways)
+        motions = rng.normal(size=(300, 3))
+        motions *= 0.999 * np.linalg.norm(move) / np.linalg.norm(motions, axis=1)[:, None]
+        assert all(names["overlap"](a, b + motion) for motion in motions)
     assert 10 < overlapping < 50
     # A touch counts, and a box inside another leaves by the near side.
     inside = np.array([[0.1, 0.4], [0.2, 0.6]])
@@ -515,15 +515,15 @@ def _two_links(names: Names) -> None:
     for _ in range(200):
         l1, l2 = rng.uniform(0.2, 1.0, 2)
         point = complex(*rng.uniform(-2.0, 2.0, 2))
-        found = postures(l1, l2, point.real, point.imag)
+        solutions = postures(l1, l2, point.real, point.imag)
         # The distance of the tip for every elbow angle: how often does it pass the target's?
         scan = abs(l1 + l2 * np.exp(1j * np.linspace(-np.pi, np.pi, 3601))) - abs(point)
-        assert len(found) == np.count_nonzero(np.diff(np.sign(scan)))
-        for q1, q2 in found:
+        assert len(solutions) == np.count_nonzero(np.diff(np.sign(scan)))
+        for q1, q2 in solutions:
             assert abs(reached(l1, l2, q1, q2) - point) < 1e-13
             assert abs(complex(*tip(l1, l2, q1, q2)) - point) < 1e-13
-        if found:
-            assert found[0][1] == -found[1][1]
+        if solutions:
+            assert solutions[0][1] == -solutions[1][1]
     assert len(postures(1.0, 0.5, 1.5, 0.0)) == len(postures(1.0, 0.5, 0.0, -0.5)) == 1
     for r in (1.5 - 1e-9, 0.5 + 1e-9):
         ((q1, q2), other) = postures(1.0, 0.5, r, 0.0)
@@ -610,10 +610,10 @@ def _ransac(names: Names) -> None:
         flat = rng.uniform(-1.0, 1.0, (500, 3))
         flat -= np.outer(flat @ normal - 0.4 - rng.normal(0.0, 2e-3, 500), normal)
         cloud = np.vstack([flat, rng.uniform(-1.0, 1.0, (300, 3))])
-        found, offset, inliers = names["plane"](cloud, 6e-3, rng)
-        assert np.linalg.norm(found) == pytest.approx(1.0)
-        sign = np.sign(found @ normal)
-        angles.append(np.linalg.norm(np.cross(found, normal)))
+        fitted, offset, inliers = names["plane"](cloud, 6e-3, rng)
+        assert np.linalg.norm(fitted) == pytest.approx(1.0)
+        sign = np.sign(fitted @ normal)
+        angles.append(np.linalg.norm(np.cross(fitted, normal)))
         assert sign * offset == pytest.approx(0.4, abs=1e-3)
         assert inliers[:500].mean() > 0.98 and inliers[500:].mean() < 0.05
     # The best angle that 500 points with this noise allow is near 2e-3 / sqrt(500 / 3).
@@ -621,8 +621,8 @@ def _ransac(names: Names) -> None:
     rng = np.random.default_rng(0)
     exact = np.c_[rng.uniform(-1.0, 1.0, (40, 2)), np.full(40, 0.25)]
     exact[:10, :2] = np.linspace(0.0, 1.0, 10)[:, None]  # many of them on one line
-    found, offset, inliers = names["plane"](exact, 1e-6, rng)
-    assert np.allclose(np.abs(found), [0, 0, 1]) and inliers.all()
+    fitted, offset, inliers = names["plane"](exact, 1e-6, rng)
+    assert np.allclose(np.abs(fitted), [0, 0, 1]) and inliers.all()
     assert abs(offset) == pytest.approx(0.25)
 
 

@@ -74,10 +74,10 @@ class Terminal:
         """Wait for a text behind the one that was waited for before."""
         deadline = time.monotonic() + PATIENCE
         wrapped = re.compile(r"\s+".join(map(re.escape, text.split())))
-        while not (found := wrapped.search(self.text, self.seen)):
+        while not (match := wrapped.search(self.text, self.seen)):
             more = self.read(1.0)
             assert more and time.monotonic() < deadline, (text, self.text[-2000:])
-        self.seen = found.end()
+        self.seen = match.end()
 
     def type(self, text: str) -> None:
         """Type."""

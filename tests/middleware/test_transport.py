@@ -124,7 +124,8 @@ def test_a_message_larger_than_the_receive_buffer_needs_to_be_sent_again():
     with cyclonedds.buffered(at_most=262_144):
         assert cyclonedds.answered(1_500_000, 4, "best_effort", 0.3) < 4
         assert cyclonedds.answered(1_500_000, 2, "reliable", 20.0) == 2
-        assert cyclonedds.answered(50_000, 2, "best_effort", 20.0) == 2
+        # A small one gets through, though best effort promises no single one of them.
+        assert cyclonedds.answered(50_000, 8, "best_effort", 2.0) > 0
     assert "SocketReceiveBufferSize" not in os.environ["CYCLONEDDS_URI"]
 
 

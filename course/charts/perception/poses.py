@@ -226,8 +226,8 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
             far, value = np.array(rows)[:, 0], np.array(rows)[:, column]
             right = f"{np.count_nonzero(far < 2e-3)} of {far.size} within 2 mm"
             message = f"{label} {value.min():.4f} to {value.max():.4f}"
-            off = f"{1e3 * far.min():.2f} to {1e3 * far.max():.2f} mm off"
-            message = f"{name}: {right}, {off}, {message}"
+            distance = f"{1e3 * far.min():.2f} to {1e3 * far.max():.2f} mm off"
+            message = f"{name}: {right}, {distance}, {message}"
             # The right ones among the cut-off parts lie on those of the other cases.
             hollow = name == "cut off"
             panel.series.append(Series(name, far, value, style="", hollow=hollow, note=message))

@@ -122,7 +122,7 @@ def step_by_posture(result):
 @claim(
     "If the damping torque comes from the old velocity, more Kd makes the largest stable step of a "
     "semi-implicit simulation smaller.",
-    "Held for a long step, that torque reverses the velocity instead of reducing it. With the arm "
+    "Held for a long step, that torque throws the velocity back larger than it was. With the arm "
     "stretched and Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to {much:.1f} ms "
     "with Kd = {kd:.0f}. Damping at the new velocity would not lower it.",
 )
@@ -208,12 +208,12 @@ def largest_step(result):
     slider = result.input("slider", 20.0)
     bends = np.stack([np.full(61, 0.3), np.linspace(-np.pi, np.pi, 61)])
     chosen = np.full(61, settings.kp), np.full(61, settings.kd)
-    most = result.measure("most", 1e3 * limits(bends, *chosen).max())
+    largest = result.measure("most", 1e3 * limits(bends, *chosen).max())
     bare = 1e3 * limits(bends, chosen[0], np.zeros(61))
     result.statement = "Eight runs at each step, compared with arms without torque limits."
     result.statement_holds(bool(leaves(bends, *chosen, 1e-3 * slider).all()))
     result.correction_holds(
-        most < slider < bare.max(),
+        largest < slider < bare.max(),
         bool(leaves(q, kp, kd, 1.03 * at).all()),
         bool(leaves(*wide, 1.01 * edge).all()),
         not leaves(q, kp, kd, 0.97 * at).any(),

@@ -310,15 +310,15 @@ SLIPS = slips(
         "is on the floor at t = (v + sqrt(v^2 + 2 g y)) / g.",
     ),
     only_one_impact=(
-        "    if gone * (1.0 - restitution) >= up:\n",
+        "    if elapsed * (1.0 - restitution) >= up:\n",
         "    return up * left - 0.5 * gravity * left * left, up - gravity * left\n"
-        "    if gone * (1.0 - restitution) >= up:\n",
+        "    if elapsed * (1.0 - restitution) >= up:\n",
         "Only the first impact of the step is resolved. A long step, or a ball near rest, has "
         "more of them: your ball flies on through the floor.",
     ),
     rest_of_the_step_lost=(
-        "    if gone * (1.0 - restitution) >= up:\n",
-        "    return 0.0, up\n    if gone * (1.0 - restitution) >= up:\n",
+        "    if elapsed * (1.0 - restitution) >= up:\n",
+        "    return 0.0, up\n    if elapsed * (1.0 - restitution) >= up:\n",
         "After the impact the ball waits on the floor for the end of the step. What is left of "
         "dt must be flown too.",
     ),
@@ -341,7 +341,7 @@ SLIPS = slips(
         "multiplied by; the speed only once.",
     ),
     not_turned_round=(
-        "    gone = left * gravity / 2.0\n",
+        "    elapsed = left * gravity / 2.0\n",
         "    return -up * left - 0.5 * gravity * left * left, -up - gravity * left\n",
         "The ball goes on downwards after the impact, through the floor: the velocity changes its "
         "sign there.",
@@ -380,8 +380,8 @@ SLIPS = slips(
         "the step, gained below the floor, is used in a flight from the impact on.",
     ),
     rest_time_halved=(
-        "    if gone * (1.0 - restitution) >= up:\n",
-        "    if 2.0 * gone * (1.0 - restitution) >= up:\n",
+        "    if elapsed * (1.0 - restitution) >= up:\n",
+        "    if 2.0 * elapsed * (1.0 - restitution) >= up:\n",
         "The ball is put to rest after u / (g (1 - e)). A flight with speed u lasts 2 u / g, up "
         "and down, so all that are left last 2 u / (g (1 - e)): twice as long.",
     ),

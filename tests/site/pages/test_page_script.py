@@ -79,7 +79,7 @@ def answer(page: Any, name: str, label: str) -> None:
     page.locator(f'[data-card="{name}"] summary', has_text=label).click()
 
 
-def said(page: Any, name: str) -> str:
+def result_of(page: Any, name: str) -> str:
     line = page.locator(f'[data-card="{name}"] .card-answered')
     return line.inner_text() if line.count() else ""
 
@@ -91,15 +91,15 @@ def test_the_first_answer_counts(page: Any) -> None:
     assert not page.locator("[data-card='contact.mug'] .why").evaluate("e => e.open")
     answer(page, "contact.mug", "It falls")
     page.wait_for_selector(".card-answered")
-    assert said(page, "contact.mug") == "Not right: your first answer was “It falls”."
+    assert result_of(page, "contact.mug") == "Not right: your first answer was “It falls”."
     assert page.locator("[data-card='contact.mug'] .why").evaluate("e => e.open"), "it explains"
     answer(page, "contact.mug", "It stays")  # can be read, and changes nothing
     page.wait_for_timeout(100)
-    assert said(page, "contact.mug") == "Not right: your first answer was “It falls”."
+    assert result_of(page, "contact.mug") == "Not right: your first answer was “It falls”."
     assert score.inner_text() == "Your answers: 0 right of 1 answered, 2 cards."
     answer(page, "contact.tray", "It stays")
     page.wait_for_function("() => document.querySelectorAll('.card-answered').length === 2")
-    assert said(page, "contact.tray") == "Right: your first answer was “It stays”."
+    assert result_of(page, "contact.tray") == "Right: your first answer was “It stays”."
     assert score.inner_text() == "Your answers: 1 right of 2 answered, 2 cards."
 
 
@@ -107,9 +107,9 @@ def test_answers_are_remembered_and_counted_at_home_until_they_are_forgotten(pag
     answer(page, "contact.tray", "It stays")
     page.wait_for_selector(".card-answered")
     page.reload()
-    assert said(page, "contact.tray") == "Right: your first answer was “It stays”."
+    assert result_of(page, "contact.tray") == "Right: your first answer was “It stays”."
     assert page.locator(".card .chosen summary").inner_text() == "It stays"
-    assert said(page, "contact.mug") == ""
+    assert result_of(page, "contact.mug") == ""
     address = page.url
     page.goto(page.home)
     scores = page.locator(".score").all_inner_texts()
@@ -119,12 +119,12 @@ def test_answers_are_remembered_and_counted_at_home_until_they_are_forgotten(pag
     page.get_by_role("button", name="Forget all my answers").click()
     assert total.inner_text() == "All chapters: none of 4 cards answered."
     page.goto(address)
-    assert said(page, "contact.tray") == ""
+    assert result_of(page, "contact.tray") == ""
     answer(page, "contact.tray", "It falls")
     page.wait_for_selector(".card-answered")
-    assert said(page, "contact.tray").startswith("Not right")
+    assert result_of(page, "contact.tray").startswith("Not right")
     page.get_by_role("button", name="Forget my answers to the cards of this page").click()
-    assert said(page, "contact.tray") == ""
+    assert result_of(page, "contact.tray") == ""
     assert page.locator("details[open]").count() == 0
 
 
@@ -134,8 +134,8 @@ def test_what_others_have_stored_does_no_harm(page: Any, stored: str) -> None:
     page.reload()
     answer(page, "contact.tray", "It stays")
     page.wait_for_selector("[data-card='contact.tray'] .card-answered")
-    assert said(page, "contact.tray") == "Right: your first answer was “It stays”."
-    assert said(page, "contact.mug") == ""
+    assert result_of(page, "contact.tray") == "Right: your first answer was “It stays”."
+    assert result_of(page, "contact.mug") == ""
 
 
 def claim(number: int) -> str:

@@ -255,9 +255,9 @@ def test_dark_colours_keep_their_contrast(browser: Any, tmp_path: Path) -> None:
 SWIPES = {"up": (0.0, -165.0), "across": (140.0, 3.0)}
 
 
-def swipe(page: Any, way: str) -> None:
+def swipe(page: Any, direction: str) -> None:
     """A finger goes down near the lower left of the picture, moves and leaves, as on a phone."""
-    box, (right, down) = page.locator("canvas").bounding_box(), SWIPES[way]
+    box, (right, down) = page.locator("canvas").bounding_box(), SWIPES[direction]
     x, y = box["x"] + 0.3 * box["width"], box["y"] + box["height"] - 10.0
     session = page.context.new_cdp_session(page)
 

@@ -84,9 +84,9 @@ def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
         push, touching = contact_force(machine, detected)
         brake = -machine.brakes * machine.damping * measured[i]
         rub = friction_force(machine, v)
-        off = machine.encoder * x
-        total += machine.dt * off
-        drive = -machine.gain * off - machine.integral * total
+        error = machine.encoder * x
+        total += machine.dt * error
+        drive = -machine.gain * error - machine.integral * total
         log.append((x, v, push, brake, rub, drive, touching))
         faster = v + machine.dt * (push + brake + rub + drive) / machine.mass
         x += machine.dt * (machine.blend * faster + (1.0 - machine.blend) * v)
