@@ -386,7 +386,7 @@ simulation("touch", "Explosion")
 # </details>
 # </details>
 #
-# Three formulas to practise. <span class="kernel-only">Change the formula after "Your answer" until the check accepts
+# Practise: <span class="kernel-only">Change the formula after "Your answer" until the check accepts
 # it.</span>
 # %%
 answer("semi_implicit_limit", "sqrt(m/k)")
