@@ -9,7 +9,7 @@
 # Both start at the same place, so the orange box covers the blue one until they move apart.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
-# exercises {exercise minutes} minutes. (Folded claims and the interview are not counted.)
+# exercises {exercise minutes} minutes.
 # %%
 from course.cards import predict
 from course.simulations import simulation
@@ -34,7 +34,8 @@ simulation("touch")
 #
 # Some cards show a statement, which you judge: true, false, or true only under a condition. Many are about
 # **MuJoCo**, a widely used free simulator. `python -m course.derivations 2` reruns all checks of this page. The code
-# is the package `course.contact`; it calls the step `dt`, which the text calls $h$. Five exercises wait in section 8:
+# is the package `course.contact`; it calls the step `dt`, which the text calls $h$. The times above omit folded claims
+# and the interview. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -212,10 +213,10 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 # The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
 # other. Each corner of the polygon that remains becomes a contact point.
 #
-# GJK sees a shape only through its support function, and that function cannot see a hollow. GJK works on the **convex
-# hull** of a shape, the smallest convex shape around it. For GJK, a mug is solid. A **convex decomposition** cuts
-# such a shape into convex pieces before the simulation starts. The number of pieces is a compromise between speed and
-# accuracy.
+# GJK sees a shape only through its support function, and that function cannot see a hollow. GJK works on the
+# **convex hull** of a shape, the smallest convex shape around it. For GJK, a mug is solid.
+# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts. The number of pieces
+# is a compromise between speed and accuracy.
 # %%
 show("concave_mesh_is_its_hull")
 # %%
