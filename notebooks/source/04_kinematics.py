@@ -92,12 +92,13 @@ def print_figures(chart, *rows):
 #
 # Attach a coordinate frame to each joint. A **homogeneous transform** is the $4\times4$ matrix that contains the
 # rotation and the position of one frame in another; multiplying two of them chains them. Let $A_i$ be the fixed
-# transform from the frame of joint $i-1$ to the frame of joint $i$, and let $R_z(q_i)$ be the rotation about its own
-# $z$ axis by the joint angle. Then
+# transform from the frame of joint $i-1$ to the frame of joint $i$, and let $R_z(q_i)$ be the turn of frame $i$ about
+# its own $z$ axis by the joint angle. If all joints are revolute,
 #
 # $$T_{\text{tip}} = A_1\,R_z(q_1)\;A_2\,R_z(q_2)\cdots A_n\,R_z(q_n)\;T_{\text{tool}} .$$
 #
-# There is exactly one result, it always exists, and it depends smoothly on $q$.
+# (A prismatic joint has a shift along $z$ in place of the turn.) There is exactly one result, it always exists, and it
+# depends smoothly on $q$.
 
 # %% tags=["hide-code"]
 lengths, posture = (1.0, 0.8), np.radians([30.0, 60.0])
@@ -145,13 +146,11 @@ show("fk_is_a_product")
 # second link points straight up, at $30° + 60° = 90°$. So $x = 0.866 + 0 = 0.866$ m and $y = 0.5 + 0.8 = 1.3$ m.
 #
 # Always ask how an angle is measured. If the motor of the elbow sits in the base and drives the second link through a
-# belt, its encoder reports the angle from the $x$ axis (the orange arc), and $q_1+q_2$ in the formula is replaced by
-# $q_2$.
+# belt, its encoder, the sensor of the angle, measures from the $x$ axis (the orange arc), and $q_2$ replaces $q_1+q_2$.
 #
 # The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R arm**,
 # with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit quaternion.
-# This cell multiplies the fixed transforms (`arm.placement`, `arm.tool`) and the turns, and compares the result with
-# the library function `tip`:
+# The cell multiplies these transforms and compares the result with the library function `tip`:
 
 # %% tags=["show-code"]
 arm = panda()
@@ -170,30 +169,32 @@ more_claims("two_link_position")
 # %% [markdown]
 # ### Denavit-Hartenberg parameters and the product of exponentials
 #
-# A data sheet has to say where the joints are. Three descriptions are in use.
+# Three descriptions say where the joints are.
 #
-# **Homogeneous transforms** with six numbers per joint are the most direct. URDF files and this course's `Chain` use
-# them.
+# **Homogeneous transforms**, six numbers per joint, are used by URDF files and this course's `Chain`.
 #
-# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. Of the six numbers
-# that place a frame, two don't matter: where on the joint's axis the origin lies, and where $x$ points. The transform
-# of one joint, turn included, is
+# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. Shifting a frame along
+# the joint's axis, or turning it about that axis, changes nothing, so two of the six numbers are free. The transform of
+# one joint, turn included, is
 #
 # $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
-# For our two links, $a_1 = l_1$, $a_2 = l_2$, and every $d$ and $\alpha$ is zero. Two conventions exist: the original
-# one (1955), shown here, and Craig's, which orders the factors differently and is used for the published numbers of
-# the Panda. A table that is read in the wrong convention describes a different arm.
+# For our two links, $a_1 = l_1$, $a_2 = l_2$, and every $d$ and $\alpha$ is zero. Base and tool still need full
+# transforms. The two most common conventions are the original one (1955), shown here, and Craig's, which orders the
+# factors differently and is used for the published numbers of the Panda. Read in the wrong convention, a table
+# describes a different arm.
 #
-# The **product of exponentials** needs no frame between base and tip. It describes each joint by a **screw**: an axis
-# in space about which the joint turns. The velocity of a rigid body is a **twist** $V = (\omega, v)$: its angular
-# velocity $\omega$, and the velocity $v$ of the point of the body that is at the origin at that moment. A joint that
-# turns at 1 rad/s about an axis along the unit vector $\hat\omega$ through the point $c$ has the twist
+# The **product of exponentials** needs no frame between base and tip. It describes each joint by a **screw**. For a
+# revolute joint, that is the axis in space about which it turns. The velocity of a rigid body is a **twist** $V =
+# (\omega, v)$. $\omega$ is its angular velocity. For $v$, imagine the body large enough to cover the origin; $v$ is its
+# velocity there. A joint that turns at 1 rad/s about an axis along the unit vector $\hat\omega$ through the point $c$
+# has the twist
 #
 # $$S = \begin{pmatrix} \hat\omega \\ c\times\hat\omega \end{pmatrix}, \qquad
 # [S] = \begin{pmatrix} {[\hat\omega]} & c\times\hat\omega \\ 0 & 0 \end{pmatrix},$$
 #
-# where $[\hat\omega]$ is the matrix of the cross product, $[\hat\omega]\,x = \hat\omega\times x$.
+# where $[\hat\omega]$ is the matrix of the cross product, $[\hat\omega]\,x = \hat\omega\times x$. (A joint that slides
+# along $\hat v$ has $S = (0, \hat v)$.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
@@ -205,7 +206,7 @@ _ = axes[0].plot(1, 0, "o", color="tab:red", markersize=12, label="axis of joint
 _ = axes[0].quiver(
     0, 0, 0, -0.8, color="tab:red", angles="xy", scale_units="xy", scale=1, label="v"
 )
-_ = axes[0].set(title="the twist of joint 2", xlim=(-0.4, 2.4), ylim=(-1.1, 1.1))
+_ = axes[0].set(title="the twist of joint 2", xlim=(-0.4, 2.4), ylim=(-1.1, 2.0))
 _ = axes[0].legend(loc="upper right")
 bent = np.column_stack(
     [kinematics.frames(two, [0.0, posture[1]])[:2], tip(two, [0, posture[1]])[:2]]
@@ -242,9 +243,10 @@ plt.show()
 #
 # $$\mathrm{Ad}_T = \begin{pmatrix} R & 0 \\ [p]\,R & R \end{pmatrix} .$$
 #
-# It says where the axis of joint $i$ is after the joints before it have moved: $J_i = \mathrm{Ad}_{T_{i-1}} S_i$ with
-# $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$. So the product of exponentials also provides the velocity of the
-# tip, joint by joint. The cell checks both for `two`, the arm of the drawings, with its `lengths` and its `posture`:
+# With $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$, the twist of joint $i$ after the joints before it have moved
+# is $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. At 1 rad/s it moves the tip, at $p$, with the velocity $v_i +
+# \omega_i\times p$. The cell checks tip and velocities for `two`, the arm of the drawings, with its `lengths` and its
+# `posture`:
 
 # %% tags=["show-code"]
 from scipy.linalg import expm
@@ -315,19 +317,21 @@ for i in range(2):
 # \quad\text{if joint } i \text{ is revolute},\qquad
 # \begin{pmatrix} z_i \\ 0\end{pmatrix} \quad\text{if it is prismatic.}$$
 #
-# This is the **geometric Jacobian**, with the linear rows first (in the twists above, $\omega$ came first). Pinocchio
-# calls this choice of point and axes `LOCAL_WORLD_ALIGNED`. The lower three rows give the angular velocity, which is
-# not the derivative of any three angles. The **analytic Jacobian** replaces these rows by the rates of Euler angles.
-# Close to gimbal lock its entries grow without bound, even where the arm itself is fine.
+# This is the **geometric Jacobian**, with the linear rows first (in the twists above, $\omega$ came first). Pinocchio,
+# the C++ library of section 5, calls this choice `LOCAL_WORLD_ALIGNED`: velocity of the tip, in world axes. The lower
+# three rows give the angular velocity. No three angles have it as their rates. The **analytic Jacobian** replaces these
+# rows by the rates of Euler angles. Close to gimbal lock its entries grow without bound, even where the arm itself is
+# fine.
 #
-# **Forces use the transpose.** The power that a force delivers at the tip equals the power that the torques deliver at
-# the joints; this is the principle of **virtual work**. So $F^\mathsf{T}J\dot q = \tau^\mathsf{T}\dot q$ for every
-# $\dot q$. A **wrench** $F$, a force and a torque, that the *arm exerts* at the tip costs the torques $\tau =
-# J^\mathsf{T}F$. If the *environment exerts* $F$ on the tip, the motors must supply $\tau = -J^\mathsf{T}F$ to hold
-# still.
+# **Forces use the transpose.** Leave out mass, gravity and friction. Then the power that a force delivers at the tip
+# equals the power that the torques deliver at the joints; this is the principle of **virtual work**. So
+# $F^\mathsf{T}J\dot q = \tau^\mathsf{T}\dot q$ for every $\dot q$. A **wrench** $F$, a force and a torque, that the
+# *arm exerts* at the tip costs the torques $\tau = J^\mathsf{T}F$. If the *environment exerts* $F$ on the tip, the
+# motors must supply $\tau = -J^\mathsf{T}F$ to hold still, in addition to what the weight of the links needs.
 #
-# **Worked example.** Hang a weight of 10 N on the tip, $F = (0, -10)$ N. Then $-J^\mathsf{T}F = (8.66,\; 0)$ N m. The
-# shoulder holds 10 N at a lever arm of 0.866 m. The elbow is directly below the weight and feels nothing.
+# **Worked example.** Hang a weight of 10 N on the tip, $F = (0, -10)$ N. Then $-J^\mathsf{T}F = (8.66,\; 0)$ N m. For
+# this weight the shoulder holds 10 N at a lever arm of 0.866 m. The elbow is directly below the weight and feels
+# nothing.
 #
 # The cell checks both uses of $J$ on the 7-R arm:
 
@@ -352,9 +356,9 @@ more_claims("euler_jacobian_locks")
 # The task says where the tip should be; the motors need angles. **Inverse kinematics**, IK, finds the joint values that
 # put the tip at a target.
 #
-# Two links reach a point with the elbow on either side of the line from base to target. The two solutions are called
-# **elbow up** and elbow down. The points that the tip can reach are its **workspace**. If both joints can turn all the
-# way round, it is an **annulus**, a ring: $\lvert l_1-l_2\rvert \le r \le l_1+l_2$.
+# Two links reach a point with the elbow on either side of the line from base to target. The two solutions, or
+# **branches**, are called **elbow up** and elbow down. The points that the tip can reach are its **workspace**. If both
+# joints can turn all the way round, it is an **annulus**, a ring: $\lvert l_1-l_2\rvert \le r \le l_1+l_2$.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
@@ -375,9 +379,14 @@ ring = np.linspace(0, 2 * np.pi, 200)
 circle = np.array([np.cos(ring), np.sin(ring)])
 _ = axes[1].fill(*(1.8 * circle), color="#cfe0f0")
 _ = axes[1].fill(*(0.2 * circle), color="white")
-for radius, note in ((0.2, "$|l_1-l_2|$"), (1.8, "$l_1+l_2$")):
+for radius, note, direction, place in (
+    (0.2, "$|l_1-l_2|$", np.radians(-90), (0.0, -0.45)),
+    (1.8, "$l_1+l_2$", np.radians(40), (0.45, 0.75)),
+):
+    rim = radius * np.array([np.cos(direction), np.sin(direction)])
     _ = axes[1].plot(*(radius * circle), color="#3b6ea5")
-    _ = axes[1].text(0, radius + 0.05, note, ha="center")
+    _ = axes[1].plot([0, rim[0]], [0, rim[1]], "k-", linewidth=1)
+    _ = axes[1].text(*place, note, ha="center")
 _ = axes[1].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="the workspace")
 _ = axes[1].set(xlim=(-2.1, 2.1), ylim=(-2.0, 2.1))
 plt.show()
@@ -391,8 +400,8 @@ plt.show()
 # q_1 = \operatorname{atan2}(y, x) - \operatorname{atan2}(l_2\sin q_2,\; l_1 + l_2\cos q_2) \;}$$
 #
 # **Worked example.** Target $(0.866, 1.3)$ m: $r^2 = 2.44$, so $\cos q_2 = (2.44 - 1 - 0.64)/1.6 = 0.5$ and $q_2 =
-# \pm60°$. For $q_2 = 60°$, $q_1 = 56.3° - 26.3° = 30°$. For $q_2 = -60°$, $q_1 = 56.3° + 26.3° = 82.7°$. Always check
-# the result with forward kinematics.
+# \pm60°$. For $q_2 = 60°$, $q_1 = 56.33° - 26.33° = 30°$. For $q_2 = -60°$, $q_1 = 56.33° + 26.33° = 82.66°$.
+# Always check the result with forward kinematics.
 #
 # Two bugs are common in this formula. Near the edges of the annulus, arccos loses half of its digits. And if rounding
 # or a target out of reach pushes its argument beyond 1, people clamp it to $[-1, 1]$ and silently return a posture
@@ -413,8 +422,9 @@ for name, r in (
     )
 
 # %% [markdown]
-# On each edge the two solutions merge into one. Drag the target from inside the ring to the outside and into the hole.
-# The dashed arms are the exact solutions; on the edge they merge:
+# On each edge the two solutions merge into one. (Equal links have no hole. Folded, they reach the base in every
+# direction.) Drag the target from inside the ring to the outside and into the hole. The dashed arms are the exact
+# solutions; on the edge they merge:
 
 # %%
 simulation("arm", "Target out of reach")
@@ -441,6 +451,8 @@ more_claims("number_of_solutions")
 # column of $U$), and $s$ is the speed of the tip per joint speed. Conversely, moving the tip by one metre along that
 # direction costs $1/s$ radians. A posture where the smallest singular value is zero is a **singularity**: the ellipse
 # is flat, $J$ loses rank, and the tip cannot move in one direction.
+#
+# The drawing shows the half axes at 0.4 of their length, in m/rad:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9.6, 3.4), layout="constrained")
@@ -458,7 +470,7 @@ for axis, bend in zip(axes, (90.0, 8.0), strict=True):
         ha, gap = ("right", [-0.05, 0.0]) if k == 0 else ("left", [0.08, 0.05])
         _ = axis.text(*(end + gap), f"$s_{{\\{name}}}$ = {s[k]:.2f}", ha=ha, va="bottom")
     _ = axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.5, 2.7), ylim=(-0.6, 1.6))
-    _ = axis.set(title=f"elbow bent by {bend:.0f} degrees; half axes in m/rad (at 0.4)")
+    _ = axis.set(title=f"elbow bent by {bend:.0f} degrees")
 plt.show()
 
 # %%
@@ -493,8 +505,8 @@ print(f"{'condition number, position rows only':<48}: {np.linalg.cond(J[:3]):7.1
 # %% [markdown]
 # Metres and radians have no common scale, so you first have to choose a **characteristic length** that converts between
 # them, and state it. A better question is how fast the tip can move in its worst direction. Take the rows of $J$ that
-# you care about. If the norm of the joint velocities is at most $\dot q_{\max}$, the tip reaches $s_{\min}\,\dot
-# q_{\max}$ metres per second there.
+# you care about, and their $s_{\min}$. If the norm of the joint velocities is at most $\dot q_{\max}$, the tip reaches
+# $s_{\min}\,\dot q_{\max}$ metres per second in its worst direction.
 
 # %%
 show("condition_above_hundred")
@@ -512,12 +524,12 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # missing, $\delta = Q_{\text{target}}\otimes Q_{\text{hand}}^{*}$, as a unit quaternion $(w, \vec v)$. A quaternion and
 # its negative describe the same rotation, so if $w < 0$, flip the sign of $\delta$; otherwise the hand takes the long
 # way round. The error is the **rotation vector** $2\operatorname{atan2}(\lvert\vec v\rvert, w)\,\vec v/\lvert\vec
-# v\rvert$, an axis times an angle. Put it below the position error. Both are in world axes, like the rows of the
-# geometric Jacobian.
+# v\rvert$, an axis times an angle (zero where $\vec v = 0$). Put it below the position error. Both are in world axes,
+# like the rows of the geometric Jacobian.
 #
 # **The step.** Split the error into components along the columns $u_k$ of $U$. A component along $u_k$ turns the joints
-# along $v_k$, the column of $V$ that belongs to it. By how much, per metre of error, is the **gain** [rad/m]. The
-# methods differ only in their gain at a singular value $s$:
+# along $v_k$, the column of $V$ that belongs to it. The **gain** [rad/m] is the turn per metre of error. The methods
+# differ only in their gain at a singular value $s$:
 #
 # | step | $\Delta q$ | gain at $s$ |
 # |---|---|---|
@@ -645,15 +657,16 @@ predict("tip_in_the_null_space")
 
 # %% [markdown]
 # The green ball is the elbow, with its path. The orange arrows are the target frame of the hand, the black ones its
-# present frame. *Off by one step / h²* hardly changes when you change $h$.
+# present frame. The number *off by one step / h²* is the motion of the hand in one step, divided by $h^2$. It hardly
+# changes when you change $h$.
 
 # %%
 simulation("elbow")
 
 # %% [markdown]
-# Here is a practical use. The hand of the 7-R arm is at its target, but the arm is close to a pillar. In each step the
-# cell moves the arm's nearest point away from it, along the gradient of the gap (dotted) projected onto the null space,
-# and then corrects the hand with IK:
+# Here is a practical use. The hand of the 7-R arm is at its target, but the arm is close to a pillar. The dotted line
+# is the gap between them. In each step the program takes the gradient of the gap, projects it onto the null space,
+# moves the joints along it, and then corrects the hand with IK:
 
 # %% tags=["hide-code"]
 crowded = np.array([-0.79, -0.70, 0.78, -1.87, 0.53, 1.56, 0.17])
@@ -709,8 +722,9 @@ predict("elbow_accelerates")
 #
 # $$\boxed{\;M(q)\,\ddot q + h(q,\dot q) = \tau + J^\mathsf{T}F\;}$$
 #
-# with the symmetric, positive definite **mass matrix** $M$. The bias $h$ collects **Coriolis** and centrifugal terms
-# (quadratic in the velocities), gravity, and joint friction. $F$ is the wrench that the environment exerts on the tip.
+# with the symmetric **mass matrix** $M$, positive definite if every joint moves some mass. The bias $h$ collects
+# gravity, joint friction, and terms quadratic in the velocities: centrifugal ones with the square of one joint's
+# velocity, **Coriolis** terms with the product of two. $F$ is the wrench that the environment exerts on the tip.
 # **Inverse dynamics** computes the torques for a given motion; **forward dynamics** computes the accelerations for
 # given torques.
 #
@@ -745,20 +759,22 @@ plt.show()
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | the inertia that a link feels while the joints beyond it are free to move | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | force per acceleration of a link when the motors beyond it are slack | $O(n)$ |
 #
 # RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
-# Differentiate this for the angular acceleration $\alpha$. A point of the link at $r$ from the joint accelerates by
-# $\alpha\times r + \omega\times(\omega\times r)$ more than the joint. Use this for the next joint, and for the
-# acceleration $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and the torque $I\alpha+\omega\times
-# I\omega$. *Inwards from the tip*: each joint must deliver what its own link needs plus what the next link takes. The
-# motor supplies the component along its axis, the bearing the rest. Gravity costs nothing extra: let the base
-# accelerate upwards at $g$.
+# Differentiate this for the angular acceleration $\alpha$. Relative to its (revolute) joint, a point of the link at $r$
+# accelerates by $\alpha\times r + \omega\times(\omega\times r)$. Use this for the next joint, and for the acceleration
+# $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and the torque $I\alpha+\omega\times I\omega$.
+#
+# *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. A force $f$ that
+# is passed on adds the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest.
+# Gravity costs nothing extra. In a lift that accelerates upwards everything feels heavier, so let the base accelerate
+# upwards at $g$ instead.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
 #
-# The three algorithms must agree with each other, which makes a good test:
+# The three algorithms must agree, which is a good test:
 
 # %% tags=["show-code"]
 free = replace(arm, damping=0.0)  # joints without friction
@@ -804,7 +820,7 @@ more_claims("articulated_bodies_lose_fewer_digits")
 show("torques_tell_ten_numbers")
 
 # %% [markdown]
-# This cell fits $\theta$ to the noisy torques of 60 random motions and predicts new ones:
+# We fitted $\theta$ to the noisy torques of 60 random motions, and predicted new ones:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -922,8 +938,9 @@ source(kinematics.two_link.branches)
 
 # %% [markdown]
 # The Jacobian takes one column for each joint between the base and the tip: walk from the tip inwards, from each joint
-# to its parent. The same walk works on a tree of links. Below it are the gain of the steps that work with singular
-# values (the caller skips directions where $s$ is zero) and the projector:
+# to its parent. The same walk works on a tree of links. The second function is the gain of the steps that work with
+# singular values. Its caller skips directions with $s$ below $10^{-12}$ of the largest: at a singularity, rounding
+# leaves a tiny $s$ rather than zero, and $1/s$ would be a huge step. The projector follows:
 
 # %%
 source(kinematics.motion.columns, kinematics.inverse.gain)
@@ -932,9 +949,9 @@ source(kinematics.motion.columns, kinematics.inverse.gain)
 source(kinematics.null_space)
 
 # %% [markdown]
-# With these functions a basic IK loop takes only a few lines. It is the loop that most people write first, with half
-# of a damped step per iteration. The library's `ik` adds three things: it enforces joint limits, it restarts from
-# another posture when it gets stuck, and it says *why* it failed.
+# With these functions a basic IK loop takes only a few lines. It is the loop that most people write first, with half of
+# a damped step per iteration. The library's `ik` adds three things: it enforces joint limits, it restarts from another
+# posture when it gets stuck, and it says *why* it failed.
 
 
 # %% tags=["show-code"]
@@ -990,6 +1007,8 @@ for attempt in (
 # 2. *Target out of reach*: what does the smallest value do? What changes with the pseudo-inverse?
 # 3. *Jump beside the singularity*: with the damped step, how does the largest gain depend on the damping?
 # 4. *The same arm in millimetres*: which numbers change when you choose metres?
+#
+# If the target is far, each step aims only a few centimetres ahead, so that far errors fall along a straight line.
 
 # %%
 simulation("arm")
@@ -999,10 +1018,10 @@ simulation("arm")
 #
 # ### How many states per second?
 #
-# A planner or a learning algorithm evaluates millions of postures. **Pinocchio** (Carpentier and others 2019) is the
-# C++ library that professionals use for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Their usual
-# functions compute one state per call, and every call from Python costs extra time. This course's compiled loop accepts
-# a whole **batch** of states in one call.
+# A planner or a learning algorithm evaluates millions of postures. **Pinocchio** (Carpentier and others 2019) is a
+# widely used C++ library for the dynamics of arms; **MuJoCo** is the simulator from chapter 1. Their usual functions
+# compute one state per call, and every call from Python costs extra time. This course's compiled loop accepts a whole
+# **batch** of states in one call.
 
 # %%
 predict("one_call_or_a_batch")
@@ -1044,17 +1063,19 @@ print_figures(
 # %% [markdown]
 # Drawn against $h$, the error of a difference is a V: the truncation error of the Taylor series shrinks with $h$, and
 # the rounding error grows with $1/h$. The **complex step** $\operatorname{Im} f(q + \mathrm{i}h)/h$ contains no
-# subtraction, so $h$ can be tiny (Squire and Trapp 1998). To *check* a Jacobian, use central differences with $h$ near
-# the cube root of machine precision, about $10^{-5}$, and expect agreement to about ten digits, not sixteen. The times
-# compare Python loops with a compiled Jacobian.
+# subtraction, so $h$ can be tiny (Squire and Trapp 1998). It needs an $f$ made of analytic functions: no absolute
+# value, no `atan2`. To *check* a Jacobian, use central differences with $h$ near the cube root of machine precision,
+# about $10^{-5}$, and expect agreement to about ten digits, not sixteen. The times compare Python loops, and PyTorch's
+# automatic differentiation (*autograd*), with a compiled Jacobian.
 #
 # ### How many poses does a solver find?
 #
 # The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
-# and a microradian. The Python loops get three hundred of them, hence their wide bands. The *usual loop* is the example
-# from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start. *Clamped, 20 starts* adds
-# joint limits and restarts, *same with full steps* whole steps. The course's compiled solver begins at random postures
-# (*uniform starts*) or at the *nearest of a table* of random postures:
+# and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger. The
+# *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start.
+# *Clamped, 20 starts* adds joint limits and restarts. *Same with full steps* also takes the whole step in place of a
+# tenth. The course's compiled solver begins at random postures (*uniform starts*) or at the *nearest of a table* of
+# random postures:
 #
 # ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
@@ -1083,7 +1104,7 @@ figures(read("ik_success"), summary="Steps, starts, and poses solved per second"
 # ### Which step for which tolerance?
 #
 # Here are forty poses near a start. Every method runs for one to forty steps. Drag the tolerance, or move it with the
-# arrow keys. A circle marks the cheapest run that meets it, and the line below states its cost.
+# arrow keys. On each side a circle marks the cheapest run that meets it; the text below states the cost.
 
 # %% tags=["hide-code"]
 from course.measure.work_precision import Method, Result, measure
@@ -1124,10 +1145,9 @@ TradeOff(result)
 
 # %% [markdown]
 # Counted in steps, the pseudo-inverse, the adaptive step and Levenberg-Marquardt converge like Newton's method near the
-# solution. In time, Levenberg-Marquardt is ahead: it solves a small linear system, while the other two compute singular
-# values.
-# The next chart compares an ordinary target with one exactly on the edge of the workspace of two links, where the
-# solution itself is singular:
+# solution. In time, Levenberg-Marquardt is ahead. It solves a small linear system per step, where the other two compute
+# singular values. The next chart compares an ordinary target with one exactly on the edge of the workspace of two
+# links, where the solution itself is singular:
 #
 # ![Remaining error against steps, for an ordinary target and one on the edge](../docs/charts/ik_residual.png)
 
@@ -1144,8 +1164,9 @@ print_figures("ik_residual", "A target on")
 #
 # A planar two-link arm has closed forms for its kinematics and its equations of motion, so it is cheap to simulate.
 # Real arms are never perfectly planar. Chapter 8's arm moves in a level plane for one second, with both joints turning
-# at the start and constant torques. We simulated the same second in space with MuJoCo, with the base tilted, so that
-# gravity pulls along the plane, or the elbow's axis skewed. The chart shows how far apart the tips end:
+# at the start and constant torques. We simulated the same second in three dimensions with MuJoCo: once with the base
+# tilted, so that gravity pulls along the plane, and once with the elbow's axis skewed. The chart shows how far apart
+# the tips end:
 #
 # ![Error of the planar arm against the tilt of its base and of its elbow axis](../docs/charts/two_links_enough.png)
 
@@ -1169,7 +1190,7 @@ figures(
 #   by forward kinematics. With hard limits, a quadratic program.
 # * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
 #   first from a table); with a time limit, and a reason when it fails.
-# * *Torques*: RNEA. *Simulation*: ABA, or CRBA with a Cholesky factorisation for a short arm. *Tests*: each against
+# * *Torques*: RNEA. *Simulation*: ABA, or CRBA and solving with $M$ for a short arm. *Tests*: each against
 #   the others.
 # * *Thousands of states*: a batch in one call, with any library.
 #
@@ -1178,10 +1199,10 @@ figures(
 # ### How much damping is enough?
 #
 # The tip is commanded to move at 0.1 m/s, and the joints can do 2 rad/s (the norm of both), so the gain must stay below
-# 20 rad/m. In the orange area of the map it does not. The predicted boundary, $s/(s^2+\lambda^2)$ equal to that limit,
-# lies on the measured one. In the right-hand panel the tip is led past the hole around the base in points 2 mm apart,
-# with one damped step per point. Weak damping costs nothing, and strong damping makes the tip miss its points by up to
-# centimetres. In between there is no simple rule: the curves rise, fall and cross.
+# 20 rad/m. Below the black line of the map it does not. The predicted boundary (dashed), $s/(s^2+\lambda^2)$ equal to
+# that limit, lies on the measured one. In the right-hand panel the tip is led past the hole around the base in points 2
+# mm apart, with one damped step per point. Weak damping costs nothing, and strong damping makes the tip miss its points
+# by up to centimetres. In between there is no simple rule: the curves rise, fall and cross.
 #
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
@@ -1190,9 +1211,9 @@ figures(
 print_figures("damping_map", "never", "without")
 
 # %% [markdown]
-# With $\lambda$ above $1/(2\cdot\text{limit})$ no posture violates the limit at this commanded speed. (Feedback of the
-# position error asks for more.) With less damping, postures *near* the singularity do. Exactly *at* the singularity the
-# gain of the lost direction is zero, so nothing happens there.
+# With $\lambda$ above $1/(2\cdot\text{limit})$ no posture violates the limit at this commanded speed. (If feedback of
+# the position error is added, the commanded speed is higher, and $\lambda$ must be larger.) With less damping, postures
+# *near* the singularity violate it. Exactly *at* the singularity the gain of the lost direction is zero.
 #
 # This also explains the first question of this page. The arm is straight, so both columns of $J$ are perpendicular to
 # it, and the error lies along it: $J^\mathsf{T}e = 0$. Every step that starts from $J^\mathsf{T}e$, damped or not, is
@@ -1266,9 +1287,10 @@ for name, chain, r in (
 print_figures("null_space_step", "exact", "damped")
 
 # %% [markdown]
-# The drift of the tip per step is $O(h^2)$ with the exact projector, $O(h^4)$ after one corrective IK step, and $O(h)$
-# with a damped projector. So use the exact projector for the null space, and damping only for the task. Close to a
-# singularity the projector changes quickly, so take smaller steps there.
+# In general, the drift of the tip per step is $O(h^2)$ with the exact projector (the black line $ch^2$ lies under the
+# measured one), $O(h^4)$ after one corrective IK step, and $O(h)$ with a damped projector. So use the exact projector
+# for the null space, and damping only for the task. Close to a singularity the projector changes quickly, so take
+# smaller steps there.
 #
 # ### Debugging table
 #
@@ -1601,7 +1623,7 @@ your_robot(4)
 # A grasp planner needs *many* postures for one pose of the hand, so that it can pick one that avoids obstacles. And an
 # iterative solver needs fewer steps if it starts close to a solution. Could a network propose the starts? The simplest
 # competitor is a **lookup table**: sample random postures once, store the pose of the tip for each, and start from the
-# nearest stored poses. A k-d tree finds them quickly.
+# nearest stored poses. A k-d tree, a data structure for nearest neighbours, finds them quickly.
 
 # %%
 predict("what_a_learned_start_must_beat")
@@ -1663,8 +1685,8 @@ show("flow_samples_all")
 figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
 # %% [markdown]
-# The network needs as many steps as the lookup table. Neither covers clearly more solutions than random
-# starts. Here, training brought no advantage.
+# The network needs as many steps as the lookup table. Neither covers clearly more solutions than random starts (on the
+# right, their curve lies under the table's). Here, training brought no advantage.
 #
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
 # a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of section

@@ -300,7 +300,7 @@ def damping_map(
     safe = damping[(grid.values <= 1).all(axis=1)].min()
     left.notes = [
         f"never above the limit from lambda = {safe:.4f} m/rad on; 1 / (2 limit) is {peak:.4f}",
-        f"without damping it is above the limit within {bend[s < 1 / highest].max():.3f} rad",
+        f"without damping it is above the limit within {np.interp(1 / highest, s, bend):.3f} rad",
     ]
     yield left
 

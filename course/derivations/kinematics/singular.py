@@ -389,7 +389,8 @@ def condition_is_a_product(result):
 
 @claim(
     "cond(J) > 100 means that the arm is near a singularity.",
-    "It says so for one arm in one unit. Links of {l1_m} m and {l2_m} m pass it within "
+    "The number alone does not say so: it depends on the arm and on the unit. Links "
+    "of {l1_m} m and {l2_m} m pass it within "
     "{beside_deg:.1f} degrees of stretched; a last link {short:g} times shorter than the first is "
     "above it in every posture, with both joints free to move the tip. With rotation in the task "
     "the unit decides: of random postures of the 7-R arm {percent_m:.0f} % are above it with rows "
@@ -486,8 +487,8 @@ def euler_jacobian_locks(result):
 @claim(
     "An IK loop that has converged has found joint angles for the arm.",
     "For the pose, not for the arm: the usual loop, a tenth of each pseudo-inverse step and no "
-    "limits, converges from random starts on {there_percent:.0f} % of {poses:g} reachable poses "
-    "of the 7-R arm and ends within the limits on {within_percent:.0f} %. Hold the limits in every "
+    "limits, converges from random starts on {there_percent:.1f} % of {poses:g} reachable poses "
+    "of the 7-R arm and ends within the limits on {within_percent:.1f} %. Hold the limits in every "
     "step, and start again where that gets stuck: then {ours_percent:.1f} % are solved.",
 )
 def converged_within_limits(result):

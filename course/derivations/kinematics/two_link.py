@@ -106,9 +106,10 @@ def two_link_position(result):
 
 
 @claim(
-    "The Jacobian of two links is `[[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]]`.",
-    "Here q2 is measured from the first link, and the row of rotation, (1, 1) about z, is omitted. "
-    "Its determinant is {formula}, which q1 does not enter: turning "
+    "With q2 measured from the first link, the Jacobian of two links is "
+    "`[[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]]`.",
+    "The row of rotation, (1, 1) about z, is omitted here. The determinant is {formula}, "
+    "which q1 does not enter: turning "
     "the whole arm brings it no nearer to a singularity.",
     ask=(
         "What is the determinant of the Jacobian of two links, as a product?",
@@ -336,7 +337,8 @@ def number_of_solutions(result):
 @claim(
     "A planner gives points of the tip, and IK turns them and the straight lines between them into "
     "joint angles.",
-    "Reachable points are not enough. Of the straight lines between points that links of {l1_m} m "
+    "Reachable points are not enough. Neighbouring points may get solutions on different "
+    "branches. Of the straight lines between points that links of {l1_m} m "
     "and {l2_m} m reach (at uniformly distributed distances from the base), {hole_percent:.0f} % "
     "cross the hole around the base, and of the others one in ten asks for {rate:.0f} rad per "
     "metre or more somewhere. A straight line in joint space stays reachable as long as the "
@@ -363,7 +365,7 @@ def tip_plans_need_joints(result):
     result.statement = "1000 lines between random points of the annulus, 201 points on each."
     result.statement_holds(
         reached.all(),
-        only_if="these lines stay in the annulus",
+        only_if="these lines stay in the annulus, and IK stays on one branch",
         inside=reached[stays],
         outside=reached[~stays],
     )
