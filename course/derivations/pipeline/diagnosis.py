@@ -113,8 +113,8 @@ def last_error_blames(result):
     "That is right for noise that is Gaussian and independent from frame to frame. With the heavy "
     "tails of Student's t with {tails:.0f} degrees of freedom, the limit on single frames is "
     "exceeded in {heavy:.0%} of the runs without a fault. With a correlation of {memory:.1f} "
-    "between neighbouring frames, the limit on the mean is exceeded in {alike:.0%}. The variance of "
-    "a frame is the same in all three.",
+    "between neighbouring frames, the limit on the mean is exceeded in {alike:.0%}. The variance "
+    "of a frame is the same in all three.",
     source="G. E. P. Box, G. M. Jenkins, Time series analysis, 1970",
 )
 def same_variance_same_alarms(result):
