@@ -95,7 +95,7 @@ def announcing(session: Session) -> Iterator[None]:
 
 
 def compile_known(session: Session) -> None:
-    """Load the compiled parts, or compile them, which only an installation's first run has to do."""
+    """Load the compiled parts; only an installation's first run has to compile them."""
     with announcing(session):
         from drills.robot import compiled
 
