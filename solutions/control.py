@@ -355,7 +355,7 @@ def standing_qp(
     target = np.eye(len(stacked))[-1]
     r = stacked @ nonnegative_least_squares(stacked, target) - target
     # At the minimum, r[-1] is minus the squared length of r.
-    if -r[-1] < 1e-12:
+    if -r[-1] < 1e-6:
         return np.zeros((2, 2, 2)), np.zeros((2, 3)), 0.0
     u = -r[:-1] / r[-1]
     x = x0 + Z @ np.linalg.solve(R, u - centre)

@@ -18,7 +18,7 @@ from course.check import finite, invalid, positive
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s^2
-INFEASIBLE = 1e-12  # squared residual of the least distance problem below which there are no forces
+INFEASIBLE = 1e-6  # squared residual of the least distance problem below which there are no forces
 
 
 class Biped(NamedTuple):

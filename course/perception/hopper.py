@@ -19,7 +19,10 @@ from course.perception.camera import Array
 
 GRAVITY = 9.81  # m/s^2
 SUBSTEPS = 10  # of the simulation in each sample
-GATE = 4.0  # standard deviations of an innovation, and of the force that shows load
+GATE = 4.0  # standard deviations of an innovation
+# Standard deviations of a force that shows load: one false alarm of thousands of samples would lose
+# the height for good.
+LOAD = 6.0
 CONTACT = ("always", "flag", "flag and gate", "flag, load and gate", "load and gate")
 
 
@@ -177,7 +180,7 @@ def hop_filter(log: HopLog, contact: str = CONTACT[-1]) -> tuple[Array, Array]:
         if rule > 2:
             # The bias is uncertain as well: its variance adds to that of the noise.
             load = log.force[i] - x[2]
-            touching &= bool(load > GATE * np.sqrt(log.noise[0] ** 2 + P[2, 2]))
+            touching &= bool(load > LOAD * np.sqrt(log.noise[0] ** 2 + P[2, 2]))
         if touching:
             leg = float(np.hypot(x[0], log.offset[i]))
             slope = x[0] / leg

@@ -151,7 +151,7 @@ def hopper_filter(force, length, offset, contact, start, spread, noise, rest, dt
             x = F @ x + g * (f - 9.81)
             P = F @ P @ F.T + noise[0] ** 2 * np.outer(g, g)
         Y = np.linalg.inv(P)
-        if f - x[2] > 3.5 * math.hypot(noise[0], P[2, 2] ** 0.5):
+        if f - x[2] > 5.5 * math.hypot(noise[0], P[2, 2] ** 0.5):
             leg = math.hypot(x[0], offset[i])
             h = np.array([x[0] / leg, 0.0, 0.0])
             if abs(length[i] - leg) < 5.0 * math.sqrt(h @ P @ h + noise[1] ** 2):

@@ -248,7 +248,7 @@ def judge(attempt: Attempt) -> None:
         attempt.time_call(*log.sensors, what="time per log of 300 samples")
 
 
-_LOADED = "if force[i] - x[2] > 4.0 * np.sqrt(noise[0] ** 2 + P[2, 2]):"
+_LOADED = "if force[i] - x[2] > 6.0 * np.sqrt(noise[0] ** 2 + P[2, 2]):"
 _GATE = "if innovation**2 < 16.0 * S:"
 _EXPECTED = "expected = np.hypot(x[0], offset[i])"
 _H = "H = np.array([x[0] / expected, 0.0, 0.0])"
