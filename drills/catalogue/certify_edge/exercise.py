@@ -290,7 +290,7 @@ SLIPS = slips(
 EXERCISE = Exercise(
     judge=judge_of(
         cases,
-        0.0,
+        1e-9,
         "a verdict is 0 or 1",
         explain=explain,
         last=work,
