@@ -1223,10 +1223,10 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# This is the box of the first screen with all its controls. Impacts slower than the *rest speed* end the bouncing.
+# The box of the first screen with all controls. Impacts slower than the *rest speed* end the bouncing.
 # *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
 #
-# Predict what you will see before you choose each preset:
+# Predict each preset before you choose it:
 #
 # 1. *Exact flight, late impacts*: RK4 makes no error in flight. Does the energy stay? (No. Each bounce adds $mgd$.)
 # 2. *50 ms steps: deep in the ground*: how far below the floor is the box found? (Up to one step's travel, $vh$.)
@@ -1283,7 +1283,7 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# The free tumble, with a tolerance of 1 mrad after 20 s (cross: a failed run; grey band: the reference is no better):
+# The free tumble, with a tolerance of 1 mrad after 20 s (cross: failed; grey band: the reference is no better):
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
@@ -1293,7 +1293,7 @@ predict("method_for_a_tumble")
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
-# *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
+# *Exact flight* corrects the first error, *impact times* the second; *impulse* is a MuJoCo contact tuned to turn $v$
 # into $-ev$ in one step.
 # %% jupyter={"source_hidden": true}
 figures(

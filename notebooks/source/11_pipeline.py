@@ -45,7 +45,7 @@ simulation("pipeline")
 # library replaces perception (section 3) and in section 6. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(11)
 
@@ -1422,6 +1422,14 @@ answer("look_and_move_noise", "g^2")
 
 # %%
 answer("reward_by_the_step", "1 - dt/H")
+
+# %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(11)
 
 # %% [markdown]
 # ## 9 · Frontier: the rare failure
