@@ -239,30 +239,28 @@ class Badges(Shown):
 
 
 class RobotButton(Shown):
-    """The slots of a chapter, and a button that puts its parts into the robot.
+    """Some of the robot's slots, and a button that lets the robot play tasks.
 
     Attributes:
-        button: plays both robots on the same tasks when it is pressed.
-        result: what that changed.
+        button: runs a command of `drills robot` when it is pressed.
+        result: what the command reports.
     """
 
-    def __init__(self, chapter: int, text: str, html: str, slots: str) -> None:
+    def __init__(self, command: list[str], label: str, text: str, html: str, slots: str) -> None:
         import ipywidgets
 
         super().__init__(text, html=html)
-        self._chapter = chapter
-        self.button = ipywidgets.Button(
-            description="Put it into your robot", layout=ipywidgets.Layout(width="auto")
-        )
+        self._command = command
+        self.button = ipywidgets.Button(description=label, layout=ipywidgets.Layout(width="auto"))
         self.result = ipywidgets.HTML()
         self.button.on_click(self._pressed)
         self._view = ipywidgets.VBox([ipywidgets.HTML(slots), self.button, self.result])
 
     def _pressed(self, button: Any) -> None:
         button.disabled = True
-        self.result.value = "<p>Both robots are playing the same tasks. That takes a while.</p>"
+        self.result.value = "<p>The robot is playing its tasks. That takes up to two minutes.</p>"
         try:
-            data = _run(["robot", "compare", "--chapter", str(self._chapter), "--json"], "")
+            data = _run(["robot", *self._command, "--json"], "")
             lines = [data["error"]["message"]] if "error" in data else data["lines"]
             lines += data.get("notices", [])
             self.result.value = "".join(f"<p>{_escaped(line)}</p>" for line in lines)
@@ -277,24 +275,27 @@ _ROBOT_TEXT = {
     8: "Put it into your robot. This chapter fills no slot. It is the flag --twin: an arm that is "
     "a quarter of the gap away from what the robot's programs believe. The button plays your robot "
     "with the exact arm and with that one.",
-    9: "Put it into your robot. This chapter fills no slot, but any stage can be a file of yours, "
-    "such as a trained policy: drills robot run --own control=FILE.py. The button compares your "
-    "whole robot with the course's.",
+    9: "Put it into your robot. None of this chapter's exercises is a part of it. But you can run "
+    "any of its parts from a file of yours, such as a trained policy in place of the controller: "
+    "drills robot run --own control=FILE.py. The button compares your whole robot with the "
+    "course's.",
     10: "The button plays your robot with fresh images and with images that arrive late.",
 }
 
 
-def your_robot(chapter: int) -> Shown:
+def your_robot(chapter: int | None = None) -> Shown:
     """Return the slots that a chapter fills in the robot, and a button that tries your parts there.
 
     Where no kernel runs or no progress is stored, the command to type stands there instead.
 
     Args:
-        chapter: its number.
+        chapter: its number; None for the whole robot, with a button that plays its next level.
     """
     from drills.robot.chapters import slots_of
     from drills.robot.slots import NAMED
 
+    if chapter is None:
+        return _whole_robot()
     command = f"drills robot compare --chapter {chapter}"
     names = slots_of(chapter)
     about = _ROBOT_TEXT.get(
@@ -318,7 +319,40 @@ def your_robot(chapter: int) -> Shown:
         for name in names
     )
     head = f"<p>In your robot this chapter fills:</p><ul>{rows}</ul>" if names else ""
-    return RobotButton(chapter, text, html, f"{head}<p>{_escaped(about)}</p>")
+    arguments = ["compare", "--chapter", str(chapter)]
+    shown = f"{head}<p>{_escaped(about)}</p>"
+    return RobotButton(arguments, "Put it into your robot", text, html, shown)
+
+
+def _whole_robot() -> Shown:
+    """Return who holds the robot's slots, the levels that are passed, and a button to play."""
+    from drills.robot import store
+    from drills.robot.levels import LEVELS
+    from drills.robot.slots import STAGES, of_stage
+
+    loaded = progress.load(_progress_file())
+    rows = []
+    for stage in STAGES:
+        names = [slot.name for slot in of_stage(stage)]
+        mine = [name for name in names if loaded.of(name).state == SOLVED]
+        open_ = [name for name in names if name not in mine]
+        rows.append((stage, f"{len(mine)} of {len(names)} parts are yours", open_[:1]))
+    path = store.path_of(workspace.folder(), _progress_file())
+    stored, notices = json_store.load(path, store.FORM)
+    passed = [str(one.number) for one in LEVELS if str(one.number) in stored.passed]
+    levels = f"Levels passed: {', '.join(passed) or 'none yet'} of {len(LEVELS)}."
+    start = "drills robot, typed in a terminal, shows your robot; drills robot run lets it work."
+    lines = [
+        f"{stage}: {count}{f'; next: drills start {names[0]}' if names else ''}"
+        for stage, count, names in rows
+    ]
+    text = "\n".join([*lines, levels, *loaded.notices, *notices])
+    html = "".join(f"<li>{_escaped(line)}</li>" for line in lines)
+    html = f"<ul>{html}</ul><p>{levels}</p>"
+    if _progress_file() is None:
+        return Shown(f"{text}\n{start}", html=f"{html}<p>{start}</p>")
+    label = "Play 200 tasks at the next level"
+    return RobotButton(["run", "--no-libraries"], label, f"{text}\n{start}", html, html)
 
 
 def checkpoint(topic: str, **answers: str) -> Gate:

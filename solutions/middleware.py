@@ -93,7 +93,7 @@ def response_times(
     Args:
         executions, periods: of each task, the most important first, shape (n,) [us].
         deadlines: after its release, at most its period, (n,) [us].
-        blocking: longest time for which a less important task holds what this one needs, (n,) [us].
+        blocking: longest time for which less important tasks can block this one, (n,) [us].
 
     Returns:
         Of each task, -1 where it can miss its deadline, shape (n,) [us].
@@ -147,7 +147,7 @@ def follow_part(
     drift: float,
     ticks: ArrayLike,
 ) -> np.ndarray:
-    """Return what a drive is told by two nodes that follow a part by camera.
+    """Return the commands that a drive uses to follow a part by camera.
 
     Args:
         frames: rows (captured, received, place), both times rising, shape (n, 3) [s, m].
@@ -196,14 +196,14 @@ def follow_part(
 
 
 def utilisation(executions: ArrayLike, periods: ArrayLike) -> tuple[float, float, int]:
-    """Return the utilisation of periodic tasks, Liu and Layland's bound, and what follows.
+    """Return the utilization of periodic tasks, Liu and Layland's bound, and what follows.
 
     Args:
         executions: longest execution time of each task, shape (n,) [s].
         periods: of each task, (n,) [s].
 
     Returns:
-        (utilisation, bound, verdict: 1 schedulable, -1 overloaded, 0 undecided).
+        (utilization, bound, verdict: 1 schedulable, -1 overloaded, 0 undecided).
     """
     n = np.asarray(executions).size
     load = float(np.sum(np.asarray(executions, dtype=float) / np.asarray(periods)))

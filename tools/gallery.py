@@ -1,7 +1,8 @@
 """The gallery of charts and the moving picture of the README: `python -m tools.gallery`.
 
 The gallery, `docs/charts/README.md`, shows every chart of the course with what it says and its key
-figures; the film, `docs/film.png`, is a simulation of the course, recorded from its model. The
+figures; the film, `docs/film.png`, is a simulation of the course, recorded from its model;
+`docs/robot.png`, on the home page, is a task of `drills robot` with the course's parts. The
 README's first link is the site's address, which a fork sets in pyproject.toml.
 """
 
@@ -18,6 +19,7 @@ from course.measure.figure import write
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 FILM = ROOT / "docs" / "film.png"
+ROBOT = ROOT / "docs" / "robot.png"
 GALLERY = charts.PICTURES / "README.md"
 
 HEAD = """# The charts of the course
@@ -87,6 +89,19 @@ def readme_film() -> bytes:
     return film(MODEL, seconds=5.0)
 
 
+def robot_picture(path: Path) -> None:
+    """Write the picture of the home page: the course's robot at its first task of level 5."""
+    from drills.robot import film
+    from drills.robot.holders import course_part
+    from drills.robot.levels import level
+    from drills.robot.play import play
+    from drills.robot.slots import NAMES
+
+    parts = [course_part(name) for name in NAMES]
+    played = play(parts, level(5), 1, filmed=frozenset({0}))
+    film.still(played, level(5), 0, 0, path)
+
+
 def readme() -> str:
     """Return the README with the site's address, its first link, as pyproject.toml says it."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -101,7 +116,10 @@ def main() -> None:
     write(README, readme())
     write(GALLERY, gallery())
     write(FILM, lambda path: path.write_bytes(readme_film()))
-    click.echo(f"written: the README's link, {GALLERY.relative_to(ROOT)} and {FILM.name}")
+    write(ROBOT, robot_picture)
+    click.echo(
+        f"written: the README's link, {GALLERY.relative_to(ROOT)}, {FILM.name} and {ROBOT.name}"
+    )
 
 
 if __name__ == "__main__":

@@ -53,8 +53,8 @@ class Executor:
         threads: in virtual time, numbers; in real time, threads.
         order: "ready set": what is ready is collected only when nothing of the last collection is
             left to run, and each callback in it runs once, timers before readers, services and
-            clients, of a kind in the order in which they were made (ROS 2 since Foxy, 2020).
-            "timers first": the same, but timers are looked at before every run (before 2020).
+            clients, of a kind in the order in which they were made (since Eloquent, 2019).
+            "timers first": the same, but timers are looked at before every run (before 2019).
             "fifo": what came first runs first (the events executor, 2023).
 
     Attributes:

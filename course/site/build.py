@@ -149,6 +149,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
         for file, png in page.pictures.items():
             (pictures / file).write_bytes(png)
     shutil.copy(notebooks.FILM, pictures)
+    shutil.copy(notebooks.ROBOT, pictures)
     for picture in notebooks.TEXTS["mathematics"].parent.glob("*.png"):
         shutil.copy(picture, pictures)
     (pictures / STILL).write_bytes(notebooks.first_picture(notebooks.FILM.read_bytes()))

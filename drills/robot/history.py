@@ -1,4 +1,4 @@
-"""Your robot's versions over time: success and cycle time of each, compared with the course's."""
+"""Your robot's versions over time: success and cycle time of each, and of the known robots."""
 
 from __future__ import annotations
 
@@ -60,13 +60,37 @@ def rows(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return result
 
 
-def draw(listed: list[dict[str, Any]], course: report.Summary | None, path: Path) -> None:
-    """Write the chart: success and cycle time over the versions, the course's as lines.
+def longest(results: dict[str, dict[str, Any]], number: int) -> report.Summary | None:
+    """Return the result of most tasks at a level with the exact arm; None where there is none.
+
+    Args:
+        results: as `drills.robot.store.Stored` has them, by "level/tasks/seed/world/version".
+        number: of the level.
+    """
+    best = None
+    for key, data in results.items():
+        if key.startswith(f"{number}/") and "/exact/" in key:
+            try:
+                one = report.restored(data)
+            except (KeyError, TypeError, ValueError):
+                continue
+            best = one if best is None or one.tasks >= best.tasks else best
+    return best
+
+
+def draw(
+    listed: list[dict[str, Any]],
+    path: Path,
+    course: report.Summary | None = None,
+    libraries: report.Summary | None = None,
+) -> None:
+    """Write the chart: success and cycle time over the versions, the others' as lines.
 
     Args:
         listed: as `rows` returns them, at least one.
-        course: of the course's parts at the same level, or None.
         path: of the picture.
+        course: of the course's parts at the same level, or None.
+        libraries: the same with the libraries' parts.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -83,9 +107,11 @@ def draw(listed: list[dict[str, Any]], course: report.Summary | None, path: Path
     cycle = np.array([math.nan if row["cycle"] is None else row["cycle"] for row in listed])
     ends = np.array([row["quartiles"] or [math.nan, math.nan] for row in listed])
     right.errorbar(x, cycle, (cycle - ends[:, 0], ends[:, 1] - cycle), fmt="o-", capsize=3)
-    if course is not None:
-        left.axhline(100.0 * course.rate, color="0.5", linestyle="--", label="the course's parts")
-        right.axhline(course.quartiles()[1], color="0.5", linestyle="--")
+    others = (("the course's parts", course, "--"), ("libraries' parts", libraries, ":"))
+    for name, one, style in others:
+        if one is not None:
+            left.axhline(100.0 * one.rate, color="0.4", linestyle=style, label=name)
+            right.axhline(one.quartiles()[1], color="0.4", linestyle=style, label=name)
     left.set_ylabel("success [%], 95 % interval")
     right.set_ylabel("cycle time [s], quartiles")
     left.legend(loc="lower right")

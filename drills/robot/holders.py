@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from drills import cards as catalogue
 from drills import progress, workspace
 from drills.progress import SOLVED
 from drills.robot import libraries
+from drills.robot.parts import load_part
 from drills.robot.slots import COURSE, FUNCTIONS, NAMED, NAMES, SLOTS, STAGES, YOURS, Part
 from drills.robot.store import Stored
 from drills.workspace import Misuse
@@ -45,6 +46,24 @@ def course_part(name: str) -> Part:
     """Return the course's part for a slot: the worked answer of its exercise."""
     card = catalogue.card(name)
     return Part(name, COURSE, card.solution_text(), card.entry, f"{name}.py")
+
+
+def course_function(name: str) -> Callable[..., Any]:
+    """Return the function that the course's part for a slot defines."""
+    return load_part(course_part(name))
+
+
+def library_part(name: str) -> Part:
+    """Return the part of the first installed library for a slot, the course's where there is none.
+
+    Args:
+        name: of the slot.
+    """
+    for library in libraries.offers(name):
+        part = libraries.part(name, library)
+        if part is not None and libraries.installed(library):
+            return part
+    return course_part(name)
 
 
 def own_part(work: Path, name: str) -> Part | None:

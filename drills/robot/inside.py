@@ -21,7 +21,7 @@ from drills.robot.loop import run_task
 from drills.robot.parts import CALL, Bench, PartFailed
 from drills.robot.promises import promises_of
 from drills.robot.records import Cell, Estimate, Motion, Outcome, Sighting
-from drills.robot.slots import NAMED, Part
+from drills.robot.slots import FUNCTION_SHAPES, NAMED, Part, fits
 from drills.robot.stages import build
 
 MODULES = (
@@ -127,6 +127,19 @@ def _own_function(bench: Bench, name: str) -> Callable[[Any], Any]:
         except (TypeError, ValueError):
             text = f"returned a value of type {type(result).__name__} that is no result of {name}"
             raise bench.failed(name, "wrong type", text, (request,)) from None
+        shapes = FUNCTION_SHAPES[name]
+        if len(arrays) != len(shapes):
+            text = f"returned {len(arrays)} values; {len(shapes)} are expected"
+            raise bench.failed(name, "wrong type", text, (request,))
+        for i, (array, shape) in enumerate(zip(arrays, shapes, strict=True)):
+            if not fits(array.shape, shape):
+                expected = str(shape).replace("None", "n")
+                where = f"result {i + 1} of {len(shapes)}" if len(shapes) > 1 else "the result"
+                text = f"{where} has the shape {array.shape}; {expected} is expected"
+                raise bench.failed(name, "wrong shape", text, (request,))
+        if name == "plan" and len({len(array) for array in arrays[2:]}) > 1:
+            text = "q, v and a must have as many rows as each other, one a tick"
+            raise bench.failed(name, "wrong shape", text, (request,))
         if not all(np.isfinite(array).all() for array in arrays):
             raise bench.failed(name, "not finite", "the result contains NaN", (request,))
         plain = record(*arrays) if record is not None else tuple(arrays)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from drills.robot.records import Breach, Failure
-from drills.robot.slots import NAMED, STAGES, Part, stage_of
+from drills.robot.slots import NAMED, STAGES, Part, fits, stage_of
 
 CALL = 1.0  # s of processor time that one call may take
 TASK = 8.0  # s that the calls of one stage may take in one task
@@ -43,15 +43,19 @@ def literal(value: Any) -> str:
         return "acceleration"
     if isinstance(value, np.generic):
         return repr(value.item())
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        fields = zip(value._fields, value, strict=True)
+        return f"{type(value).__name__}({', '.join(f'{k}={literal(v)}' for k, v in fields)})"
     return repr(value)
 
 
 def call_text(entry: str, args: Sequence[Any]) -> str:
     """Return a call as code that can be pasted after `import numpy as np`."""
     text = f"{entry}({', '.join(literal(a) for a in args)})"
-    if any(callable(a) for a in args):
+    flat = [value for a in args for value in (a if isinstance(a, tuple) else (a,))]
+    if any(callable(value) for value in flat):
         # The only function that a part is passed: the joints' accelerations, almost constant.
-        q, acceleration = args[0], next(a for a in args if callable(a))
+        q, acceleration = flat[0], next(value for value in flat if callable(value))
         text = f"acceleration = lambda q: {literal(acceleration(q))}\n{text}"
     return text
 
@@ -208,10 +212,7 @@ class Bench:
             except (TypeError, ValueError):
                 text = f"{where} is {_kind(value)}; numbers are expected"
                 raise self.failed(name, "wrong type", text, args) from None
-            fits = array.ndim == len(shape) and all(
-                n is None or n == m for n, m in zip(shape, array.shape, strict=True)
-            )
-            if not fits:
+            if not fits(array.shape, shape):
                 desired = str(shape).replace("None", "n")
                 text = f"{where} has the shape {array.shape}; {desired} is expected"
                 raise self.failed(name, "wrong shape", text, args)

@@ -479,8 +479,12 @@ def trapezoid(args: Args, result: Any) -> str:
     s, ds = (q[axis] - start[axis]) / move[axis], v[axis] / move[axis]
     straight = float(np.max(np.abs(q - start[:, None] - move[:, None] * s)))
     also = float(np.max(np.abs(v - move[:, None] * ds)))
+    slow = abs(duration - fastest) > 1e-7
     texts = [
-        _beyond("it takes as long as the limits demand", abs(duration - fastest), 1e-7, "s"),
+        f"the motion takes {duration:.6g} s; the shortest time within the limits of speed and "
+        f"acceleration is {fastest:.6g} s"
+        if slow
+        else "",
         _beyond("the joints stay on the straight line", max(straight, also), 1e-8, "rad"),
     ]
     late, early = times >= duration + 1e-12, times <= 0.0

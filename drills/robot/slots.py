@@ -75,6 +75,28 @@ FUNCTIONS = {
 }
 
 
+# Shapes of what these functions return, as `Slot.returns`.
+FUNCTION_SHAPES: dict[str, tuple[tuple[int | None, ...], ...]] = {
+    "perceive": ((2,), (), ()),
+    "estimate": ((2,), (2,), (4, 4)),
+    "choose_gain": ((),),
+    "reach": ((None, 2),),
+    "correct": ((2,),),
+    "plan": ((None, 2), (), (None, 2), (None, 2), (None, 2)),
+    "gains": ((2,), (2,)),
+    "control": ((2,),),
+    "move": ((2,), (2,)),
+    "release": ((2,),),
+}
+
+
+def fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    """Return whether an array has an expected shape; None stands for any count."""
+    return len(shape) == len(expected) and all(
+        n is None or n == m for n, m in zip(expected, shape, strict=True)
+    )
+
+
 def of_stage(stage: str) -> list[Slot]:
     """Return the slots of a stage, in the order of the data."""
     return [slot for slot in SLOTS if slot.stage == stage]

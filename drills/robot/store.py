@@ -21,6 +21,7 @@ class Stored:
         passed: by number of the level, when and how it was passed.
         runs: one entry for each run, the oldest first.
         course: results of the course's parts by level, tasks and seed, so that they run once.
+        libraries: the same of the robot with the libraries' parts.
         hidden: the fault of level 6 that waits to be named, and how many in a row were.
     """
 
@@ -28,12 +29,13 @@ class Stored:
     passed: dict[str, dict[str, Any]] = field(default_factory=dict)
     runs: list[dict[str, Any]] = field(default_factory=list)
     course: dict[str, dict[str, Any]] = field(default_factory=dict)
+    libraries: dict[str, dict[str, Any]] = field(default_factory=dict)
     hidden: dict[str, Any] = field(default_factory=dict)
 
 
 def _parsed(content: dict[str, Any]) -> Stored:
     stored = Stored()
-    for name in ("graded", "passed", "course", "hidden"):
+    for name in ("graded", "passed", "course", "libraries", "hidden"):
         value = content.get(name, {})
         if not isinstance(value, dict):
             raise Damaged
@@ -55,6 +57,7 @@ def _plain(stored: Stored) -> dict[str, Any]:
         "passed": stored.passed,
         "runs": stored.runs[-RUNS:],
         "course": stored.course,
+        "libraries": stored.libraries,
         "hidden": stored.hidden,
     }
 

@@ -21,7 +21,7 @@ predict("energy_of_a_fall")
 simulation("bouncing_box")
 # %% [markdown]
 # Choose the second preset in the menu, which uses the old velocity, and then the third, which uses the new one. Their
-# impacts are elastic and located exactly, so all change of energy is an error of the steps in flight.
+# impacts lose no energy and happen at their exact moments, so all change of energy is an error of the steps in flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
 # store and update an orientation so that it neither drifts nor fails at some attitude; choose an integrator by its
@@ -30,10 +30,9 @@ simulation("bouncing_box")
 #
 # ## How this chapter works
 #
-# Most sections explain an idea, ask you about it, and show the answer. Some cards show a statement, and you choose
-# between *true*, *false* and *true only if*. Derivations are folded away. Every measured number comes from a cell on
-# this page or from a check that `python -m course.derivations 1` runs again. The code is the package
-# `course.rigid_body`. Six exercises wait in section 8:
+# Most sections explain an idea, ask you about it, and show the answer. Every measured
+# number comes from a cell on this page or from a check that `python -m course.derivations 1` runs again. The code is
+# the package `course.rigid_body`. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -376,8 +375,8 @@ simulation("gimbal")
 # \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two: there is one direction of $\omega$, the *lost
 # axis*, that no finite angle rates can produce. Close to the lock the rates exist, but they are huge. Take all vectors
 # of angle rates of length 1. The smallest $\lvert\omega\rvert$ that they give is the smallest **singular value** of
-# $E$, which the simulation plots. The cell below turns about that worst axis. The card after it takes the lost axis;
-# there the yaw rate is $1/\cos\theta$.
+# $E$, which the simulation plots. The cell below turns about the axis that needs the largest rates. The card after it
+# takes the axis that is lost at 90°; there the yaw rate is $1/\cos\theta$.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the worst axis")
 for angle in (60.0, 89.0, 90.0):
@@ -441,9 +440,9 @@ show("quaternion_has_no_lock")
 # %%
 simulation("double_cover")
 # %% [markdown]
-# Never subtract two quaternions to compare orientations. A controller that does so may command a turn of nearly 360
-# degrees for an error of nearly zero. Compare by the angle $2\arccos\lvert q\cdot p\rvert$, and before you
-# interpolate, flip the sign of one of them if the dot product is negative.
+# Never subtract two quaternions as they come to compare orientations. A controller that does so may command a turn of
+# nearly 360 degrees for an error of nearly zero. If the dot product is negative, flip the sign of one of them first.
+# Then interpolate, or compare by the angle $4\arcsin(\lvert q - p\rvert/2)$, which is exact for small angles, too.
 #
 # **SLERP**, spherical linear interpolation, moves from one orientation to another at a constant rate, along the arc
 # between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. Mixing the four numbers linearly and
@@ -535,9 +534,10 @@ more_claims(
 #
 # A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight
 # is suddenly too long. To see where the border lies, you need only a mass on a spring. A spring of **stiffness** $k$
-# pulls back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a stable resting position, every
-# mechanical system without friction or velocity-dependent forces behaves like a set of such springs, one for each
-# *mode of vibration* (a pattern in which all parts oscillate at one frequency).
+# pulls back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a stable resting position,
+# a mechanical system whose forces rise in proportion to the displacement, without friction or velocity-dependent
+# forces, behaves like a set of such springs, one for each *mode of vibration* (a pattern in which all parts oscillate
+# at one frequency).
 #
 # On a spring, a step multiplies the state by a fixed matrix. For semi-implicit Euler insert the first line into the
 # second:
@@ -658,8 +658,8 @@ more_claims(
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
-# The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force (of
-# an iteration, only the last), the square is where the step ends, and the line is the exact motion.
+# The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force
+# (of a method that iterates, the last one only), the square is where the step ends, and the line is the exact motion.
 # %% tags=["hide-code"]
 h = 1.2
 methods = {
@@ -814,8 +814,8 @@ show("symplectic_conserves_energy")
 # %% [markdown]
 # So know what the word does *not* promise. The energy is not exact. The oscillation does not have the right period. A
 # step beyond the limit explodes all the same, area or not: the patch is stretched in one direction and squeezed in the
-# other. And as soon as there is friction, a velocity-dependent force or a step size that changes, the guarantee is
-# gone.
+# other. And as soon as there is friction, a velocity-dependent force or a step size that follows the state, the
+# guarantee is gone.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -964,8 +964,8 @@ print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J
 # %% [markdown]
 # RK4 is exact in flight, and it still gains energy with the rule at the end of the step. Do the two errors of
 # semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? Partly, and only by luck. The
-# fold-out has the claims, with a *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps of
-# 10 ms.
+# fold-out tests such statements on a *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps
+# of 10 ms.
 #
 # <details><summary>Derive it: the loss of a flight, and the gain of a bounce</summary>
 #
@@ -1032,8 +1032,8 @@ plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
 # The course's loop records what it does. `age` says how old the data are that a task uses. Every other physics step
-# applies a command that is 1 ms old. The image due at 16.667 ms shows the state of 15.667 ms (one step earlier),
-# blended from the states at 15 and 16 ms:
+# applies a command that is 1 ms old. The image due at 16.667 ms shows the state of one step earlier, 15.667 ms. No step
+# ends there, so that state is interpolated between those at 15 and 16 ms:
 # %% tags=["hide-code"]
 from course.rigid_body.loop import FixedStepLoop, Phases, float_clock_error, trace_table
 
@@ -1107,9 +1107,9 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call its function `mj_forward` if you need them for the new positions. MuJoCo's `RK4` is the classical method.
-# Its `Euler` is semi-implicit Euler with *implicit* joint damping (computed from the new velocity). `implicitfast`
-# makes the damping of motors and cables implicit as well, `discrete` the springs, too.
+# step. Call `mj_forward` for those of the new positions. MuJoCo's `RK4` is the classical method. Its `Euler` is
+# semi-implicit Euler with *implicit* joint damping (computed from the new velocity). `implicitfast` makes the damping
+# of motors and cables implicit as well, and `discrete` makes the springs implicit, too.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1179,20 +1179,21 @@ for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalise
     error, by_energy, by_momentum = (f"{x:.0e}" if x > 1e-11 else "<1e-11" for x in numbers)
     print(f"{name:<20} {error:>12} {by_energy:>17} {by_momentum:>12}")
 # %% [markdown]
-# `rk4_renormalised` adds the rates of the four numbers and scales; it is as good here. The drifts are relative.
+# `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to length one after each step. It is as
+# good here. The drifts are relative.
 # %%
 more_claims("rotation_stages_add")
 # %% [markdown]
 # ### A box that tumbles, hits the floor and slides
 #
-# A ball is a point with a radius. A box has corners, and a force at a corner exerts a torque. The course's planar box
-# finds the time at which a corner hits the floor inside the step, and solves the impact with restitution and
-# **Coulomb friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal force.
+# A ball without friction is a point with a radius. A box has corners, and a force at a corner exerts a torque. The
+# course's planar box finds the time at which a corner hits the floor inside the step, and solves the impact with
+# restitution and **Coulomb friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal
+# force.
 #
-# With friction, the definition of restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact
-# with friction can *gain* energy, as Kane showed in 1984. So the box uses Stronge's definition (1990): of the energy
-# that the contact stores while the bodies press together, the share $e^2$ comes back. For a ball without friction the
-# two are the same. With Stronge's, no impact can create energy.
+# With friction, restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact can *gain* energy, as
+# Kane showed in 1984. So the box uses Stronge's definition (1990), with which none can: of the energy that the contact
+# stores while the bodies press together, the share $e^2$ comes back. Without friction the two are the same.
 # %%
 predict("box_at_rest")
 # %% tags=["hide-code"]
@@ -1222,15 +1223,15 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# This is the box of the first screen with all its controls. Impacts slower than the *rest speed* end the bouncing.
+# The box of the first screen with all controls. Impacts slower than the *rest speed* end the bouncing.
 # *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
 #
-# Predict what you will see before you choose each preset:
+# Predict each preset before you choose it:
 #
 # 1. *Exact flight, late impacts*: RK4 makes no error in flight. Does the energy stay? (No. Each bounce adds $mgd$.)
 # 2. *50 ms steps: deep in the ground*: how far below the floor is the box found? (Up to one step's travel, $vh$.)
-# 3. *Late impacts: never at rest*: what does the box do when it should lie still? (It gains the speed $gh$ in every
-#    step and bounces.)
+# 3. *Late impacts: never at rest* (impacts at the end of the step): what does the box do when it should lie still? (It
+#    gains the speed $gh$ in every step and bounces.)
 # 4. *No rest speed: endless impacts*: what becomes of ever shorter bounces? (They pile up until a step is not
 #    resolved.)
 # %%
@@ -1247,8 +1248,8 @@ simulation("bouncing_box")
 # A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
 # horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
 # logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order. The problem here is a
-# double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. Counts
-# are exact, but other programs may disturb a time:
+# double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. The
+# counted evaluations are exact; measured times are not, because other programs run, too:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1282,18 +1283,17 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# Here is the same diagram for the free tumble. The tolerance is 1 mrad after 20 s. (Cross: a failed run. Grey band: the
-# reference is no better.)
+# The free tumble, with a tolerance of 1 mrad after 20 s (cross: failed; grey band: the reference is no better):
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
 # The bouncing box has two separate errors of first order: the flight of semi-implicit Euler, and impacts that are
-# placed at the end of a step. At 1 ms from this start the two partly cancel, and correcting only one makes the result
-# worse. From another start that may be different. Only correcting both always helps.
+# placed at the end of a step. For this throw and a step of 1 ms the two partly cancel, and correcting only one makes
+# the result worse. For another throw that may be different. Only correcting both always helps.
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
-# *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
+# *Exact flight* corrects the first error, *impact times* the second; *impulse* is a MuJoCo contact tuned to turn $v$
 # into $-ev$ in one step.
 # %% jupyter={"source_hidden": true}
 figures(
@@ -1337,9 +1337,9 @@ more_claims(
 # %% [markdown]
 # ### Many bodies at once
 #
-# Reinforcement learning needs thousands of copies of a scene. Most of that runs on GPUs today; this chart measures one
-# CPU core. It compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for
-# this. The last column is the simulated time per second of computing, *summed over all bodies*:
+# Reinforcement learning needs thousands of copies of a scene, mostly on GPUs; this chart measures one CPU core. It
+# compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. The
+# last column is the simulated time per second of computing, *summed over all bodies*:
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1351,9 +1351,8 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# The chart compares a program that can do nothing but one planar box on a floor with a general engine that simulates
-# the same box. It is two orders of magnitude faster, because it models only what the task needs, and runs whole batches
-# without an engine's interface. As soon as two bodies can touch, it no longer applies.
+# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine: it
+# models only what the task needs, and runs whole batches. As soon as two bodies can touch, it no longer applies.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
@@ -1368,8 +1367,8 @@ figures(
 #
 # The largest savings come before the integrator, from what you do *not* simulate. Air, deformation, the third
 # dimension: which of them may you neglect? State the question and the tolerance. Then compute the answer with and
-# without each effect. Leave effects out as long as the *sum* of their differences (all are in the fold-out) stays
-# below the tolerance, and check without all.
+# without each effect. Leave effects out as long as all these changes of the answer together (see the fold-out) stay
+# below the tolerance, and check once more without all of them.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
@@ -1405,7 +1404,7 @@ figures(
 # In a simulation it depends on *when* the damping force is computed. Semi-implicit Euler takes it from the old
 # velocity. With the damping constant $c$, this late force throws $v$ past zero if $hc/m > 1$. MuJoCo's `Euler` takes it
 # from the new velocity. The **damping ratio** $\zeta$ says how strong the damper is: at $\zeta = 1$, *critical
-# damping*, the motion just stops oscillating.
+# damping*, the motion no longer swings past zero.
 # %%
 predict("damping_and_the_limit")
 # %% [markdown]
@@ -1418,7 +1417,7 @@ predict("damping_and_the_limit")
 # | explicit Euler, $\zeta\le1$ | the old velocity | $\omega h < 2\zeta$ |
 #
 # **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of the
-# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The table has the longest steps at which, in our measurement, the
+# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table has the longest steps at which, in our measurement, the
 # amplitude did not grow. They agree with the theory to better than 0.1 %.
 # %% jupyter={"source_hidden": true}
 figures(
@@ -1450,8 +1449,8 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # %% [markdown]
 # ### Energy over a million steps
 #
-# The chart shows a pendulum over a million steps. Explicit Euler is useless after a few seconds. RK4 is the most
-# accurate at first, but its small error accumulates. The errors of the symplectic methods do not grow:
+# A pendulum over a million steps: explicit Euler is useless after a few seconds. RK4 is the most accurate at first, but
+# its small error accumulates. The errors of the symplectic methods do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1466,7 +1465,7 @@ figures(
 # Bounded energy is what "symplectic" buys, and only for a fixed step. Alternate two steps that are both below the
 # limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product of two area-preserving steps preserves
 # area, but it may stretch one direction again and again. Much shorter steps do the same if they vary in rhythm with the
-# motion (five of 0.3, sixteen of 0.1). And even a fixed step gets the period slightly wrong:
+# motion (five steps of 0.3, then sixteen of 0.1). And even a fixed step gets the period slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1477,9 +1476,8 @@ figures(
 # %% [markdown]
 # ### Impacts and the order of a method
 #
-# The order of a method comes from a Taylor series, and a Taylor series needs a smooth motion. At an impact the velocity
-# jumps. If the impact is noticed only at the end of a step, it comes late by up to $h$. A late impact is an error
-# proportional to $h$, and no accuracy elsewhere can repair that.
+# The order of a method comes from a Taylor series, which needs a smooth motion. At an impact the velocity jumps. If the
+# impact is noticed only at the end of a step, it comes late by up to $h$, and no accuracy elsewhere can repair that.
 # %%
 show("order_survives_bounces")
 # %% [markdown]
@@ -1525,8 +1523,8 @@ simulation("tunnelling")
 #
 # There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast ball
 # sinks in. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens
-# at the penetration $D/2$. In the chart, $b$ is the stretch of the path in which a check stops the ball: $D$ for a
-# point, $D/2$ for MuJoCo's ball:
+# at the penetration $D/2$. In the chart, $b$ is the length of the path on which a check leads to a bounce: the whole
+# overlap $D$ in our model, its first half in MuJoCo:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
@@ -1555,15 +1553,15 @@ more_claims(
 # %%
 predict("impacts_at_rest")
 # %% [markdown]
-# A box that should lie still bounces for another reason. In each step gravity gives it the speed $gh$, the step ends
-# below the floor, and the impact turns the speed upwards. The ball's endless bounces and the box's jitter are both
-# called **chatter**. The remedy is a **rest speed**: slower impacts end the bouncing. It works if impacts are found
-# within the step.
+# A box that should lie still bounces for another reason, if impacts act at the end of a step. In each step gravity
+# gives it the speed $gh$, the step ends below the floor, and the impact turns the speed upwards. The ball's endless
+# bounces and the box's jitter are both called **chatter**. The remedy is a **rest speed**: a body whose impact is
+# slower is set to rest. It works if impacts are found within the step.
 #
-# If they are noticed at its end, a rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops not even a ball. And a box
-# rocks: its corners hit in turn, at about $gh$ or faster. A rest speed of 10 mm/s makes these bounces lower but more
-# frequent, one in every step. MuJoCo's *spring* has no rest speed; its corners open and close in turn, at a speed that
-# shrinks with the step:
+# If they are noticed at its end, a rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) does not even stop a ball. And a
+# box rocks: its corners hit in turn, at about $gh$ or faster. A rest speed of 10 mm/s makes these bounces lower but
+# more frequent, one in every step. MuJoCo's spring contact has no rest speed. With it, the box's corners lift off and
+# touch in turn, at a speed that shrinks with the step:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1579,9 +1577,8 @@ figures(
 # %% [markdown]
 # ### Orientation over a million steps
 #
-# For adding and scaling, section 2 predicted a lag of $(\omega h)^3/12$ per step. Here is the measurement for a steady
-# spin of 10 mrad per step. Over a million steps the lag adds up to 0.083 rad; the exponential map is exact up to
-# rounding:
+# For adding and scaling, section 2 predicted a lag of $(\omega h)^3/12$ per step. In a steady spin of 10 mrad per step
+# the measured lag adds up to 0.083 rad over a million steps; the exponential map is exact up to rounding:
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 # %% jupyter={"source_hidden": true}
@@ -2057,8 +2054,7 @@ more_claims(
 #
 # </div>
 #
-# Answer aloud before you open an answer. First comes what you would say in a minute, then the details and the follow-up
-# questions.
+# Answer aloud before you open an answer.
 # %%
 interview("rigid_body")
 # %% [markdown]

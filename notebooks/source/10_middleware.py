@@ -3,7 +3,8 @@
 #
 # *A camera node publishes thirty images a second. The node that should find objects in them receives none. Nothing has
 # crashed, and no cable is loose. How can that happen? Guess first.* About {open minutes} minutes of reading, cards and
-# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
+# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. (The interview's
+# answers are not counted.)
 
 # %%
 from course.cards import predict
@@ -18,14 +19,15 @@ predict("silent_pair")
 simulation("middleware")
 
 # %% [markdown]
-# In the picture, boxes are programs and lines are the connections between them. A yellow line carries a stream of
-# messages, and a thicker line carries more of them. A blue line is a request with a reply. A red line connects nothing,
-# because its two ends disagree.
+# In the picture, boxes are programs, called nodes, and lines are connections. A yellow line carries a stream of
+# messages; the thicker it is, the more messages per second. A blue line is a request with a reply. A red line connects
+# nothing, because its two ends disagree. The list at the right shows what the selected node receives (arrow to the
+# left) and sends (arrow to the right).
 #
 # **You will be able to** decide whether a publisher and a subscriber are compatible; predict how old a message is and
-# how late a control loop runs; find out why messages are late or a controller jitters; and justify a design of nodes,
-# rates and policies. **Know first:** the age of data from chapter 0, which is the time from taking an image until it
-# has an effect.
+# how late a control loop runs; find out why messages are late or why a control loop runs at uneven intervals; and
+# justify a design of nodes, rates and policies. **Know first:** the age of data from chapter 0, which is the time from
+# taking an image until it has an effect.
 #
 # No ROS 2 installation is needed. The examples run on a small simulated message bus that imitates DDS, the system below
 # ROS 2. It has its own simulated clock, and every run of it is identical. We checked its compatibility rules against a
@@ -83,15 +85,18 @@ def timeline(axis, rows, unit="ms"):
 #
 # ### What middleware is
 #
-# A robot's software consists of many programs that run at different rates on different computers. **Middleware** is the
-# layer that carries messages between them, so that no program needs to know where the others run. **ROS 2** is a widely
-# used one. By default it is built on **DDS** (Data Distribution Service), a standard with several implementations.
+# A robot's software often consists of many programs that run at different rates on different computers. **Middleware**
+# is the layer that carries messages between them, so that no program needs to know where the others run. **ROS 2** is a
+# widely used one. By default it is built on **DDS** (Data Distribution Service), a standard with several
+# implementations.
 #
 # A **node** is a software component with a name. It publishes messages, subscribes to messages of other nodes and
 # answers requests. A named stream of messages is a **topic**. The publisher's end of a topic is called a **writer** in
-# DDS, and the subscriber's end a **reader**. We use both pairs of words. When a message arrives, or when a timer
-# expires, the node's **callback** runs: a function of yours that handles this event. **Discovery** is how writers and
-# readers of the same topic find each other: each announces itself on the network.
+# DDS, and the subscriber's end a **reader**. We use both pairs of words. **Discovery** is how writers and readers of
+# the same topic find each other: each announces itself on the network.
+#
+# A **callback** is a function of yours that runs at an **event**, such as the arrival of a message or the end of a
+# timer's period.
 #
 # Robot software usually has three layers, which differ in what happens when a result is late:
 
@@ -138,23 +143,24 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# The top layer decides what to do next. A state machine or a behaviour tree (two ways of writing such decisions) picks
-# "grasp the cup", for instance. The middle layer is **soft real time**: a late result is a worse result. The bottom
-# layer is **hard real time**: a missed period is a fault. It runs in a thread of its own, and the planner passes each
-# new trajectory in a way that never makes this thread wait.
+# The top layer decides what to do next, for instance "grasp the cup". State machines and behaviour trees are two ways
+# of writing such decisions. The middle layer is **soft real time**: a late result is a worse result. The bottom layer
+# is **hard real time**: a missed period is a fault. The bottom layer has a thread of its own. The planner passes new
+# trajectories to this thread without ever making it wait.
 #
-# ROS 2 offers four ways to interact with a node. The drawing shows who sends what, with time running downwards:
+# ROS 2 offers four ways to interact with a node: topics, services, actions and parameters. The drawing shows who sends
+# what in the first three, with time running downwards:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(8, 2.6), layout="constrained")
 talks = {
-    "topic": [(1, 0, 0.0, "message"), (1, 0, 0.3, "message"), (1, 0, 0.6, "message")],
+    "topic": [(1, 0, 0.1, "message"), (1, 0, 0.4, "message"), (1, 0, 0.7, "message")],
     "service": [(1, 0, 0.1, "request"), (0, 1, 0.6, "reply")],
     "action": [
-        (1, 0, 0.0, "goal"),
-        (0, 1, 0.25, "feedback"),
-        (0, 1, 0.5, "feedback"),
-        (0, 1, 0.8, "result"),
+        (1, 0, 0.1, "goal"),
+        (0, 1, 0.35, "feedback"),
+        (0, 1, 0.6, "feedback"),
+        (0, 1, 0.85, "result"),
     ],
 }
 for axis, (name, arrows) in zip(axes, talks.items(), strict=True):
@@ -173,8 +179,8 @@ for axis, (name, arrows) in zip(axes, talks.items(), strict=True):
 plt.show()
 
 # %% [markdown]
-# A parameter is the fourth: a named value that belongs to one node. The table gives typical uses. For its last column
-# we imitated each way with two Python threads; these are not times of ROS 2.
+# The fourth, a **parameter**, is a named value that belongs to one node. The table lists typical uses. Its last column
+# was measured with two Python threads.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 bus = Bus()
@@ -214,10 +220,10 @@ bus.run(1.0, real=True)
 forms = {
     "Topic": ("publish, subscribe; many to many", "streams: joint states, images"),
     "Service": ("request, reply; one server", "short questions: plan now, get a parameter"),
-    "Action": ("goal, feedback, result, cancel", "what takes seconds: move to a pose"),
+    "Action": ("goal, feedback, result; can be cancelled", "what takes seconds: move to a pose"),
     "Parameter": (
         "names and values of one node",
-        "configuration; a node notices a change only if it reads the value again",
+        "configuration; the node reads it again, or registers a callback for changes",
     ),
 }
 table(
@@ -226,9 +232,9 @@ table(
 )
 
 # %% [markdown]
-# These times are not properties of the four forms: each depends on its path and its receiver. A service is a
-# request topic, a reply topic and a callback, so it answers when its server has time for that callback. An action is
-# made of services and topics. (A parameter is read inside the node.)
+# These are not times of ROS 2, and they are not fixed: they depend on how a message travels and on what the receiver is
+# doing. A service is a request topic, a reply topic and a callback at the server, so the reply waits until the server
+# has time for that callback. An action is made of services and topics.
 
 # %% tags=["hide-code"]
 more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node_is_a_process")
@@ -236,27 +242,27 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # %% [markdown]
 # ### Offer and request: the quality of service
 #
-# Should a lost message be sent again? Should a subscriber that starts later receive old messages? The two ends of a
-# topic answer such questions separately. **Quality of service** (QoS) is the set of these settings, and each setting is
-# a **policy**. A **profile** is one end's choice for all of them.
+# Should a lost message be sent again? Should a subscriber that starts later receive old messages? Both ends of a topic
+# have settings for such questions. **Quality of service** (QoS) is the set of these settings, and each setting is a
+# **policy**. A **profile** is one end's choice for all policies.
 #
-# * Reliability: *reliable*: lost messages are sent again. **Best effort**: they are not.
-# * Durability: *volatile*: nothing is stored for later subscribers. **Transient local**: the writer stores its last
-#   messages, for as long as it lives, and gives them to a **late joiner**, a reader that appears after they were
-#   written.
-# * Deadline: the longest allowed time between two messages; a violation raises an event at both ends: a callback of
-#   your program, if you have set one.
-# * **Liveliness**: how a writer proves that it is alive: automatically, or by asserting it on the topic (*manual by
-#   topic*). Without a sign it counts as dead after a time called its **lease**.
-# * History, depth: with **keep last**, each end's queue holds the newest messages, as many as its depth; with **keep
-#   all**, every message until it is taken.
+# * Reliability. *Reliable*: a message that the network loses is sent again. **Best effort**: it is not.
+# * Durability. *Volatile*: nothing is stored for later subscribers. **Transient local**: the writer stores its last
+#   messages as long as it lives. A **late joiner** is a reader that appears after they were written. It still gets
+#   them if both ends are transient local and reliable.
+# * Deadline: the longest allowed time between two messages. If it is exceeded, DDS raises an event at both ends. You
+#   can set a callback for this event.
+# * **Liveliness**: how a writer proves that it is alive. The middleware does it (*automatic*), or the writer itself has
+#   to send a sign of life (*manual by topic*). After a time without one, its **lease**, it counts as dead.
+# * History and depth. With **keep last**, each end stores only the newest messages, and the **depth** is how many. With
+#   **keep all**, it stores every message until the reader has taken it.
 # * **Lifespan**: the age at which a message is discarded.
 #
-# The writer *offers*, the reader *requests*. Five policies used here are ranked: reliability, durability, deadline,
-# liveliness with its lease, and (only in an exercise, as ROS 2 does not offer it) the order of messages at the
-# destination. If the writer offers less than the reader requests in any of them, DDS does not connect the two at all.
-# For times, shorter means more: a writer with a 50 ms deadline promises more than one with 100 ms. Each end sets its
-# own queue, and the writer the lifespan; these are not compared and never prevent a connection.
+# The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
+# liveliness with its lease. In a ranked policy, one value promises more than another. If the writer offers less than
+# the reader requests in any ranked policy, DDS does not connect the two. For times, shorter promises more: a writer
+# with a deadline of 50 ms offers more than one with 100 ms. History, depth and lifespan are not compared, so they never
+# prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -291,9 +297,9 @@ _ = axes[0].set_ylabel("offered")
 plt.show()
 
 # %% [markdown]
-# The most frequent case in practice: a camera driver publishes with the best-effort profile for sensors, and a display
-# tool subscribes with the reliable default. The tool's window stays empty. ROS 2 logs a warning ("incompatible QoS"),
-# which is easy to overlook.
+# A frequent case in practice: a camera driver publishes with the best-effort profile for sensors, and a display tool
+# subscribes with the reliable default. The tool's window stays empty. ROS 2 logs a warning ("incompatible QoS"), which
+# is easy to overlook.
 
 # %%
 show("stronger_offer")
@@ -302,7 +308,7 @@ show("stronger_offer")
 show("volatile_is_no_past")
 
 # %% [markdown]
-# Seven combinations, on Cyclone DDS while this page was built ("heard": the two ends connect):
+# Seven combinations, judged by our rule and by Cyclone DDS ("heard" means that the two ends connect):
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 queried = {
@@ -332,20 +338,25 @@ table(*rows)
 
 # %% [markdown]
 # We tested every pair of values of each policy, then queue depths, late subscribers and events, on the bus and on
-# Cyclone. The first line counts the agreement. A gap of 0.12 s contains two deadlines of 0.05 s, so five such gaps
-# raise ten events. The fold-out lists every row, also of policies that only DDS has.
+# Cyclone. The first line counts the tests in which both agree. In the next two lines, messages came with five gaps of
+# 0.12 s. With a deadline of 0.05 s, two deadlines pass in each gap, so ten events are raised. The fold-out lists every
+# test, also of policies that only DDS has.
 
 # %% tags=["hide-code"]
 figures(read("qos_verdicts"), "93", "deadline mis")
 
 # %% [markdown]
-# Three more things can keep a topic silent: another **domain** (a number that each process takes from `ROS_DOMAIN_ID`;
-# discovery works only within one), a network that blocks multicast (one packet sent to all members of a group), which
-# discovery uses, and different message types.
+# A topic can also be silent for other reasons. The two ends use different message types, or they are in different
+# **domains**: each process takes a domain number from `ROS_DOMAIN_ID`, and discovery works only within one. Or the
+# network blocks multicast (one packet that is sent to all members of a group), which discovery uses.
 #
-# *Do DDS vendors differ?* ROS 2's default profile fixes reliability, history, depth and durability. Other defaults can
-# differ, for instance socket buffer sizes or the moment at which a lifespan starts (rmw and DDS tuning, ROS 2
-# documentation, Jazzy 2024).
+# <details><summary>Do DDS vendors differ?</summary>
+#
+# ROS 2's default profile fixes reliability, history, depth and durability. Other settings depend on the vendor, for
+# instance the size of network buffers, or whether a lifespan counts from sending or from arrival (rmw and DDS tuning,
+# ROS 2 documentation, Jazzy 2024).
+#
+# </details>
 
 # %% tags=["hide-code"]
 more_claims("reliability_both_ways", "deadline_for_deadline", "event_names_all")
@@ -353,13 +364,13 @@ more_claims("reliability_both_ways", "deadline_for_deadline", "event_names_all")
 # %% [markdown]
 # ### Queues: what is stored, and how old it gets
 #
-# Each reader has a queue. **Depth** $d$ is the number of messages that fit. With keep last, a new message that finds
-# the queue full replaces the oldest one. This happens under both reliabilities: reliable delivery repairs losses on the
-# network, not in the queue.
+# Each reader has a queue, and its depth $d$ is the number of messages that fit. With keep last, a new message that
+# finds the queue full replaces the oldest one. This happens with both reliabilities: reliable delivery repairs losses
+# on the network, not in the queue.
 #
-# The queue also decides how old the data are. A reader that is slower than its writer always finds a full queue, and it
-# takes the oldest message first. With a writer's period $T$, the oldest of $d$ messages was written at least
-# $(d - 1)\,T$ before the newest one.
+# The queue also decides how old the data are. A reader that is slower than its writer soon finds its queue full every
+# time, and it takes the oldest message first. If the writer's period is $T$, the oldest of $d$ messages was written at
+# least $(d - 1)\,T$ ago.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 1.8), layout="constrained")
@@ -379,14 +390,15 @@ plt.show()
 
 # %% [markdown]
 # **A worked example.** A camera writes every 33.3 ms, and the reader's depth is 10. The images that a slow reader takes
-# are at least $9 \cdot 33.3 = 300$ ms old. With depth 1 it always takes the newest image. The chart compares this least
-# age with the bus and with Cyclone DDS. The lowest curve is a reader that empties its queue and uses only the newest
-# message.
+# are at least $9 \cdot 33.3 = 300$ ms old. With depth 1 it always takes the newest image. The chart compares this
+# computed least age with measurements on the bus and on Cyclone DDS. The lowest curve belongs to a reader that empties
+# its queue at each look and uses only the newest message.
 #
 # ![Least age of what a slow reader takes against the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 #
-# What else can a reader find at its first look? In the table a writer publishes 10 messages, numbered 0 to 9, one each
-# 0.1 s, and the reader looks after one second. A late reader joins after all have been written.
+# What does a reader find when it looks into its queue for the first time? In the table a writer publishes ten messages,
+# numbered 0 to 9, one every 0.1 s, and the reader looks one second after the start. Each row has other policies. A late
+# reader joins after all ten messages have been written.
 
 # %% tags=["hide-code"]
 
@@ -413,7 +425,7 @@ for name, case in {
     "depth 10, writer's lifespan 0.35 s": (QoS(lifespan=0.35), QoS()),
     "late, volatile": (QoS(), QoS(), 0.95),
     "late, transient local, writer's depth 2": (QoS(depth=2, **local), QoS(**local), 0.95),
-    "late, transient local, depths 2 and 1": (
+    "late, transient local, writer's depth 2, reader's 1": (
         QoS(depth=2, **local),
         QoS(depth=1, **local),
         0.95,
@@ -425,8 +437,8 @@ for name, case in {
 table(*rows)
 
 # %% [markdown]
-# Messages whose lifespan has ended are gone, but they do not count as dropped. And a late joiner gets nothing from a
-# volatile writer: the history is stored at the writer, and only if it is transient local.
+# Messages whose lifespan has ended are gone, but the last column does not count them as dropped. A late reader gets
+# nothing from a volatile writer, because such a writer stores no message for later readers.
 
 # %%
 predict("late_screen")
@@ -445,8 +457,8 @@ more_claims(
 # ### A periodic loop that does not drift
 #
 # A controller should run once every millisecond. The obvious loop computes and then sleeps for one millisecond. But
-# each cycle then takes the sleep *plus* the computation, *plus* the small delay with which the operating system wakes
-# the program up. How far behind is that loop after a thousand cycles?
+# each cycle then takes longer than that: the sleep, the computation, and the short delay with which the operating
+# system wakes the program up. How far behind is that loop after a thousand cycles?
 
 # %%
 predict("sleep_for_a_period")
@@ -469,11 +481,12 @@ _ = axes[1].set(xlim=(-0.1, 7.1))
 plt.show()
 
 # %% [markdown]
-# The dotted lines are the releases, the orange bars the work (drawn longer and later than below). The **release** of
-# cycle $k$ is the time at which it should start: start time plus $k\,T$. **Lateness** is how long after its release a
-# cycle really starts. The upper loop drifts away from the dotted lines; the lower one sleeps *until* the next release,
-# so an error in one cycle is not passed on to the next. The table runs both loops on one simulated clock, with 0.1 ms
-# of work and a wake-up that is 0.06 ms late:
+# The **release** of cycle $k$ is the time at which it should start: start time plus $k\,T$. These times are the dotted
+# lines. **Lateness** is how long after its release a cycle really starts. The orange bars are the work; the picture
+# exaggerates its length and its lateness. The upper loop drifts away from the dotted lines. The lower one sleeps
+# *until* the next release, so an error in one cycle is not passed on to the next.
+#
+# The table runs both loops on one simulated clock. Each cycle works for 0.1 ms, and each wake-up is 0.06 ms late:
 
 # %% tags=["hide-code"]
 
@@ -492,7 +505,7 @@ def clock(wake=60_000, hiccup=()):
     return {"now": lambda: now[0], "sleep": sleep}, work
 
 
-rows = [("1000 cycles of 1 ms", "last cycle late by", "worst", "cycles skipped")]
+rows = [("1000 cycles of 1 ms", "last cycle late by", "largest lateness", "cycles skipped")]
 for name, relative, hiccup in (
     ("sleep for a period", True, ()),
     ("sleep until the release", False, ()),
@@ -505,11 +518,11 @@ for name, relative, hiccup in (
 table(*rows)
 
 # %% [markdown]
-# In the last row the loop skips the cycles that it has missed, counts them, and continues on the original grid. Running
-# the missed cycles one after another would send a burst of commands.
+# In the last row the loop skips the cycles that it has missed, counts them, and starts again at the next multiple of
+# $T$. Running the missed cycles one after another would send a burst of commands.
 #
 # *Derive it yourself.* The wrong loop sleeps for the period $T$, works for $C$ and wakes up late by $L$ each time. At
-# which rate does it run? The formula in the cell forgets something; correct it.
+# which rate does it run? The formula in the cell omits one of these times; correct it.
 
 # %%
 answer("relative_sleep", "1/(T + C)")
@@ -517,16 +530,20 @@ answer("relative_sleep", "1/(T + C)")
 # %% [markdown]
 # ### Response-time analysis: are all tasks in time?
 #
-# Several tasks share one processor core. Task $i$ needs at most $C_i$ of computing time in each period $T_i$. Its
-# share of the core is $C_i/T_i$, and the sum of these shares is the **utilization**. The tasks have fixed priorities,
-# and a task of higher priority interrupts (**preempts**) the others. **Rate-monotonic** priorities give the highest
-# priority to the task with the shortest period.
+# Several tasks share one processor core. Each task is released once per period. Its **deadline** (not the QoS policy)
+# is the end of that period. Task $i$ needs at most $C_i$ of computing time in each period $T_i$. Its share of the core
+# is $C_i/T_i$, and the sum of these shares is the **utilization**. The tasks have fixed priorities, and a task of
+# higher priority interrupts (**preempts**) the others. **Rate-monotonic** priorities give the highest priority to the
+# task with the shortest period.
 #
 # A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
-# task delays it. It delays ours most if as many of its runs as possible fall into our window: if its first run starts
-# just when ours is released. Earlier, part of that run would be over; later, the last run could fall outside. So the
-# worst case is a **critical instant**: all tasks are released at the same moment. The picture shows it for a controller
-# (period 1 ms), a filter (10 ms) and a planner (100 ms).
+# task delays our task, most of all if it runs as often as possible between our release and our end. So its first run
+# should begin exactly at our release. If it began earlier, part of it would be over before our release. If it began
+# later, its last run might begin only after our end.
+#
+# So the worst case is a **critical instant**: all tasks are released at the same moment. This is true for
+# **independent** tasks: none of them waits for another task or for anything else. The picture shows a critical instant
+# of a controller (period 1 ms), a filter (10 ms) and a planner (100 ms).
 
 # %% tags=["hide-code"]
 C, T = np.array([0.25, 2.0, 40.0]), np.array([1.0, 10.0, 100.0])
@@ -563,14 +580,15 @@ plt.show()
 #
 # $$R_i = C_i + B_i + \sum_{j<i} \left\lceil \frac{R_i}{T_j} \right\rceil C_j .$$
 #
-# In words: the task's own work, plus the time $B_i$ for which a less urgent task can block it (next section), plus all
-# runs of the more urgent tasks $j$ that are released within $R_i$. The brackets $\lceil\;\rceil$ round up. $R_i$ stands
-# on both sides, so we start with $R_i = C_i$ and repeat until nothing changes.
+# In words: the task's own work, plus the blocking $B_i$, plus all runs of the more urgent tasks $j$ that are released
+# within $R_i$. The **blocking** is the longest time for which less urgent tasks can hold this one up (next section).
+# The brackets $\lceil\;\rceil$ round up. $R_i$ stands on both sides, so we start with $R_i = C_i$, insert it on the
+# right, and repeat until nothing changes.
 #
-# **A worked example**, for the filter: $C = 2$ ms, and the controller takes 0.25 ms of each 1 ms. Start with 2 ms: two
-# runs of the controller fit, which makes $2 + 2 \cdot 0.25 = 2.5$ ms. In 2.5 ms there are three releases:
-# $2 + 3 \cdot 0.25 = 2.75$ ms. In 2.75 ms there are three again, so 2.75 ms is the answer. The table compares the
-# formula with a simulated scheduler.
+# **A worked example**, for the filter: $C = 2$ ms, and the controller takes 0.25 ms of each 1 ms. Start with 2 ms. In
+# this time the controller is released twice, which makes $2 + 2 \cdot 0.25 = 2.5$ ms. In 2.5 ms there are three
+# releases: $2 + 3 \cdot 0.25 = 2.75$ ms. In 2.75 ms there are three again, so 2.75 ms is the answer. The table compares
+# the formula with a simulated scheduler.
 
 # %% tags=["hide-code"]
 longest = schedule.run(1e-3 * C, 1e-3 * T, 10.0).longest
@@ -584,10 +602,11 @@ table(
 show("critical_instant")
 
 # %% [markdown]
-# Two simpler tests need only the utilization. Liu and Layland (1973) proved that $n$ rate-monotonic tasks are in time
-# if their utilization is at most $n(2^{1/n} - 1)$. The **hyperbolic bound** (Bini and others, 2001) accepts a set if
-# $\prod (C_i/T_i + 1) \leq 2$. Both are sufficient and not necessary: a set that they reject may still be in time. For
-# the three tasks above:
+# Two simpler tests need only the utilizations of independent tasks with rate-monotonic priorities. Liu and Layland
+# (1973) proved that $n$ such tasks meet all deadlines if their utilization is at most $n(2^{1/n} - 1)$. The
+# **hyperbolic bound** (Bini and others, 2001) accepts a set if $\prod (C_i/T_i + 1) \leq 2$. Both are sufficient and
+# not necessary: a set that they reject may still meet its deadlines. A test that safely accepts more than the
+# hyperbolic bound must also use the periods. For the three tasks above:
 
 # %% tags=["hide-code"]
 table(
@@ -601,11 +620,16 @@ table(
 )
 
 # %% [markdown]
-# The left panel of the chart shows which share of random task sets each test accepts; triangles are simulated runs. For
-# the right panel, all computing times are lengthened by the same factor until a deadline is missed. The utilization at
-# that point is called **breakdown utilization**; the band holds the middle 90% of the sets.
+# For the left panel of the chart we generated random sets of five tasks. The curves show which share of them each test
+# accepts. Triangles show which share met all deadlines in a simulated run. For the right panel, all computing times of
+# a set are lengthened by the same factor until a deadline is missed. The utilization at that point is called
+# **breakdown utilization**. The curve is its median, and the band holds the middle 90% of the sets.
 #
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
+#
+# Why should the shorter period come first? Suppose two neighbours in the order of priorities meet their deadlines with
+# the longer period first. Then both always finish within the shorter period. If you swap their priorities, they still
+# do, because the work is the same.
 
 # %%
 show("by_rate_is_best")
@@ -613,8 +637,8 @@ show("by_rate_is_best")
 # %% [markdown]
 # ### Locks: priority inversion
 #
-# A **lock** protects data that two tasks share: only one task can hold it, and the other has to wait. That wait is the
-# term $B_i$ of the formula. Consider three tasks, of which the least urgent holds a lock.
+# A **lock** protects data that two tasks share: only one task can hold it, and the other has to wait. This wait is part
+# of the blocking $B_i$. Consider three tasks, of which the least urgent holds a lock that the most urgent one needs.
 
 # %%
 predict("middle_priority")
@@ -640,10 +664,14 @@ _ = axes[0].set_xlabel("")
 plt.show()
 
 # %% [markdown]
-# This is **priority inversion**: the most urgent task waits for the least urgent one, and therefore for every task
-# between them. **Priority inheritance** cures it: while a task holds a lock, it runs at the priority of the most urgent
-# task that waits for it. With a **priority ceiling**, the holder's priority is raised at once, even if nobody waits: to
-# that of the most urgent task that ever uses this lock. The simulated scheduler gives these waits:
+# This is **priority inversion**: the most urgent task waits for the least urgent one, and here also for every task
+# between them. **Priority inheritance** shortens the wait: while a task holds a lock, it runs at the priority of the
+# most urgent task that waits for this lock. With a **priority ceiling**, the holder's priority is raised as soon as it
+# takes the lock, to that of the most urgent task that ever uses this lock.
+#
+# In the lower panel even the middle task, which needs no lock, waits while the low task runs at the high priority. This
+# time belongs to the middle task's blocking $B_i$. The table shows how long the most urgent task waits in a simulated
+# scheduler:
 
 # %% tags=["hide-code"]
 # high, middle, low: the low one has the lock when the high one comes, 2 ms later.
@@ -676,13 +704,15 @@ show("inversion_is_bounded")
 # %% [markdown]
 # ### Executors: who waits for a thread
 #
-# In ROS 2 a callback can wait even if the processor is idle. An **executor** calls your callbacks. Each of its threads
-# runs one callback at a time and never interrupts it. ROS 2's executor makes a list of the callbacks that are ready,
-# its **ready set**, and runs the whole list. One that becomes ready meanwhile waits for the next list (Casini and
-# others, 2019).
+# In ROS 2 a callback can wait even if the processor is idle. An **executor** has one or more threads and runs your
+# callbacks on them. Each thread runs one callback at a time and never interrupts it. ROS 2's standard executor makes a
+# list of the callbacks that are ready, its **ready set**, and runs the whole list. A callback that becomes ready
+# meanwhile waits for the next list (Casini and others, 2019). Since ROS 2 Eloquent (2019) this is true for timers too;
+# before, a timer that was due came first.
 #
 # With several threads, a **callback group** says which callbacks may run at the same time. Callbacks in a *mutually
-# exclusive* group, the default, never overlap. Those in a *reentrant* group may.
+# exclusive* group, the default, never overlap. Those in a *reentrant* group may overlap, and so may callbacks of
+# different groups.
 
 # %%
 predict("camera_callback")
@@ -700,37 +730,47 @@ for axis, rows_, title in zip(
     timeline(axis, rows_)
     for due in (1, 51):
         _ = axis.axvline(due, color=RED, ls=":", lw=1.2)
-    _ = axis.set_title(f"{title} (orange: camera, blue: control, red: control is due)", fontsize=9)
+    _ = axis.set_title(
+        f"{title} (orange: camera, blue: control, red: control is due, each 50 ms)", fontsize=9
+    )
 _ = axes[0].set_xlabel("")
 plt.show()
 
 # %% [markdown]
-# To protect the control callback, put it in a group of its own and give it a thread. The first column of the table is
-# the longest time from when control is due until it ends, in eight runs. The second is a computed bound; on one thread,
-# the sum of both callbacks:
+# To protect the control callback, put it in a group of its own and give it a thread. The table shows the longest time
+# from when control is due until it ends, in forty simulated runs, and a computed bound. In the rows with two cameras,
+# both take an image at the same moment:
 
 # %% tags=["hide-code"]
-works = [Work("control", 0.001, 0.050), Work("camera", 0.025, 0.033, "subscription")]
-apart = [replace(work, group=work.name) for work in works]
+control = Work("control", 0.001, 0.050)
+one = [control, Work("camera", 0.025, 0.033, "subscription")]
+two = [control, *(Work(f"camera {k}", 0.025, 0.1, "subscription") for k in (1, 2))]
+apart = [replace(work, group=work.name) for work in two]
 rng = np.random.default_rng(1)
-rows = [("executor", "longest, simulated", "bound")]
-for name, some, order, threads in (
-    ("one thread, ready set", works, "ready set", 1),
-    ("one thread, first in first out", works, "fifo", 1),
-    ("a group and a thread each", apart, "ready set", 2),
+rows = [("callbacks", "executor", "longest, simulated", "bound")]
+for cameras, name, some, order, threads in (
+    ("control, one camera", "one thread, ready set", one, "ready set", 1),
+    ("", "one thread, first in first out", one, "fifo", 1),
+    ("control, two cameras", "one thread, ready set", two, "ready set", 1),
+    ("", "one thread, a timer that is due first", two, "timers first", 1),
+    ("", "a group and a thread each", apart, "ready set", 3),
 ):
-    phases = rng.random((8, 2))
-    largest = max(respond(some, order, threads, tuple(p), 5.0)["control"].max() for p in phases)
+    # Both cameras have the same phase.
+    phases = [(a, *[b] * (len(some) - 1)) for a, b in rng.random((40, 2))]
+    largest = max(respond(some, order, threads, p, 2.0)["control"].max() for p in phases)
     bound = bounds(some, order, threads)["control"]
-    rows.append((name, f"{1e3 * largest:.1f} ms", f"{1e3 * bound:.1f} ms"))
+    rows.append((cameras, name, f"{1e3 * largest:.1f} ms", f"{1e3 * bound:.1f} ms"))
 table(*rows)
 
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
-# The order in which one thread runs the callbacks makes no difference to the longest wait. A callback can even wait for
-# itself. Below, a timer callback calls a service of its own node and waits for the reply. Timer and service are both in
-# the node's default group. The bus reports who waits for whom:
+# With one camera, the order of the callbacks does not change the bound, which is the sum of both callbacks. With two
+# cameras it does: control can wait for both in a ready set, but only for one if a timer that is due runs first.
+#
+# A callback can even wait for itself. Below, a node called `hand` offers a service called `grasp`. A timer callback of
+# the same node calls this service and waits for the reply. Timer and service are both in the node's default group. The
+# bus reports who waits for whom:
 
 # %% tags=["hide-code"]
 bus = Bus()
@@ -761,11 +801,13 @@ more_claims("not_real_time_by_default", "callback_over_a_period", "callback_sets
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Silent and late are different faults. If two nodes share a topic and a type, have discovered each
-# other and nothing arrives, not even a small message (large ones can all be lost on the link), compare their QoS
-# profiles; if they are compatible, look for a callback that waits for itself. If data are late, they waited somewhere:
-# in a queue, for retransmission on the link, behind other callbacks in the executor, or behind other tasks on the core.
-# Find out where, and compute the longest wait.
+# **Key insight.** Silent and late are different faults. *Silent* means that nothing arrives, not even a small message.
+# First check that name, type and domain of the topic agree and that something is published. Then compare the QoS
+# profiles of writer and reader. If they are compatible, look for a callback that never returns, for instance because it
+# waits for itself.
+#
+# *Late* data waited somewhere: in a queue, for retransmission on the link, behind other callbacks in the executor, or
+# behind other tasks on the core. Find out where, and compute the longest wait.
 #
 # </div>
 
@@ -822,21 +864,23 @@ plt.show()
 
 # %% [markdown]
 # <table> <tr><th>connection</th> <th>policies</th> <th>because</th></tr> <tr><td>camera → perception</td> <td>best
-# effort, depth 1, one process if possible</td> <td>only the newest image counts; on a slow link a resent one would come
-# late, when a newer one is due</td></tr> <tr><td>perception → planner</td> <td>best effort, depth 1, deadline of three
-# camera periods</td> <td>the next scene replaces a lost one; if several in a row are missing, the planner must
-# notice</td></tr> <tr><td>planner → controller</td> <td>reliable, depth 1, a whole trajectory with times</td> <td>the
-# next trajectory comes only after 100 ms; until then the controller interpolates</td></tr> <tr><td>controller →
-# drives</td> <td>no middleware: the same thread</td> <td>a missed period is a physical fault</td></tr> <tr><td>safety
-# monitor → controller, screen</td> <td>reliable, transient local, depth 1, with a lease</td> <td>a late subscriber
-# needs the current status; a controller that no longer hears the monitor must stop the arm</td></tr> </table>
+# effort, depth 1; both nodes in one process if possible</td> <td>only the newest image counts; on a slow link, an image
+# that is sent again arrives when a newer one is due</td></tr> <tr><td>perception → planner</td> <td>best effort, depth
+# 1, deadline of three camera periods</td> <td>the next scene (the objects in an image) replaces a lost one; the planner
+# must notice if several in a row are missing</td></tr> <tr><td>planner → controller</td> <td>reliable, depth 1, a whole
+# trajectory with times</td> <td>the next trajectory comes only after 100 ms; until then the controller
+# interpolates</td></tr> <tr><td>controller → drives</td> <td>no middleware: the same thread</td> <td>a missed period is
+# a physical fault</td></tr> <tr><td>safety monitor → controller, screen</td> <td>reliable, transient local, depth 1,
+# with a lease</td> <td>a late subscriber needs the current status; a controller that no longer hears the monitor must
+# stop the arm</td></tr> </table>
 #
 # How old is the image behind a command at the drives? Chapter 0 added up the execution times and the waits between
-# stages. The chart does the same for four variants of this stack. Blue is computing; each other colour is one wait.
+# stages. The chart does the same for four variants of this stack. Blue is computing; each other colour is one wait. A
+# plan is in use until the next plan arrives, and a command until the next command.
 
 # %% tags=["hide-code"]
 rows = {
-    "as asked": [
+    "as designed": [
         Stage("camera", 0.005, 1 / 30),
         Stage("perception", 0.020),
         Stage("planner", 0.040, 0.1),
@@ -844,23 +888,23 @@ rows = {
     ],
 }
 rows["planner of 30 ms, on arrival"] = [
-    *rows["as asked"][:2],
+    *rows["as designed"][:2],
     Stage("planner", 0.030),
-    rows["as asked"][3],
+    rows["as designed"][3],
 ]
-rows["controller at 100 Hz"] = [*rows["as asked"][:3], Stage("controller", 1e-4, 1e-2)]
+rows["controller at 100 Hz"] = [*rows["as designed"][:3], Stage("controller", 1e-4, 1e-2)]
 rows["depth 10, slow perception"] = [
-    rows["as asked"][0],
+    rows["as designed"][0],
     Stage("perception", 0.050, depth=10, overload="queue"),
-    *rows["as asked"][2:],
+    *rows["as designed"][2:],
 ]
 moments, rng = np.linspace(2.0, 2.9, 901), np.random.default_rng(0)
 PARTS = {
     "computing": "#5c6bc0",
     "image waits": "#ef6c00",
     "scene waits": "#2e7d32",
-    "plan waits": "#c62828",
-    "command in force": "#9e9e9e",
+    "plan in use": "#c62828",
+    "command in use": "#616161",
 }
 figure_, axis = plt.subplots(figsize=(8, 2.0), layout="constrained")
 lines = [("stack", "least age", "mean age", "largest age", "mean, simulated")]
@@ -885,13 +929,15 @@ plt.show()
 table(*lines)
 
 # %% [markdown]
-# Least, mean and largest age are computed; the last column is the average of 16 simulated runs with random phases. The
-# camera takes 5 ms, perception 20 (slow: 50), the planner 40. Much of the delay comes from the planner's fixed 10 Hz
-# timer. If the planner starts when a new scene arrives, the scene no longer waits for the timer, and plans come three
-# times as often. That works only if planning finishes before the next image, so that row uses a planner of 30 ms.
+# The ages are computed; the last column is the average of 16 simulated runs. In each run, every clock starts at a
+# random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms) and the planner 40 ms.
+#
+# Much of the delay comes from the planner's fixed 10 Hz timer. If the planner starts when a new scene arrives, the
+# scene no longer waits for the timer, and plans come three times as often. That works only if planning finishes before
+# the next image, so that row uses a planner of 30 ms.
 #
 # An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs $w\,h\,c\,f$ bytes per
-# second. Colour takes three bytes per pixel and depth two.
+# second. A colour pixel takes three bytes, a depth pixel two.
 
 # %% tags=["hide-code"]
 STREAMS = {"VGA colour": (640, 480, 3, 30), "720p colour and depth": (1280, 720, 5, 30)}
@@ -903,15 +949,16 @@ table(*lines)
 
 # %% [markdown]
 # Gigabit Ethernet carries at most 125 MB/s, so the larger stream does not fit: run camera and perception on one
-# computer, or compress. Even on one computer a burst can be lost. An image is split into many packets, and if they
-# arrive faster than the receiving program reads them, the socket's receive buffer overflows. Ten images of 720p,
-# written at once on Cyclone DDS to another process on this machine:
+# computer, or compress. Even there, images can be lost. The operating system stores arriving packets in a **receive
+# buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an image
+# arrive faster than the program reads, the buffer overflows. Ten images of 720p, written at once on Cyclone DDS to
+# another process on this machine:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
     from course.oracles.slow_reader import flood
 
-    lines = [("reliability", "images received", "from the first to the last")]
+    lines = [("reliability", "images received", "data rate, first to last image received")]
     for how in ("reliable", "best_effort"):
         came = flood(
             transport.stream(*STREAMS["720p colour and depth"])[0], 10, 10, reliability=how
@@ -946,9 +993,8 @@ for output, some in {
 table(*lines)
 
 # %% [markdown]
-# All three need more than a whole core. The planner has the lowest priority and gets less time than it needs: its first
-# plan is late, and every later one is later still, so no bound exists. Perception uses the most time, so it gets a core
-# of its own.
+# All three together need more than a whole core. The planner has the lowest priority. Its first plan is late, and every
+# later one is later still, so no bound exists. Perception uses the most time, so it gets a core of its own.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -962,7 +1008,8 @@ table(*lines)
 #
 # ### The launch file, and what it sets
 #
-# A **launch file** is a Python program that starts a system's nodes and passes them parameters. This is a typical one:
+# A **launch file** starts a system's nodes and passes them parameters. It is written in Python, XML or YAML. This is a
+# typical one in Python:
 
 # %% tags=["hide-code"]
 Markdown(f"```python\n{launch.USUAL[launch.USUAL.index('def ') :].strip()}\n```")
@@ -971,9 +1018,7 @@ Markdown(f"```python\n{launch.USUAL[launch.USUAL.index('def ') :].strip()}\n```"
 predict("five_comments")
 
 # %% [markdown]
-# We ran this file against a stand-in for ROS 2's launch system. Policies can be set from outside with parameters that
-# begin with `qos_overrides` (since ROS 2 Galactic, 2021), one policy at a time, with times in nanoseconds. The node's
-# source has to allow it.
+# We ran this file with a replacement of ROS 2's launch system that only records what would be started:
 
 # %% tags=["hide-code"]
 usual, ours = (launch.nodes(text) for text in (launch.USUAL, launch.OURS))
@@ -983,7 +1028,11 @@ table(
 )
 
 # %% [markdown]
-# The file in the fold-out sets them. The table lists what differs from the defaults:
+# Parameters whose names begin with `qos_overrides` set policies from outside (since ROS 2 Galactic, 2021). Each sets
+# one policy of one end, for example `qos_overrides./camera/image.publisher.depth: 1`. Times are in nanoseconds. The
+# node's source has to allow it.
+#
+# The file in the fold-out sets policies in this way. The table lists what differs from the defaults:
 
 # %% tags=["hide-code"]
 Markdown(
@@ -1011,7 +1060,7 @@ for node in ours:
 table(*lines)
 
 # %% [markdown]
-# The stand-in also finds silent topics, for instance when one end is forgotten:
+# The replacement also finds silent topics, for instance when one end is forgotten:
 
 # %% tags=["hide-code"]
 broken = launch.OURS.replace(
@@ -1026,13 +1075,19 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 #
 # * *Processes.* If perception crashes in its own process, the controller goes on running. The arm does not hold its
 #   position by itself: somebody has to program what happens when no new plan arrives. The price is that every image is
-#   serialised and copied several times on its way.
-# * *The controller* is a plug-in of **ros2_control**, ROS 2's framework for controllers. Its manager has parameters for
-#   rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024).
+#   turned into bytes (**serialisation**) and copied several times on its way.
+# * *The controller* is a plug-in of **ros2_control**, ROS 2's framework for controllers. The framework has parameters
+#   for rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024).
 # * *The planner's topic* needs an override only for its depth, because reliable is the default.
+#
+# <details><summary>Two more traps</summary>
+#
 # * *Names depend on the version.* For RealSense cameras, `depth_module.profile` became `depth_module.depth_profile`
-#   with driver 4.55.1 (May 2024). ROS 2 ignores a name that the node does not declare, without a message.
+#   with driver 4.55.1 (May 2024). If a launch file sets a parameter that the node does not declare, ROS 2 ignores it
+#   without a message.
 # * *Tuning at run time* works only if the node reads the parameter again or registers a callback for changes.
+#
+# </details>
 
 # %%
 show("processes_isolate")
@@ -1057,9 +1112,11 @@ Markdown(
 # %% [markdown]
 # ### A controller in C++
 #
-# Below is the update function of a controller in the form that ros2_control uses. Array sizes are checked once, when
-# the controller is configured. So `update` checks no sizes, allocates no memory and never waits for a lock: an
-# allocation or a lock can take arbitrarily long. The picture shows where `update` is called:
+# Below is the update function of a controller in the form that ros2_control uses. It reads positions and velocities
+# from `state_interfaces_` and writes torques to `command_interfaces_`. Array sizes are checked once, when the
+# controller is configured. So `update` checks no sizes. It also allocates no memory and never waits for a lock: an
+# allocation can take arbitrarily long, and so can a lock without priority inheritance. In the picture, the dashed arrow
+# leads to the steps that are repeated while the controller is active:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.6, 1.7), layout="constrained")
@@ -1091,8 +1148,9 @@ folded = f"<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n<
 Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 
 # %% [markdown]
-# In the error case the torque is zero, and an arm without brakes falls. A real system engages the brakes, or holds the
-# last safe position, when a controller returns `ERROR`.
+# `update` returns `ERROR` in two cases. A joint with an invalid reading gets zero torque, and without brakes it falls.
+# If a torque cannot be written (`set_value` fails), the last one remains in force. A real system then engages the
+# brakes, or holds the last safe position.
 #
 # The common alternative computes inside a subscription's callback, like this:
 
@@ -1118,8 +1176,8 @@ predict("six_positions")
 #
 # </details>
 #
-# We compiled both with a **sanitizer**, a compiler option that adds checks of memory accesses to the running program.
-# Then both received messages:
+# We compiled both programs with a **sanitizer**, a compiler option that adds checks of memory accesses to the running
+# program. Then we called `update` with random joint states, and sent three messages to the callback:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 rng, six = np.random.default_rng(2), 6
@@ -1155,10 +1213,13 @@ more_claims("any_joint_message")
 # ## 5 · The simulation in full
 #
 # Select a topic, and set the policies of its publisher and its subscriber. A red line is a silent pair, with the policy
-# that fails; bold lines belong to the selected node. The node with the red border has to be in time. Below the graph
-# you see which tasks run at each moment, and the age of the command that acts at the drives. The numbers below have
-# tooltips; all but the first are about the whole run, five seconds. Start with the preset *Deep queue*, and set the
-# subscriber's depth to 1: what happens to the age?
+# that fails; bold lines belong to the selected node; a moving dot is an image. The node with the red border has to be
+# in time. Below the graph you see which tasks run at each moment, and the age of the command that the drives use
+# ("command in force"). The numbers below have tooltips; all but the first are about the whole run, five seconds.
+#
+# Unlike the design of section 3, this stack sends images over a link and commands as messages, and its clocks have
+# fixed phases. So its mean age differs. Start with the preset *Deep queue*, and set the subscriber's depth to 1: what
+# happens to the age?
 
 # %%
 simulation("middleware", "Deep queue")
@@ -1177,25 +1238,28 @@ table(
     ("Mismatch", "best effort offered, reliable requested", "silence",
         f"{', '.join(compatible(QoS('best_effort'), QoS()))} is incompatible"),
     ("Lossy wire", "one packet in a thousand is lost", "images are missing",
-        f"{transport.expected_loss(PACKETS, 1e-3):.0%} of the images; with reliable, on average "
-        f"{transport.expected_rounds(PACKETS, 1e-3):.2f} transmissions, all but the first partial"),
+        f"{transport.expected_loss(PACKETS, 1e-3):.0%} of the images; with reliable none, after "
+        f"{transport.expected_rounds(PACKETS, 1e-3):.2f} rounds of sending on average"),
     ("Deep queue", "perception slower than the camera, depth 10", "all commands are old",
         f"9 camera periods of {1e3 * CAMERA:.1f} ms in the queue: {9e3 * CAMERA:.0f} ms"),
     ("Overload", "the loop shares perception's thread", "cycles late and skipped",
-        f"late by up to {1e3 * (once + LOOP):.1f} ms: perception, slowed by other load, and a tick"),
-    ("Inversion", "a lock shared with a logger, a task on perception's processor", "the loop waits for perception",
+        f"late by up to {1e3 * (once + LOOP):.1f} ms: {1e3 * once:.1f} ms of perception, which shares its processor, "
+        f"and {1e3 * LOOP:.1f} ms of the loop"),
+    ("Inversion", "the loop shares a lock with a logger, a task on perception's processor",
+        "the loop waits for perception",
         f"{1e3 * HOLD:.0f} ms for the lock and {1e3 * SEEING:.0f} ms for perception; with "
         f"inheritance only {1e3 * HOLD:.0f} ms"),
-    ("Late monitor", "volatile, published once", "the monitor never receives the zone, its message from the planner",
-        "fix: transient local at both ends"),
+    ("Late monitor", "volatile, published once",
+        "the planner publishes a forbidden zone; the monitor starts later and never learns it",
+        "fix: transient local and reliable at both ends"),
 )  # fmt: skip
 
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
 # How long does a message take to another process, or thread, and back? All transports return exactly the same bytes, so
-# accuracy is equal. (Zenoh is another middleware, see section 9.) Times are multiples of that of a message of 64 bytes
-# passed between two threads through a queue. Bands, here and in the next charts, show the spread.
+# accuracy is equal. (Zenoh is another middleware, see section 9.) The unit is the time of a 64-byte message that two
+# threads pass each other through a queue. Bands, here and in the next charts, show the spread of the measurements.
 #
 # ![Round trips by size: threads, socket, shared memory, zenoh, Cyclone DDS](../docs/charts/round_trips.png)
 
@@ -1211,16 +1275,18 @@ for one in stored("round_trips")[0].series:
 table(*lines)
 
 # %% [markdown]
-# For small messages the differences are overhead: waking a background thread, numbering messages, acknowledging them.
-# For large ones each copy costs time, also that into bytes (**serialisation**). The curve *Cyclone DDS, sequence* is
-# slow because of Python: a message field declared as `sequence[uint8]` turns every byte into a Python object. Declare
-# it as `array[uint8, n]`. At 4 MB, Cyclone DDS no longer fits the message into the socket's receive buffer. Then
-# packets can be lost and have to be sent again, and the time jumps.
+# For small messages the differences are overhead: waking a background thread, numbering messages, and acknowledging
+# that they have arrived. For large ones each copy costs time, and so does serialisation. The curve *Cyclone DDS,
+# sequence* is slow because of Python: a message field declared as `sequence[uint8]` turns every byte into a Python
+# object. Declare it as `array[uint8, n]`.
+#
+# At 4 MB, the time of Cyclone DDS jumps. A likely reason is that the message no longer fits into the receive buffer, so
+# that packets are lost and sent again. We did not count them.
 #
 # *What to choose.* In one process, hand over a pointer. On one machine, use shared memory for large messages. Between
 # machines, use what the rest of your robots use, and compute bandwidth and packets first.
 #
-# Large and small messages can also get in each other's way, when they share a wire:
+# Large and small messages can also delay each other, when they share a wire:
 
 # %%
 show("command_waits_for_picture")
@@ -1242,17 +1308,17 @@ _ = response_times(*sets)
 print(f"response times of 1,000 sets of 8 tasks: {1e3 * (perf_counter() - begun):.1f} ms")
 
 # %% [markdown]
-# The bus has a simple model: no processes, no copies, no discovery, and its acknowledgements are never lost. So it
-# predicts which pairs connect, and how long messages wait for queues, callbacks and a link of known speed, but not the
-# overhead of a real middleware.
+# The bus is a simple model: it has no processes, no copies and no discovery, and its acknowledgements are never lost.
+# It predicts which pairs connect, and how long messages wait for queues, callbacks and a link of known speed. It does
+# not predict the overhead of a real middleware.
 #
 # ## 7 · Debug: messages that are lost or late
 #
 # ### Fragments: how one lost packet loses an image
 #
-# A network packet carries about 1,500 bytes, so a VGA image is split into more than six hundred **fragments**. The
-# image is complete only if all of them arrive. Assume that each packet is lost with probability $p$, independently.
-# Then all $n$ fragments arrive with probability $(1 - p)^n$, and
+# A network packet carries about 1,500 bytes, so a VGA image is split into more than six hundred **fragments**, one per
+# packet. The image is complete only if all of them arrive. Assume that each packet is lost with probability $p$,
+# independently. Then all $n$ fragments arrive with probability $(1 - p)^n$, and
 #
 # $$P(\text{image lost}) = 1 - (1 - p)^n .$$
 #
@@ -1263,10 +1329,10 @@ predict("one_in_ten_thousand")
 
 # %% [markdown]
 # A reliable reader repairs this. It sends a **negative acknowledgement**, the list of the fragments that are missing,
-# and the writer sends those again. This happens in rounds. After $k$ rounds a given fragment is still missing with
-# probability $p^k$, and the image needs another round with probability $1 - (1 - p^k)^n$. The mean number of rounds is
-# P(more than 0 are needed) + P(more than 1) + P(more than 2) and so on, because an image with $m$ rounds is counted in
-# $m$ of these terms:
+# and the writer sends those again. The first **round** sends all fragments, and each further round only the missing
+# ones. After $k$ rounds a given fragment is still missing with probability $p^k$, so the image needs another round with
+# probability $1 - (1 - p^k)^n$. The sum of these probabilities over all $k$ is the mean number of rounds, because an
+# image that needs $m$ rounds is counted in $m$ of the terms:
 #
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
 #
@@ -1281,10 +1347,13 @@ show("reliable_resends_all")
 # %% [markdown]
 # ### Late, or lost?
 #
-# A servo receives a position command every 10 ms, and one in twenty is lost. With reliable delivery, the lost command
-# arrives late, and later ones wait behind it, because a reliable topic preserves the order. In the picture a trip takes
-# 6 ms, and the repair costs one trip back and one more there. With best effort the lost command is simply replaced by
-# the next one. Which of the two follows the desired motion more closely?
+# A servo receives a position command every 10 ms, and one in twenty is lost. With best effort the lost command is
+# simply replaced by the next one. With reliable delivery the lost command is sent again and arrives late. Later ones
+# wait behind it, because a reliable topic preserves the order.
+#
+# In the picture a trip takes 6 ms. The servo notices the loss when the lost command should have arrived. Its request
+# for the repair takes one trip back, and the repair one more trip there. Which of the two reliabilities follows the
+# desired motion more closely?
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 3.2), layout="constrained", sharex=True)
@@ -1293,11 +1362,17 @@ for axis, again in zip(axes, (False, True), strict=True):
     for k in range(6):
         sent, came = 10.0 * k, 10.0 * k + 6.0
         missing = k == 1
-        if missing and not again:
+        if missing:
             _ = axis.plot([sent, sent + 3], [1, 0.5], color=RED)
             _ = axis.plot(sent + 3, 0.5, "x", color=RED)
+        if missing and not again:
+            _ = axis.plot([came, came + 10.0], [0, 0], color=GREY, lw=3)
+            _ = axis.text(came + 5.0, 0.1, "old command", ha="center", fontsize=8)
             continue
-        came = came + 12.0 if missing else came
+        if missing:
+            # The request for the repair goes back; then the command travels once more.
+            _ = axis.plot([came, came + 6.0], [0, 1], color=RED, ls="--")
+            sent, came = came + 6.0, came + 12.0
         shown = max(came, free)
         free = shown if again else 0.0
         ink = RED if missing else (ORANGE if shown > came else BLUE)
@@ -1310,7 +1385,9 @@ for axis, again in zip(axes, (False, True), strict=True):
     _ = axis.set_title(
         "reliable: the lost one is sent again" if again else "best effort", fontsize=9
     )
-_ = axes[1].set_xlabel("time [ms] (red: the lost command, orange: the one that waits behind it)")
+_ = axes[1].set_xlabel(
+    "time [ms] (red: the lost command; dashed: request to repeat it; orange: waits behind it)"
+)
 plt.show()
 
 # %%
@@ -1321,8 +1398,22 @@ predict("late_or_lost")
 #
 # The delay on the axis is one-way. On a fast link, the repaired command arrives before the next one is due, and
 # reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and best effort is
-# better. The curves cross where the round trip takes somewhat less than one command period, so compare these two times.
-# A message that is sent *once* (a goal, a change of mode, a stop) has no successor, and needs reliable.
+# better. In this run the curves cross where the round trip takes somewhat less than one command period, so compare
+# these two times.
+#
+# The bus favours reliable delivery here: its writer stores enough commands to repeat any of them, and its reader
+# notices a loss at once.
+#
+# <details><summary>What differs on DDS</summary>
+#
+# A reader notices a loss only when the next message arrives, or when the writer reports what it has sent (a
+# **heartbeat**). A writer of depth 1 can repeat a command only until it writes the next one. After that, later commands
+# wait until the writer has reported that the lost one is gone.
+#
+# </details>
+#
+# A message that is sent *once* (a goal, a change of mode) has no successor, and needs reliable. A stop must not depend
+# on a message: the drives have to stop by themselves when no commands arrive.
 
 # %% tags=["hide-code"]
 more_claims("joint_states_reliable")
@@ -1332,7 +1423,8 @@ more_claims("joint_states_reliable")
 #
 # An ordinary Linux scheduler is fair. It gives every process slices of the processor in turn, also while your
 # controller is due. `SCHED_FIFO` is another scheduling class: its tasks run before all ordinary ones, highest priority
-# first, until they finish or sleep. `nice -20` only asks for larger slices.
+# first. Such a task runs until it finishes or sleeps, or until a more urgent one is due. `nice -20` only asks the fair
+# scheduler for larger slices.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 2.6), layout="constrained", sharex=True)
@@ -1349,30 +1441,31 @@ _ = axes[0].set_xlabel("")
 plt.show()
 
 # %% [markdown]
-# We ran a 1 kHz loop in Python next to four processes that always compute, on two cores:
+# We ran a 1 kHz loop in Python next to four processes that always compute, on two cores. The left panel sorts the
+# cycles by lateness: at 0.8 you read the lateness that 80% of them did not exceed.
 #
 # ![Lateness of a loop next to busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
 #
-# The right panel compares the two loops of section 2 on a computer whose other programs disturbed both. Where the lower
-# curve falls slowly, it crosses skipped periods. Neither panel counts them; the table does:
+# The right panel compares the two loops of section 2 while other programs disturbed both. Skipped periods have no
+# point; the line is drawn straight across them. The table counts the skipped periods of the left panel:
 
 # %% tags=["hide-code"]
 row = r"(.+): skipped (\d+) of (\d+) periods; late by ([\d.]+) ms \(half\), ([\d.]+) \(99 %\), ([\d.]+)"
-lines = [("scheduler", "periods skipped", "median lateness", "99th percentile", "largest",
+lines = [("scheduler", "periods skipped", "median lateness", "99% are below", "largest",
           "largest stable gain")]  # fmt: skip
 for name, *numbers in re.findall(row, read("loop_lateness")):
     skipped, periods, *late_ms = map(float, numbers)
-    gain = delay_limit(0.5, 0.5, 1e-3 * late_ms[1] + 0.5e-3)[0]
+    gain = delay_limit(0.5, 0.5, 1e-3 * late_ms[2] + 0.5e-3)[0]
     lines.append((name, f"{skipped / periods:.0%}", *(f"{v:.2f} ms" for v in late_ms),
                   f"{gain:.0f} N m/rad"))  # fmt: skip
 table(*lines)
 
 # %% [markdown]
 # The last column says what that means for control. It is the largest proportional gain (torque per angle of error) at
-# which the joint of chapter 6 stays stable if every cycle is as late as the 99th percentile. With the default scheduler
-# the controller has to be much softer.
+# which the joint of chapter 6 stays stable if every cycle is as late as the largest lateness in the table. With the
+# default scheduler the controller has to be much softer.
 #
-# A real-time priority needs a permission, so read back what was granted. For this process, now:
+# A program needs a permission for a real-time priority, so read back what was granted. For this process, now:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 with loop.urgent() as granted:
@@ -1387,7 +1480,7 @@ with loop.urgent() as granted:
 #
 # * A **page fault**: memory that the loop touches is not in RAM yet. *Locking* the memory beforehand prevents it.
 # * A **garbage collection**: Python pauses the program to find unused objects.
-# * Locks, hardware interrupts, and tasks of the class SCHED_DEADLINE, which run first.
+# * Locks and hardware interrupts. Also tasks of the class SCHED_DEADLINE, which run before those of SCHED_FIFO.
 # * **Real-time throttling**: until version 6.11, Linux by default gave real-time tasks at most 950 ms of each second
 #   (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never slept was stopped for the other 50 ms. Since 6.12 a
 #   deadline server reserves time for ordinary tasks instead.
@@ -1405,7 +1498,8 @@ more_claims("gc_hits_the_loop")
 # %% [markdown]
 # ### Debugging by timestamps
 #
-# Put four timestamps on a message, and three on each cycle of a loop:
+# Put four timestamps on a message, and three on each cycle of a loop. The text below each interval says what to suspect
+# if that interval is long:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8.4, 3.0), layout="constrained")
@@ -1432,12 +1526,10 @@ for axis, stamps, parts in (
 plt.show()
 
 # %% [markdown]
-# The text below each interval says what to suspect if that interval is long.
-#
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Messages arrive late.* Record the four timestamps. The longest interval tells you where the
-# message waited. Incompatible QoS is not the cause: that would stop the messages altogether.
+# message waited. Incompatible QoS is not the cause: with it, this reader would get nothing at all from this writer.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1452,8 +1544,8 @@ plt.show()
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The controller is jittery*: it runs at uneven intervals. Record the three timestamps of each
-# cycle. A callback shorter than a period is not enough, because it also waits for other callbacks. Setting
-# `use_sim_time` does not help: it only selects the simulated clock.
+# cycle. If the loop is a callback, it is not enough that it is shorter than a period, because it also waits for other
+# callbacks. Setting `use_sim_time` does not help: it only selects the simulated clock.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1469,19 +1561,19 @@ more_claims("mismatch_is_late")
 
 # %% [markdown]
 # <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>nothing arrives</td>
-# <td>incompatible QoS; or another topic name, type or domain; or no server for a service, or a callback that waits for
-# itself</td> <td>compare both profiles; list the matched ends</td> <td>raise the offer, or lower the request</td></tr>
-# <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set the depth to 1</td> <td>depth 1, or read
-# everything and use the newest</td></tr> <tr><td>the larger the message, the later it is</td> <td>serialisation, or
-# fragments sent again</td> <td>send a small message: fast, so size matters; then the large one within one computer:
-# fast, so it is the link</td> <td>another message type, one process, shared memory, compression</td></tr> <tr><td>late
-# between reception and callback</td> <td>other callbacks run first</td> <td>time each callback, add them up</td> <td>a
-# group and a thread of its own, or a process</td></tr> <tr><td>jitter grows with load</td> <td>ordinary scheduling, or
-# a lock</td> <td>read back scheduler, core and memory locking; test under load</td> <td>SCHED_FIFO; priority
-# inheritance; no lock in the loop</td></tr> <tr><td>period too long by a constant</td> <td>the loop sleeps for a
-# period</td> <td>measure the drift over a thousand periods</td> <td>sleep until the release</td></tr> <tr><td>a display
-# that starts late stays empty</td> <td>durability is volatile, or transient local at one end only</td> <td>start it
-# first</td> <td>transient local at both ends; treat unknown as unsafe</td></tr> </table>
+# <td>incompatible QoS; or another topic name, type or domain; or nothing is published; or no server for a service, or a
+# callback that never returns</td> <td>compare both profiles; list the matched ends</td> <td>raise the offer, or lower
+# the request</td></tr> <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set the depth to 1</td>
+# <td>depth 1, or read everything and use the newest</td></tr> <tr><td>the larger the message, the later it is</td>
+# <td>serialisation, or fragments sent again</td> <td>send a small message: fast, so size matters; then the large one
+# within one computer: fast, so it is the link</td> <td>another message type, one process, shared memory,
+# compression</td></tr> <tr><td>late between reception and callback</td> <td>other callbacks run first</td> <td>time
+# each callback, add them up</td> <td>a group and a thread of its own, or a process</td></tr> <tr><td>jitter grows with
+# load</td> <td>ordinary scheduling, or a lock</td> <td>read back scheduler, core and memory locking; test under
+# load</td> <td>SCHED_FIFO; priority inheritance; no lock in the loop</td></tr> <tr><td>period too long by a
+# constant</td> <td>the loop sleeps for a period</td> <td>measure the drift over a thousand periods</td> <td>sleep until
+# the release</td></tr> <tr><td>a display that starts late stays empty</td> <td>one end is volatile or best effort</td>
+# <td>start it first</td> <td>transient local and reliable at both ends; treat unknown as unsafe</td></tr> </table>
 #
 # ## 8 · Exercises
 #
@@ -1498,8 +1590,8 @@ card("utilisation")
 
 # %%
 def utilisation(executions, periods):
-    """Return the utilisation of periodic tasks, Liu and Layland's bound, and what follows."""
-    # Whoever has less work than time is fine.
+    """Return the utilization of periodic tasks, Liu and Layland's bound, and what follows."""
+    # As if less work than time were always enough.
     load = np.sum(executions) / np.sum(periods)
     return load, 1.0, 1 if load < 1.0 else -1
 
@@ -1606,7 +1698,7 @@ def response_times(executions, periods, deadlines, blocking):
     Args:
         executions, periods: of each task, the most important first, shape (n,) [us].
         deadlines: after its release, at most its period, (n,) [us].
-        blocking: longest time for which a less important task holds what this one needs, (n,) [us].
+        blocking: longest time for which less important tasks can block this one, (n,) [us].
 
     Returns:
         Of each task, -1 where it can miss its deadline, shape (n,) [us].
@@ -1656,7 +1748,7 @@ card("follow_part")
 
 # %%
 def follow_part(frames, saves, work, late, period, deadline, drift, ticks):
-    """Return what a drive is told by two nodes, (m,) [m]; the task's table says what goes in."""
+    """Return the commands that a drive uses, (m,) [m]; the table of the task explains the input."""
     # The camera's node: callbacks of one group wait for each other.
     rows = np.asarray(frames, dtype=float)
     calls = [(row[1], 0, work, number) for number, row in enumerate(rows)]
@@ -1715,19 +1807,20 @@ your_robot(10)
 #
 # What is changing in the middleware itself, according to the projects' documents:
 #
-# * *Zenoh under ROS 2* (`rmw_zenoh`, packages for Humble and Jazzy since January 2025) uses a router for discovery in
-#   place of multicast. Its design document says that no QoS settings are incompatible, so pairs that are silent on DDS
-#   do connect. Deadline and lifespan are not implemented.
+# * *Zenoh under ROS 2* (`rmw_zenoh`, packages for Humble and Jazzy since January 2025) replaces multicast by a router,
+#   a program that all nodes contact for discovery. Its design document says that no QoS settings are incompatible, so
+#   pairs that are silent on DDS do connect. Deadline and lifespan are not implemented.
 # * **Zero-copy** transports (Eclipse iceoryx; loaned messages in ROS 2): the reader accesses the writer's memory
-#   directly, so the time no longer depends on the size of the message. The message type needs a fixed size.
+#   directly, so the time of the transfer does not depend on the size of the message. (Writing and reading the bytes
+#   still takes longer for larger messages.) The message type needs a fixed size.
 # * *Event executors* (`EventsExecutor`, Iron 2023) run callbacks first in, first out, without a ready set.
-# * *PREEMPT_RT in the mainline kernel* (Linux 6.12, November 2024; x86, ARM64, RISC-V): no patch is needed any more.
-#   You still have to assign the priorities.
+# * *PREEMPT_RT in the standard kernel* (Linux 6.12, November 2024; x86, ARM64, RISC-V): you no longer have to patch the
+#   kernel's source code. You still have to assign the priorities.
 #
-# A larger change comes from learning. A learned controller that maps images to actions, also called a policy (not a QoS
-# policy), replaces perception, planner and some of the controller. One **inference**, the computation from an image to
-# its output, is slow. So the policy outputs several actions at once, an **action chunk**, and the arm plays them while
-# the next inference runs.
+# A larger change comes from learning. A learned controller maps images to actions. It is also called a policy (not a
+# QoS policy), and replaces perception, planner and some of the controller. One **inference**, the computation from an
+# image to its output, is slow. So the policy outputs several actions at once, an **action chunk**, and the arm plays
+# them while the next inference runs.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.4, 2.2), layout="constrained")
@@ -1748,7 +1841,8 @@ plt.show()
 predict("chunk_hides")
 
 # %% [markdown]
-# Three lengths of the chunk, with the times of the question:
+# The table shows three lengths of the chunk, with the times of the question. Its ages also include the camera's own
+# time and the waits for its next image and for the arm's next action:
 
 # %% tags=["hide-code"]
 think, step = 0.1, 0.02
@@ -1766,14 +1860,14 @@ table(*lines)
 
 # %% [markdown]
 # A chunk hides the *pause*, not the age. With five actions the arm moves all the time. Its images are on average as old
-# as with one action (whose command is held during each pause); with ten they are older. When the last action of a chunk
-# ends, its image is as old as one inference plus the whole chunk. The table also counts the camera's own time and the
-# waits for its next image and for the arm's next action. So keep the fast feedback loop in its own real-time thread,
-# and watch the policy's output with a deadline.
+# as with one action, which the arm holds during the pause. With ten actions they are older. When the last action of a
+# chunk ends, its image is as old as one inference plus the whole chunk. So keep the fast feedback loop in its own
+# real-time thread, and watch the policy's output with a deadline.
 #
-# Where should a large model run? Each inference reads all weights of the model from memory once. With $n$ weights of
-# $b$ bytes, $k$ actions per inference and $f$ actions per second, it reads $n\,b\,f/k$ bytes per second. Compare this
-# with the memory bandwidth of a computer: two memory channels of a PC give about 90 GB/s. Weights often have two bytes.
+# Where should a large model run? In the simplest case, each inference reads all weights of the model from memory once.
+# (A model that computes its output step by step reads them in each step.) With $n$ weights of $b$ bytes, $k$ actions
+# per inference and $f$ actions per second, it reads $n\,b\,f/k$ bytes per second. Compare this with the memory
+# bandwidth of a computer: two memory channels of a PC give about 90 GB/s. Weights often have two bytes.
 
 # %%
 show("seven_billion_on_board")
@@ -1815,8 +1909,8 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Three formulas that are not on this page follow; you can derive them from what is. When all three are right, the
-# checkpoint is passed.
+# Three formulas follow. They are not on this page, but you can derive them from what is on it. When all three are
+# right, the checkpoint is passed.
 
 # %%
 checkpoint("middleware", best_effort_is_fresh="", liu_layland_says_no="", jitter_below_a_period="")

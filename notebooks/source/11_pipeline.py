@@ -45,7 +45,7 @@ simulation("pipeline")
 # library replaces perception (section 3) and in section 6. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import answer, badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint, your_robot
 
 badges(11)
 
@@ -150,7 +150,8 @@ plt.show()
 # The four stages do not take turns. One scheduler with a resolution of a microsecond calls each of them at its own
 # rate, and each has its own random-number generator. A message, such as the estimate of the target, carries five
 # fields: the value, its covariance, the coordinate frame, the **stamp of capture** (when the image was taken), and the
-# time of arrival. If a stage drops the frame or the stamp of capture, no later stage can recover it.
+# time of arrival. Pass the frame and the stamp of capture on: later stages can reconstruct them only if
+# they never change.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -239,9 +240,8 @@ table(
 
 # %% [markdown]
 # Halving the latency pays most. The period of the camera matters little here because it is much shorter than the
-# latency. Planning time is not in this sum: between plans, each new estimate shifts the end point of the current plan
-# without planning again. The arm waits for the planner only when it needs a new plan. In a pipeline in which every
-# command waits for a new plan, planning time counts in full.
+# latency. Planning time is not in this sum: between plans, each new estimate only shifts the end point of the current
+# plan. If every command waited for a new plan, planning time would count in full.
 #
 # An **overrun** is a frame whose processing takes longer than the camera's period. There are four ways to handle it. A
 # *pipelined* camera has several processors, and the next frame goes to one that is free. The other three have a single
@@ -269,8 +269,7 @@ plt.show()
 # The queue drops nothing, and that is its problem: each new frame waits behind all earlier ones, so the age grows
 # without limit. The other three stay bounded (the queue's line soon leaves the chart). With one processor, blocking
 # gives fresher data than dropping *on average*, because the next image is taken at the moment when the processor is
-# free. At one instant, such as the end of this run, it may be the other way round. Section 10 quotes the queue after 3
-# s instead of 4 s.
+# free. At one instant, such as the end of this run, it may be the other way round.
 
 # %%
 more_claims("every_stage_its_clock")
@@ -298,16 +297,17 @@ show("lag_of_the_arm")
 # %% [markdown]
 # Here are the other formulas of the budget.
 #
-# * **Bias** reaches the tip unchanged. No filter can see it, because every frame has the same error.
+# * **Bias** reaches the tip unchanged. No filter of this camera's frames can see it: they all have the same error.
 # * **Noise** is reduced by the filter first, then by the slow arm. The filter's **noise gain** is the variance of its
 #   output divided by the variance of one frame. While the filter is still learning the target's speed, it also lags a
-#   little. The arm is a **low pass**: it follows slow changes and averages out those that are faster than its time
-#   constant $(k_d + c)/k_p$.
+#   little. A well damped arm is a **low pass**: it follows slow changes and averages out those that are faster than its
+#   time constant $(k_d + c)/k_p$.
 # * **Age** costs speed times age, as above.
 # * **A tilted table** makes the arm sag. The arm moves in a horizontal plane, so gravity normally does not load its
 #   joints. On a tilted table it does, and at rest only the $k_p$ term balances the load: a joint gives way by the
 #   torque of gravity divided by $k_p$.
-# * **The physics step** costs nothing once the arm is at rest. During the motion its error is proportional to the step.
+# * **The physics step** costs nothing once the arm is at rest. During the motion its error is proportional to the step,
+#   if the step is small.
 #
 # **A worked example.** With $k_p$ = 25, $k_d$ = 8 and $c$ = 0.2 (in N m and rad), a joint that follows 0.05 rad/s stays
 # behind by 8.2 · 0.05 / 25 = 0.016 rad. At the end of a link of half a metre that is 8 mm.
@@ -329,8 +329,9 @@ more_claims("filter_calms", "sag_without_kd")
 # * With ideal *control*, the arm is exactly at its reference. An ideal *arm* has ideal control and physics.
 # * Ideal *physics* takes steps of a quarter of a millisecond.
 #
-# The real final error minus the ideal one is that stage's contribution. If an ideal stage turns a failure into a
-# success, we say that it *cures* the run. In code, `repair(settings, "age")` makes the age ideal.
+# The real final error minus the ideal one is that stage's contribution. Or make all *other* stages ideal: mean errors
+# then come out the same to first order, squared errors do not. If an ideal stage turns a failure into a success, we say
+# that it *cures* the run. In code, `repair(settings, "age")` makes the age ideal.
 #
 # Two kinds of error have to be kept apart. A *mean* error is the same in every run and has a direction. A *random*
 # error is different in every run. Random errors of mean zero that are independent of each other add up by their
@@ -343,8 +344,9 @@ predict("how_parts_add")
 # %% [markdown]
 # The next picture draws the mean errors of three stages tip to tail, for a camera with little noise whose bias of 5 mm
 # points ahead of the moving target (the default bias is smaller). Both other errors point back along the motion. The
-# arrows form one chain; we shifted some sideways to keep them visible. The titles give the length of the chain. The
-# cards after the picture quote complete runs, so their numbers differ by about a tenth of a millimetre.
+# arrows form one chain; we shifted some sideways to keep them visible. The titles give the distance from the target to
+# the end of the chain. The picture adds errors of single stages; the cards quote runs with several stages real, and
+# differ by about a tenth of a millimetre.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -389,9 +391,9 @@ show("mending_makes_worse")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Mean errors add as vectors, and variances of independent errors add. The root mean square (rms) mixes
-# the two: as soon as means are involved, the squared errors of single stages do not add up to the squared total. When
-# you perfect one stage, an error that it had been cancelling becomes visible. So a budget in per cent hides what you
-# need most: the direction of each error.
+# the two: as soon as two mean errors are not perpendicular, the squared errors of single stages do not add up to the
+# squared total. When you perfect one stage, an error that it had been cancelling becomes visible. So a budget in per
+# cent hides what you need most: the direction of each error.
 #
 # </div>
 #
@@ -412,9 +414,9 @@ show("mending_makes_worse")
 #
 # ![Mean errors tip to tail, all sets of real stages, and three parts of the square](../docs/charts/error_budget.png)
 #
-# The first panel chains the mean errors. The second compares all 16 combinations with the formulas. The third shows
-# each stage's squared error alone, its Shapley share, and what you save by making only this stage ideal. In the table,
-# *alone* is an rms.
+# The first panel chains the mean errors. The second compares all 16 combinations with the formulas; those with and
+# without physics lie on each other. The third shows each stage's squared error alone, its Shapley share, and what you
+# save by making only this stage ideal. In the table, *alone* is an rms.
 
 # %% tags=["hide-code"]
 rows = []
@@ -440,10 +442,11 @@ unexplained = expected**2 - measured**2
 Markdown(
     f"In the first panel, the end of the chain and the error with all stages real (*together*) "
     f"differ by ({gap_x:.2f}, {gap_y:.2f}) mm. The standard error of this difference is "
-    f"({chance[0]:.2f}, {chance[1]:.2f}) mm, so noise explains it; the black cross shows two "
-    f"standard errors.\n\nFor perception, the predicted and the measured mean square differ by "
-    f"{unexplained:.0f} mm². Age and control together make {lags:.0f} mm². So this budget would "
-    f"not notice a missing cause of their size."
+    f"({chance[0]:.2f}, {chance[1]:.2f}) mm, so noise can explain it. The thin black cross around "
+    "the triangle shows two standard errors.\n\n"
+    f"For perception, the predicted and the measured mean square differ by {unexplained:.0f} mm². "
+    f"Age and control together make {lags:.0f} mm². So this budget would not notice a missing cause "
+    "of their size."
 )
 
 # %% [markdown]
@@ -451,8 +454,8 @@ Markdown(
 # millimetres, and then the camera's bias and the lag of the arm lead the list.
 #
 # Not on the list at all: a constant offset between the clocks of camera and controller, a hand-eye calibration that
-# depends on the position, static friction, backlash, the delay of the motors. The column *predicted* comes from a
-# function that knows only a PD law and a pipelined camera, and raises an error for anything else.
+# depends on the position, static friction, backlash, the delay of the motors. The function behind *predicted* knows a
+# PD law and a pipelined camera, and rejects other settings.
 
 # %%
 more_claims("root_sum_square")
@@ -512,17 +515,17 @@ plt.show()
 
 # %% [markdown]
 # Two details matter. The clearance of a path is measured again from the path itself, because a faulty planner could
-# report a wrong one. And the first contract compares an estimate with the true target, which only a simulator knows.
-# The limits (which age, which torque, how many standard deviations) belong to whoever owns the interface. Ours are
-# constants in `course/pipeline/blame.py`.
+# report a wrong one. And the first contract compares each frame's report with the true target, which only a simulator
+# knows. The limits (which age, which torque, how many standard deviations) belong to whoever owns the interface. Ours
+# are constants in `course/pipeline/blame.py`.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *"The robot isn't working." What is your first question?* Which interface is broken. A perfect
 # planner fails behind a noisy estimate, and so does a perfect controller behind a late plan. Ask for the log of what
-# crossed each interface: value, covariance, frame, two time stamps. Start with the contract that broke earliest. Among
-# those that broke together, or if the log has no times, take the one nearest to the camera. Everything after it may
-# look wrong for the same reason. Fix it and read again.
+# crossed each interface: value, covariance, frame, two time stamps. Start with the broken contract that is nearest to
+# the camera: everything after it may look wrong for the same reason. But the arm's motion also feeds back to the
+# camera. If the times in the log show that the arm's contract broke first, start there. Fix it and read again.
 #
 # </div>
 #
@@ -566,15 +569,14 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# No difference in success or error was found. In success, the 20 runs of the rows with images could not show a
-# difference below about ten points. MuJoCo's rays give the same images as our camera, so the errors agree exactly. With
-# MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre. So both programs
-# interpret the exchanged data alike: units, frames and signs.
+# No difference in success or error was found. With the 20 runs of the rows with images, a change of the success rate by
+# less than about ten points would not be noticed. MuJoCo's rays give the same images as our camera, so the errors agree
+# exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre. So
+# on this task both programs interpret the exchanged data alike. A level table would not show a wrong sign of gravity.
 #
-# The *time* panel says nothing about the libraries. A foreign stage is called from Python at every step and makes new
-# objects for each call, while our own run is compiled as a whole. The rows with images are compared with runs of our
-# camera, which are slow already, so their ratios are small. To compare programs, call both from Python or both in
-# compiled loops. Otherwise you mainly compare the calls.
+# The *time* panel says nothing about the libraries. A foreign stage is called from Python at every step, while our own
+# run is compiled as a whole. In the rows with images our own run renders images too and is slow already, so the ratio
+# is small. To compare programs, call both in the same way.
 #
 # ## 4 · Code
 #
@@ -587,7 +589,7 @@ Markdown(f"```python\n{inspect.getsource(blame)}```")
 
 # %% [markdown]
 # A pipeline should also reject bad input with a message that names it, and it should name a stage that misbehaves. The
-# first five lines are errors for impossible tasks or settings. The last three are runs with a perception stage that
+# first five messages are errors for impossible tasks or settings. The last three are runs with a perception stage that
 # returns a number which is not finite, a wrong coordinate frame, and a time stamp in the future.
 
 # %% tags=["hide-code"]
@@ -638,8 +640,7 @@ simulation("pipeline", "Stale camera")
 # ### What to break
 #
 # The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is what we
-# measured or, for control and physics, computed. The simulation computes the largest stable step for the posture shown,
-# so its value changes with the run.
+# measured or, for control and physics, computed.
 
 # %% tags=["hide-code"]
 bent = record.plans[-1].value.goal  # the posture of the reach
@@ -714,8 +715,8 @@ table(
 # %% [markdown]
 # Between 4 and 1 ms, halving the step reduces the error during the motion to about a half, as it should for a
 # first-order method. At 8 ms, close to the stability limit, the error is not yet proportional to the step. The last
-# reduction looks too strong, because the reference itself has an error. MuJoCo is called through Python here, so the
-# distance between the two curves contains the price of that interface again.
+# reduction looks too strong, because the reference itself has an error.  The distance between the two curves contains
+# the price of calling MuJoCo through Python.
 #
 # Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
 # chart compares the distributions of the final error along the target's motion and across it, quantile against
@@ -747,10 +748,10 @@ table(head, *rows)
 # implausible. The last column is about the *mean* error: the smallest shift between the two versions that a test with
 # this many runs would find with a probability of 80 %. Smaller shifts may go unnoticed.
 #
-# With measured noise no difference between the two versions was found. Only the lowest quantiles leave the diagonal, by
-# up to two tenths of a millimetre. With the covariance that the camera *states*, the simulated spread is too large,
-# because the camera states more noise than it has. So render images to calibrate the two parameters, then simulate
-# without images.
+# With measured noise the test found no difference between the two versions. The extreme quantiles leave the diagonal by
+# up to two tenths of a millimetre, but they rest on few runs. With the covariance that the camera *states*, the
+# simulated spread is too large, because the camera states more noise than it has. So render images to calibrate the two
+# parameters, then simulate without images.
 #
 # *What to pick.* For a reach within 20 mm like this one (one scene, one camera, one target): two parameters, and any
 # physics step that is stable in every posture on the way. Images cost from some tens to over a thousand times as much,
@@ -770,19 +771,21 @@ predict("raw_estimate")
 # ![Success, plans and error against noise; last plan against the planner's step](../docs/charts/noise_and_filter.png)
 #
 # Without the filter, success collapses (top left) once many frames jump by more than the replanning distance. With the
-# filter it falls slowly. If the planner ran only once, the arm would smooth this noise, and most runs would still end
-# within the tolerance (the dashed prediction). Replanning is what fails. The share of frames that jump too far has a
-# closed form. A plan's goal and a later frame both carry noise $s$ on each axis, so their difference has the variance
-# $2 s^2$ on each axis. It is longer than $r$ with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % of
-# all frames.
+# filter it falls slowly. If the planner ran only once, most runs would still end within the tolerance (the dashed
+# prediction). Replanning is what fails.
+#
+# The share of frames that jump too far has a closed form. A plan's goal and a later frame both carry noise $s$ on each
+# axis, so their difference has the variance $2 s^2$ on each axis. It is longer than $r$ with the probability
+# $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % for the first frame after a plan, and less among all frames, because
+# a goal near the truth lasts longer.
 
 # %%
 show("raw_estimate_replans")
 
 # %% [markdown]
 # The panel at the bottom right shows a planner whose tree grows in tiny steps. It needs more collision checks, so the
-# plan comes late. A faster check fixes that. The paths are also worse: more corners are left after all shortcuts, as
-# the first claim below counts. A faster check does not change that.
+# plan comes late. A faster check fixes that. The paths are also worse: many more corners are left after all shortcuts
+# (the first claim below). A faster check does not change that.
 
 # %%
 more_claims("planner_step", "high_gain_overshoots")
@@ -791,8 +794,8 @@ more_claims("planner_step", "high_gain_overshoots")
 # ### Clearance, and a disc that is not where the camera saw it
 #
 # A planner keeps a clearance $b$ from each disc. If the camera's error for a disc is normal with standard deviation
-# $s$, a straight path touches if the real disc lies nearer to the path than the seen one by more than $b$: 2.3 % at $b
-# = 2 s$. A path that bends *around* the disc is close to it on more sides, and touches more often.
+# $s$, a straight path touches if the real disc lies more than $b$ closer to the path than the camera saw it: 2.3 % at
+# $b = 2 s$. A path that bends *around* the disc is close to it on more sides, and touches more often.
 
 # %% tags=["hide-code"]
 rng_drawing = np.random.default_rng(1)
@@ -837,9 +840,10 @@ more_claims("clearance_and_noise")
 # Your simulation runs for hours without trouble; then the arm stretches, and it starts to rattle. Gains and step are
 # the same. What has changed is the inertia that the gains work on.
 #
-# Near a posture, the arm under a PD law is a set of **modes**, independent oscillators $\ddot x = -k\,x - d\,\dot x$.
-# Here $m$ is an eigenvalue of the *inverse* inertia matrix (one over an inertia, so not a mass), $k = k_p\,m$, and
-# $d = (k_d + c)\,m$. The mode with the largest $m$ sets the limit: it is the easiest to accelerate.
+# Near a posture, the arm under a PD law with equal gains and friction in all joints is a set of **modes**, independent
+# oscillators $\ddot x = -k\,x - d\,\dot x$. Each mode has an inverse inertia $m$, an eigenvalue of the inverse inertia
+# matrix. Then $k = k_p\,m$ and $d = (k_d + c)\,m$. The mode with the largest $m$ sets the limit: it is the easiest to
+# accelerate.
 
 # %%
 predict("one_step_two_postures")
@@ -853,9 +857,9 @@ predict("one_step_two_postures")
 # $$
 #
 # Without damping this is $2/\sqrt k$. With much damping it approaches $2/d$, which explains why *more* damping makes
-# the simulation *less* stable here: the damping torque is held for a whole step, and with a long step it reverses the
-# velocity instead of reducing it. If the damping is computed from the velocity at the end of the step, it does not
-# lower the limit.
+# the simulation *less* stable here: the damping torque is held for a whole step, and a long step throws the velocity
+# back larger than it was. If the damping is computed from the velocity at the end of the step, it does not lower the
+# limit.
 #
 # *Derive it yourself.* <details><summary>Hint</summary>Write one step as a matrix with two rows. Its determinant is
 # $1 - h d$, because damping comes from the old velocity. The first eigenvalue to leave the unit circle does so at $-1$:
@@ -882,9 +886,10 @@ table(["angle of the elbow", "largest stable step [ms]"], *rows)
 # Stretched, the arm allows less than a third of the step that it allows with a bent elbow.
 #
 # How do you notice an unstable step? Near the limit the success rate does not show it: the limits of the motors turn
-# the explosion into a small rattle, and the tip still arrives. The energy shows it. Count the $k_p$ term as a spring:
-# the energy of arm plus spring may rise only when the reference moves. **Energy from nowhere** is every rise beyond
-# that. The slider of the physics step ends at 20 ms.
+# the explosion into a small rattle, and the tip still arrives. The energy shows it. Count the $k_p$ term as a spring.
+# On a level table, the energy of arm plus spring may rise only through a moving reference, or through torques that
+# differ from the law's, as at a motor's limit. **Energy from nowhere** is every rise beyond that. The slider of the
+# physics step ends at 20 ms.
 
 # %%
 show("largest_step")
@@ -912,8 +917,8 @@ more_claims("step_by_posture")
 #
 # ![Largest gain against the frames of delay, and noise against the gain](../docs/charts/look_and_move.png)
 #
-# The right panel shows the noise that reaches the position. At the same share of the limit, later images let less
-# through, because their gains are smaller.
+# The right panel shows the noise that reaches the position. At half of the largest gain, for example, a loop with later
+# images passes less noise: half of a smaller limit is a smaller gain.
 
 # %%
 show("look_and_move_limit")
@@ -960,8 +965,9 @@ print(f"minimal: {len(least.discs)} discs, target at {1e3 * np.hypot(*least.velo
 # %% [markdown]
 # Now we test the procedure. Ten different faults are injected, 20 runs each, and the procedure does not know which. A
 # **confusion matrix** counts which stage it names for each fault (lower panels). For comparison, we use what many
-# people do: blame the stage with the largest error at the end. That is the arm if the tip is further from its reference
-# than the reference is from the target, and perception otherwise. In the chart, *last error* is this rule.
+# people do: blame the stage with the largest error at the end. This rule compares two distances, tip to reference and
+# reference to target. It blames the arm (counted as control) if the first is larger, else perception. In the chart it
+# is called *last error*.
 #
 # ![Which stage each method names, by fault, and the replays that it needs](../docs/charts/whose_fault.png)
 
@@ -981,14 +987,15 @@ table(["method", "named correctly", "95 % interval for ten faults"], *rows)
 
 # %% [markdown]
 # The intervals look wide for 200 runs. But the 20 runs of one fault nearly all end alike, so there are about ten
-# independent cases, not 200. The cards count one run of each fault, so their shares differ slightly. The largest error
-# at the end is mostly that of perception, whatever was broken.
+# independent cases, not 200. The cards count one run of each fault, so their shares differ slightly. The rule of the
+# largest error at the end has only two answers, so it can be right for four of the ten faults at most, and nearly is.
+# It cannot name age, planning or physics, and blames perception for most of them.
 #
 # Two things in this table do not exist on a robot. The contract of perception compares each image with the *true*
-# target. And a replay repeats the same noise with an *ideal* stage. Without the true target the contracts miss every
-# fault of perception, though they still name the others. On hardware you are left with three things: the contracts that
-# need only the log; a second, better measurement of the target, if only in a test cell; and recorded inputs of one
-# stage, run through that stage again.
+# target. And a replay repeats the same noise with an *ideal* stage. Without the true target the contracts miss the
+# three faults of perception among the ten, though they still name the others. On hardware you are left with three
+# things: the contracts that need only the log; a second, better measurement of the target, if only in a test cell; and
+# recorded inputs of one stage, run through that stage again.
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
 # also cures a physics step that is too large. Replays name physics there only because of their order: perception, age,
@@ -998,7 +1005,7 @@ table(["method", "named correctly", "95 % interval for ten faults"], *rows)
 more_claims("last_error_blames")
 
 # %% [markdown]
-# Nor does a broken contract always mean a failed run. How many *good* runs break one, a false alarm?
+# How often does a *good* run break a contract? That is a **false alarm**.
 
 # %% tags=["hide-code"]
 raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
@@ -1028,7 +1035,7 @@ unlisted = {
     "motor 120 ms late": Fault("", "control", lambda s: replace(s, actuator=Actuator(delay=0.12))),
     "motor slow to follow": Fault("", "control", lambda s: replace(s, actuator=Actuator(lag=0.3))),
     "control at 15 Hz": Fault("", "control", lambda s: replace(s, control=0.066)),
-    "frames 0.5 s late, fast target": Fault(
+    "frames 0.5 s late, Kd 12, fast target": Fault(
         "", "age", disturb=lambda f, s: replace(f, arrived=f.arrived + 500_000)
     ),
 }
@@ -1050,7 +1057,8 @@ for name, one in unlisted.items():
         "; ".join(f"{what} ({k})" for what, k in x.items()) or "none"
         for x in (broken, named, alone)
     )
-    rows.append([name, one.stage, *counted, f"{np.mean(runs):.1f}"])
+    stage = "age and control" if "fast" in name else one.stage
+    rows.append([name, stage, *counted, f"{np.mean(runs):.1f}"])
 head = [
     "fault",
     "true stage",
@@ -1078,8 +1086,8 @@ show("one_repair_cures")
 #
 # **Debugging tip.** *Every component passes its own test, and the whole misses.* Look at what no component test covers:
 # the time stamp (is it the arrival?), the coordinate frame (is its rotation matrix transposed?), the covariance (metres
-# or pixels?), the reference after a new plan. Test with a target at rest, then with a moving one. An error that appears
-# only with motion is age or lag. An error that turns with the camera is calibration.
+# or pixels?), the reference after a new plan. Test with a target at rest, then with a moving one. For an error that
+# appears only with motion, look first at age and lag. For one that turns with the camera, look first at calibration.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1108,15 +1116,17 @@ show("one_repair_cures")
 # | misses a moving target, hits one at rest | age or lag | double the speed; then halve $k_d$ | predict the target to the present; feed the reference rate forward |
 # | the arm stops and starts again | plans are thrown away | count the plans in a run | a filter; a larger replanning distance; keep the old plan meanwhile |
 # | rattles when stretched, quiet when folded | physics step above the limit of that posture | log the energy; halve the step | smaller step; damping at the new velocity |
-# | misses by the same vector every day | bias or tilt | place the target 90 degrees further around the base: a camera's bias stays the same, the sag changes with the posture | calibrate; level the table, or add gravity to the control law |
+# | misses by the same vector every day | bias or tilt | place the target 90 degrees further around the base: a constant
+# bias stays the same, the sag changes with the posture | calibrate; level the table, or add gravity to the control law
+# |
 # | no single change cures it | two errors that add up | pairs of ideal stages | fix both |
 #
 # ### Adversarial: a reward of minus one a step
 #
-# The last two scenes leave the arm; *adversarial* means a question that invites a wrong answer. An agent gets -1 per
-# step until it reaches its goal, so it should hurry. Somebody then reduces the time step from 10 ms to 1 ms. The
-# **discount** $\gamma$ is the factor by which a reward counts less for each step that it comes later. The agent may
-# also end the task early for a fee.
+# The last two parts of this section leave the arm; *adversarial* means a question that invites a wrong answer. An agent
+# gets -1 per step until it reaches its goal, so it should hurry. Somebody then reduces the time step from 10 ms to 1
+# ms. The **discount** $\gamma$ is the factor by which a reward counts less for each step that it comes later. The agent
+# may also end the task early for a fee.
 
 # %%
 predict("minus_one_a_step")
@@ -1154,14 +1164,17 @@ table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, 
 
 # %% [markdown]
 # The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is $\gamma
-# = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward paid per step is a price of
-# time: scale it with the step. A reward paid once, for reaching the goal, stays. A limit on the number of steps becomes
-# a limit in seconds. In the last row reward and discount are converted, but the limit was left at 30 steps: 0.03 s, so
-# the goal is never reached, and walking until the end costs less than the fee.
+# = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. A reward per step that is a price of time
+# shrinks with the step: to first order in proportion, exactly so that the discounted sum over one old step stays the
+# same. (A reward for progress shrinks by itself.) A reward paid once, for reaching the goal, stays. A limit on the
+# number of steps becomes a limit in seconds.
 #
-# One problem remains after conversion: one short step changes little, so a learner needs more data to see which action
-# is better. You can also keep the old decisions and hold each action for ten short steps. The next claim is about the
-# walker above, whose motion does not depend on the step.
+# In the last row reward and discount are converted, but the limit was left at 30 steps: 0.03 s, so the goal is never
+# reached, and walking until the end costs less than the fee.
+#
+# One problem remains: a short step changes little, so a learner needs more data to see which action is better. You can
+# also hold each action for ten short steps. The next claim is about the walker above, whose motion does not depend on
+# the step.
 
 # %%
 show("repeated_actions")
@@ -1226,11 +1239,10 @@ plt.show()
 # because it searches their vertices. Boxes are expensive in the *solver*: a face that lies on another gives several
 # contacts, and each contact several rows. So different bottlenecks can hide behind the same slow frame rate.
 #
-# Nothing was measured on a GPU here. Counts of pairs, contacts and rows carry over only if the collision algorithm is
-# the same and no buffer is full; times never do. The documentation names two effects. *MJX* (MuJoCo 3.7, 2026): its JAX
-# version uses a separating-axis test without branches, which "suffers in both runtime and memory" for large meshes, and
-# recommends hulls of about 32 vertices. *Isaac Lab* (2024): the buffers of PhysX cannot grow on a GPU, so contacts are
-# sized in advance for the worst case.
+# Nothing was measured on a GPU here.  Times never carry over. The documentation names two effects. *MJX* (MuJoCo 3.7,
+# 2026; our charts use a later version): its JAX version uses a separating-axis test without branches, which "suffers in
+# both runtime and memory" for large meshes, and recommends hulls of about 32 vertices. *Isaac Lab* (2024): the buffers
+# of PhysX cannot grow on a GPU, so contacts are sized in advance for the worst case.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("mesh_cost")
@@ -1412,6 +1424,14 @@ answer("look_and_move_noise", "g^2")
 answer("reward_by_the_step", "1 - dt/H")
 
 # %% [markdown]
+# ### Put it into your robot
+#
+# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+
+# %%
+your_robot(11)
+
+# %% [markdown]
 # ## 9 · Frontier: the rare failure
 #
 # To measure a failure rate of five in ten thousand by plain sampling, you need very many runs. *Black-box validation*
@@ -1422,9 +1442,9 @@ answer("reward_by_the_step", "1 - dt/H")
 # **Importance sampling** draws the disturbances from another distribution, the *proposal*, which produces failures
 # often. Each run then gets the weight $w = p/q$: its true probability density divided by that of the proposal. The
 # average of the weights over all runs, 0 for a success, is the failure rate. The **cross-entropy method** finds a
-# proposal: draw a round of samples, fit a normal distribution to the worst tenth, and repeat. The **effective number**
-# $(\sum w)^2/\sum w^2$ measures precision: the rate is as precise as if you had drawn this many failures of equal
-# weight.
+# proposal: score how near each run came to failing, fit a normal distribution to the tenth with the worst scores,
+# sample from it, and repeat. The **effective number** $(\sum w)^2/\sum w^2$ measures precision: the rate is as precise
+# as if you had drawn this many failures of equal weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
 # normal around 3.3 instead. Half of the runs now fail, and each gets a weight far below 1.
@@ -1481,7 +1501,7 @@ table(["proposal", "actual scatter", "reported error", "too low by three reporte
 #
 # Repeats that agree prove nothing yet. Suppose 70 % of the failures lie in one region and 30 % in another, further
 # away. If every repeat finds only the larger region, all of them agree, with small errors, and all are 30 % too low. So
-# add plain samples, enough to expect ten failures: they find every region in proportion to its probability. Ten
+# add plain samples, enough to expect ten failures: they visit each region in proportion to its probability. Ten
 # failures give the rate only to about a third, so comparing the rates would not show the missing 30 %. But look at the
 # failures themselves. The probability that all ten come from the larger region is $0.7^{10}$, only 3 %.
 
@@ -1521,9 +1541,10 @@ for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
 table(["proposal", "seed", "failure rate", "95 % interval", "effective number"], *rows)
 
 # %% [markdown]
-# The intervals of the fitted proposal contradict each other. Those with a width of at least 1 lie closer together, but
-# the estimates still differ by almost a factor of two. So the arm's failure rate is known to its order of magnitude
-# only. Plain samples take milliseconds each: run some ten thousand before you report a number.
+# The intervals of the fitted proposal contradict each other. With a width of at least 1, the estimates still differ by
+# almost a factor of two. So the arm's failure rate is at least of this order of magnitude; a region that every proposal
+# missed would add to it. Plain samples take milliseconds each: run some tens of thousands, enough for ten failures,
+# before you report a number.
 #
 # And if a sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval, a
 # confidence interval for a success rate, says what such a sample leaves open:
@@ -1531,7 +1552,7 @@ table(["proposal", "seed", "failure rate", "95 % interval", "effective number"],
 # %%
 for runs in (100, 1000, 10_000):
     result = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
-    print(f"0 of {runs} runs failed: up to {result.high:.2%} of all may fail")
+    print(f"0 of {runs} runs failed: at 95 %, up to {result.high:.2%} of all may fail")
 
 # %% [markdown]
 # ### Tune it end to end?
@@ -1585,9 +1606,8 @@ head = ["rms error [mm] (95 % interval of the change)", "seeds used for tuning",
 table([*head, "another target"], *rows)
 
 # %% [markdown]
-# The gain on the tuning seeds is gone on new seeds: with so few runs, tuning fitted the noise. On another target, both
-# methods gain about a millimetre. They do not differ clearly. Tuning together can also find errors that cancel (section
-# 2).
+# The gain on the twelve tuning seeds is gone on new seeds: tuning fitted their noise. On another target, both methods
+# gain about a millimetre.  Tuning together can also find errors that cancel (section 2).
 #
 # ### One policy instead of three stages
 #
@@ -1616,8 +1636,8 @@ blind = ", ".join(name for name, share in measured.items() if share <= 0.5)
 print(textwrap.fill(f"not seen: {blind}", 96))
 
 # %% [markdown]
-# Ask the policy for one more output: its estimate of the target position, with an uncertainty. That restores the first
-# contract.
+# Ask the policy for one more output: its estimate of the target position, with an uncertainty. A second measurement of
+# the target can then check it.
 #
 # ## 10 · Interview
 #

@@ -43,12 +43,27 @@ simulation("arm")
 # below it to tick off the sections that you have read.
 
 # %% tags=["home", "nbval-ignore-output"]
-from drills.notebook import home, ticks
+from drills.notebook import home, ticks, your_robot
 
 home()
 
 # %% tags=["nbval-ignore-output"]
 ticks()
+
+# %% [markdown]
+# ## Your robot
+#
+# Nineteen of the exercises are parts of one robot. It finds a part with a depth camera, picks it up, and puts it into
+# its slot without touching a post.
+#
+# ![The arm at the start, at the grip and at the release of one task](../docs/robot.png)
+#
+# The picture shows one task of the robot with the course's parts. To begin, solve an exercise such as `drills start
+# two_link_ik`: your answer then takes the place of the course's part, and [the page of the
+# drills](../drills/README.md) explains how you measure what it changes.
+
+# %% tags=["nbval-ignore-output"]
+your_robot()
 
 # %% [markdown]
 # ## The chapters
@@ -63,6 +78,7 @@ ticks()
 # - [Use a chapter's module in your own project](../docs/howto/modules.md)
 # - [Put your own method on a work-precision chart](../docs/howto/chart.md)
 # - [Write a vector environment of your own](../docs/howto/vector_env.md)
+# - [Put your own planner into the robot](../docs/howto/robot_planner.md)
 # - [Grade drills in continuous integration](../docs/howto/drills_in_ci.md)
 #
 # ## Boxes in the text

@@ -16,6 +16,7 @@ import pytest
 from drills import cards as catalogue
 from drills.cards import UnknownExercise, definitions
 from drills.exercise import Slip, coarse_slips, slips
+from tests.prove.drills.test_natural import answers
 from tests.test_project import BIG, imports
 
 pytestmark = pytest.mark.smoke
@@ -196,3 +197,11 @@ def test_a_range_that_is_refused_is_refused_in_the_prompt() -> None:
     """Friction and mass may not begin at zero, damping and delay may: the prompt says both."""
     prompt = catalogue.card("randomize").prompt()
     assert "Friction and mass begin **above** zero, damping and delay at zero" in prompt
+
+
+def test_natural_wrong_answers_still_fit_the_worked_answers() -> None:
+    for card in catalogue.cards():
+        rows = answers(card)
+        assert len(rows) >= 4, card.name
+        for row in rows:
+            ast.parse(row.text)

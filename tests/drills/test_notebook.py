@@ -450,13 +450,35 @@ def test_a_page_without_a_kernel_names_the_command_instead_of_a_button(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("DRILLS_PROGRESS", "none")
-    for chapter in range(4, 11):
+    for chapter in range(4, 12):
         data = bundle(notebook.your_robot(chapter))
         for kind in ("text/plain", "text/html"):
             assert f"drills robot compare --chapter {chapter}" in data[kind]
             assert "button" not in data[kind].lower()
         assert "application/vnd.jupyter.widget-view+json" not in data
     assert "edge_check" in bundle(notebook.your_robot(5))["text/html"]
+    home = bundle(notebook.your_robot())
+    assert "drills robot run" in home["text/html"] and "0 of 5 parts" in home["text/plain"]
+    assert "application/vnd.jupyter.widget-view+json" not in home
+
+
+@pytest.mark.slow
+def test_the_home_page_shows_the_robot_and_plays_its_next_level(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DRILLS_PROGRESS", str(tmp_path / "progress.json"))
+    monkeypatch.setenv("DRILLS_WORK", str(tmp_path))
+    shown = notebook.your_robot()
+    assert isinstance(shown, notebook.RobotButton)
+    assert "next: drills start two_link_ik" in repr(shown) and "none yet of 6" in repr(shown)
+    shown.button.click()
+    # The course's parts pass level 1; it counts only for a robot with parts of one's own.
+    assert "Level 1: 200 of 200 tasks" in shown.result.value
+    assert "It does not count yet" in shown.result.value
+    stored = json.loads((tmp_path / "robot.json").read_text(encoding="utf-8"))
+    stored["passed"] = {"1": {"at": "2030-01-01"}, "2": {"at": "2030-01-02"}}
+    (tmp_path / "robot.json").write_text(json.dumps(stored), encoding="utf-8")
+    assert "Levels passed: 1, 2 of 6." in repr(notebook.your_robot())
 
 
 @pytest.mark.slow

@@ -80,22 +80,12 @@ def compounding(
     grid = stability_map(
         over, count, rates, quantity=f"excess of the square law / {100 * ALLOWED:.0f} %"
     )
-    line = 3.0 * ALLOWED / count
     edge = grid.boundary() * rates
     observed = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
     yield Panel(
         "Excess of the square law over the exact count",
         "length of the task [steps]",
         "error rate per step",
-        [
-            Series(
-                f"rate times steps = {3 * ALLOWED:g}",
-                count,
-                np.clip(line, rates[0], rates[-1]),
-                "theory on a map",
-                marker="",
-            )
-        ],
         scale="log",
         grid=grid,
         notes=[

@@ -309,7 +309,7 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
         for k, change in LEFT_OUT.items()
     }
     yield Panel(
-        f"Usual task, one detail changed, {seeds} seeds",
+        f"One detail changed, {seeds} seeds",
         SHARE,
         xlim=(0.0, 2.1),
         series=[banded(usual, "left out on the usual task")],
@@ -490,7 +490,7 @@ def step_epochs(
     good = far[every >= solved]
     if good.size:
         moved.spans = [
-            ("x", float(good.min()), float(good.max()), f"all runs at {solved:g} or above")
+            ("x", float(good.min()), float(good.max()), f"contains all runs at {solved:g} or above")
         ]
         moved.notes.append(
             f"all {good.size} of {far.size} seeds that reach {solved:g} move by "

@@ -237,7 +237,7 @@ def noise_and_filter(
         ),
         Panel(
             "Error at the end",
-            "noise of each frame [mm]",
+            "noise of a frame [mm]",
             "rms [mm]",
             scale="log",
             lines=[("y", 20.0, "tolerance")],

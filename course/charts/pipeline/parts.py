@@ -52,7 +52,7 @@ def vectors(result: Budget) -> Panel:
             [1e3 * whole[1]],
             style="",
             hollow=True,
-            tags=("together",),
+            tags=("triangle: together",),
             note="together: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
                 *(1e3 * np.array([whole, chance]).ravel())
             ),
@@ -64,7 +64,7 @@ def vectors(result: Budget) -> Panel:
             "theory",
             style="",
             marker="P",
-            tags=("predicted",),
+            tags=("plus: predicted",),
             note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * report)),
         ),
     ]

@@ -95,7 +95,8 @@ def cloning_averages(result):
     averages = [mean > 0.5, *(share > 0.5 for share in others)]
     result.statement_holds(
         all(averages),
-        only_if="it is trained with the squared error",
+        only_if="its loss is smallest at the mean, like the squared error, or the likelihood of a "
+        "single normal distribution",
         inside=averages[:1],
         outside=averages[1:],
         cases=True,
@@ -353,8 +354,8 @@ def ten_denoising_steps(result):
     "If K chunks each choose a side independently, their mean deviates by {formula} (root mean "
     "square). If the state shows which side was begun, the chunks agree: the stored mixture "
     "passes in {mixture:.1%} of the runs with ensembling, and in {alone:.1%} without. A policy "
-    "that tosses a coin at every step passes in {coin:.1%} with ensembling, but in {whole:.1%} "
-    "if it executes whole chunks.",
+    "that tosses a coin for the side at every step passes in {coin:.1%} with ensembling, but in "
+    "{whole:.1%} if it executes whole chunks.",
     ask=(
         "K chunks propose +w or -w, each decided by its own coin toss. What is the root mean "
         "square of their mean?",

@@ -89,14 +89,14 @@ def errors_compound(result):
         "formula."
     )
     drawn = list(result.rng.integers(20, 200, 10))
-    # Error rate times length below a third, and above two thirds, where saturation begins.
+    # Error rate times length below 0.3, and above 0.7, where saturation begins.
     inside, outside = (
         [square(x / T, T) for x, T in zip(result.rng.uniform(*some, 10), drawn, strict=True)]
         for some in ((0.01, 0.3), (0.7, 3.0))
     )
     result.statement_holds(
         square(0.1, 80),
-        only_if="it cannot recover, and the error rate times the length is below a third",
+        only_if="it cannot recover, and the error rate times the length is below three tenths",
         inside=inside,
         outside=outside,
     )
@@ -113,7 +113,7 @@ def errors_compound(result):
     "1, and exponentially only for a above 1.",
     ask=(
         "A deviation follows x' = a x + e from x = 0, where a and e are positive. What is the "
-        "sum of x over the first three steps?",
+        "sum of x after the first, the second and the third step?",
         "3*e + 2*a*e + a^2*e",
         {
             "3*e": (
@@ -169,8 +169,8 @@ def clone_error_grows(result):
     "A clone that fits every label of a perfect expert performs as well as the expert.",
     "If the expert always moves along its slow mode, all demonstrated states lie on one line "
     "and many gains fit every label. Least squares returns the gain of smallest norm; its entry "
-    "for the angle is {formula}. Its closed loop has spectral radius {copy:.3f}, so it is "
-    "unstable; the expert's has {expert:.3f}.",
+    "for the angle, for states that are multiples of (c, s), is {formula}. Its closed loop has "
+    "spectral radius {copy:.3f}, so it is unstable; the expert's has {expert:.3f}.",
     ask=(
         "An expert acts with u = -K1 x - K2 v, and all demonstrated states are multiples of (c, "
         "s). Of all gains that fit the labels, take the one of smallest norm. What is its gain "
@@ -273,7 +273,8 @@ def dagger_fixes_drift(result):
     "Each round of DAgger lowers the cost of a clone, because it adds the right data.",
     "The network also has to fit the added data. On the circle task two rounds, which triple the "
     "labels, lower the cost of {horizon:.0f} steps from {long_clone:.1f} to {long_dagger:.1f} m if "
-    "each training has {long:.0f} gradient steps. With {short:.0f} steps the same network does not "
+    "each training has {long:.0f} gradient steps. (The chart of section 3 gives the clone equally "
+    "many labels.) With {short:.0f} steps the same network does not "
     "fit three times the data: the cost rises from {short_clone:.1f} to {short_dagger:.1f} m, in "
     "{worse:.0f} of {n:.0f} seeds. Errors die "
     "out on this task, so the clones' cost grows almost linearly with time (exponent "
@@ -324,7 +325,7 @@ def dagger_needs_room(result):
 @claim(
     "A diffusion policy does not drift as other clones do, because it covers all modes of the "
     "data.",
-    "Drift has nothing to do with modes. The regulator's expert has exactly one action for "
+    "Drift and modes are two problems. The regulator's expert has exactly one action for "
     "every state. A diffusion policy trained on its clean demonstrations ended more than ten "
     "times farther off than it began in {lost:.0%} of the runs; trained on demonstrations "
     "disturbed by {size}, in {taught:.0%}. A tenth of that disturbance is enough for a linear "

@@ -15,13 +15,13 @@ SYMBOLS = {
     "r": Symbol("probability ratio, new over old", 1.3, 5.0),
     "A": Symbol("advantage, negative here", -5.0, -0.1),
     "clip": Symbol("half-width of the clip range", 0.05, 0.25),
-    "p": Symbol("true success rate, below 1/2", 0.05, 0.45),
+    "p": Symbol("true success rate", 0.05, 0.9),
     "R": Symbol("radius of the disc [m]", 0.01, 0.2),
     "L": Symbol("length of the path [m]", 0.5, 5.0),
     "S": Symbol("area in which the goal may be [m^2]", 1.0, 10.0),
     "P": Symbol("prize for finishing"),
     "d": Symbol("number of inputs", 2.0, 50.0),
-    "h": Symbol("units in each of two hidden layers", 8.0, 256.0),
+    "h": Symbol("units in each of two hidden layers", 8.0, 254.0),
     "m": Symbol("number of outputs", 1.0, 20.0),
     "u": Symbol("sampled action", -3.0, 3.0),
     "mu": Symbol("mean of the policy", -2.0, 2.0),
@@ -309,12 +309,12 @@ def clip_keeps(result):
     "The first N episodes to finish in N environments estimate the success rate.",
     "If failures last much longer than successes, they finish too late to be counted. For very "
     "long failures the estimate of a success rate p below 1/2 is {formula}, and for a larger p "
-    "it is 1. On the point task a policy with a success rate of {true:.2f} was estimated at "
-    "{read:.2f}, and another one with {true_more:.2f} at {read_more:.2f}.",
+    "it is 1. On the point task a policy that solves {true:.2f} of the starts, each counted once, "
+    "was estimated at {read:.2f}, and another one that solves {true_more:.2f} at {read_more:.2f}.",
     ask=(
-        "N environments restart by themselves. An episode succeeds with probability p, below "
-        "1/2, and then takes no time; a failure takes very long. All environments run until the "
-        "first failure ends. How many successes has each had by then, on average?",
+        "N environments restart by themselves. An episode succeeds with probability p, and then "
+        "takes no time; a failure takes very long. All environments run until the first failure "
+        "ends. How many successes has each had by then, on average?",
         "p/(1 - p)",
         {
             "p": (

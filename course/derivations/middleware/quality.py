@@ -76,8 +76,9 @@ def reliability_both_ways(result):
 
 @claim(
     "Messages that arrive late are a sign of incompatible quality of service.",
-    "Incompatible settings stop the messages altogether: of {sent:.0f} messages {came:.0f} "
-    "arrived. Both ends received an event that names the incompatible policy, {policy}. Late "
+    "A reader gets nothing at all from a writer with incompatible settings: of {sent:.0f} "
+    "messages {came:.0f} arrived. Both ends received an event that names the incompatible policy, "
+    "{policy}. Late "
     "messages waited in a queue, on the link or for an executor, or were stamped with a clock that "
     "is not synchronised.",
 )
@@ -127,10 +128,13 @@ def drawn(rng, least=None):
 
 
 @claim(
-    "A writer that offers more than a reader requests is connected to it.",
-    "That is so in each of the {ordered:.0f} ranked policies here: all {tried:.0f} random pairs "
-    "connected. For times, the shorter one is the stronger offer. Ownership (a DDS policy that ROS "
-    "2 does not use) has no ranking. History, depth and lifespan are not compared at all.",
+    "On ROS 2, a writer and a reader have discovered each other on one topic and use one type. In "
+    "every ranked policy the writer offers at least what the reader requests. Then they are "
+    "connected.",
+    "All {tried:.0f} random pairs of this kind connected, with {ordered:.0f} ranked policies of "
+    "DDS. For times, the shorter one is the stronger offer. Ownership (a DDS policy that ROS 2 "
+    "does not use) has no ranking: both ends must be equal. History, depth and lifespan are not "
+    "compared at all.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3",
 )
 def stronger_offer(result):

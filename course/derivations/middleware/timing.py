@@ -87,11 +87,13 @@ def liu_layland_says_no(result):
 
 
 @claim(
-    "If tasks can be preempted, share no lock, are never released late and meet their deadlines, "
-    "none has a longer response time than when all are released at once.",
+    "Tasks share one core and can be preempted. They share no lock, never pause to wait for "
+    "something, are never released late and meet their deadlines. Then none has a longer response "
+    "time than when all are released at once.",
     "In all {sets:.0f} random sets, a run from that moment gave the response times of the "
     "analysis, and {later:.0f} of {tried:.0f} runs with other phases gave a longer one. With locks "
-    "or late releases (release jitter), a term for each is added.",
+    "or late releases (release jitter), a term for each is added. A task that pauses before it has "
+    "finished, for instance to wait for a GPU, can delay the others longer.",
     source="Liu and Layland, 1973; Audsley and others, 1993",
 )
 def critical_instant(result):
@@ -131,7 +133,7 @@ def critical_instant(result):
 @claim(
     "If independent preemptible tasks have deadlines equal to their periods, no fixed priorities "
     "are better than giving the shorter period the higher one.",
-    "Independent means that none waits for another or is released late, and that all can be "
+    "Independent means that none waits for anything or is released late, and that all can be "
     "released at once. Of {sets:.0f} random sets of four tasks, "
     "{some:.0f} were in time with some order of priorities, and all of these with the "
     "rate-monotonic one. On average over all orders, {wrong:.0%} of them were. If deadlines are "
@@ -245,9 +247,9 @@ def inversion_is_bounded(result):
     "ROS 2 is not real-time by default.",
     "It is not, because its executors do not interrupt a callback. On one thread, a control "
     "callback of {control_ms:.0f} ms ended up to {worst_ms:.1f} ms after it was due, next to an "
-    "image callback of {camera_ms:.0f} ms. The bound is the sum of both, in each of three "
-    "execution orders, one of which runs timers first. With a thread and a group of its own it "
-    "took {own_ms:.0f} ms. That thread still needs a real-time priority and locked memory.",
+    "image callback of {camera_ms:.0f} ms. For these two, the bound is the sum of both in each of "
+    "three execution orders, one of which runs timers first. With a thread and a group of its own "
+    "it took {own_ms:.0f} ms. That thread still needs a real-time priority and locked memory.",
     source="Casini and others, ECRTS 2019; ROS 2 documentation, About executors, Jazzy 2024",
 )
 def not_real_time_by_default(result):
@@ -539,9 +541,10 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
 
 
 @claim(
-    "More threads cure a service call that hangs inside a callback.",
-    "The reply is handled by a callback too. If that is in the caller's exclusive group, it waits "
-    "for the caller, however many threads there are: with {threads:.0f} threads {answers:.0f} "
+    "A callback calls a service and waits for the reply. The reply has to be handled in the "
+    "callback's own exclusive group. Enough threads make the reply arrive.",
+    "Handling the reply is a callback too. In the caller's exclusive group it waits for the "
+    "caller, however many threads there are: with {threads:.0f} threads {answers:.0f} "
     "replies arrived, and so with one. The cure is a group of its own or a reentrant one, together "
     "with one more thread than there are waiting callbacks: {enough:.0f} threads for one of them, "
     "{three:.0f} for two. Or call asynchronously, and do not wait at all.",

@@ -37,10 +37,10 @@ def rms(away):
 
 
 @claim(
-    "Under the law kp (r - q) - kd v, more Kd makes the tip stay further behind a target that "
-    "moves.",
-    "Kd brakes the joint's own speed, so the spring has to balance all damping. Once the arm "
-    "has settled, it lags by {formula}. At {speed:.0f} mm/s the tip is {lag:.1f} mm behind, "
+    "Under the law kp (r - q) - kd v, more Kd makes an arm that has settled stay further behind a "
+    "target at constant speed.",
+    "Kd brakes the joint's own speed, so the spring has to balance all damping. The arm "
+    "lags by {formula}. At {speed:.0f} mm/s the tip is {lag:.1f} mm behind, "
     "and {twice:.1f} mm with twice the Kd.",
     ask=(
         "A joint under kp (r - q) - kd v, with friction c v, follows a reference at the rate "
@@ -146,7 +146,7 @@ def latency_is_not_age(result):
 
 @claim(
     "After an alpha-beta filter, the position is less noisy than in a single frame.",
-    "An alpha-beta filter is a Kalman filter for position and speed with fixed gains, a for the "
+    "An alpha-beta filter has the form of a Kalman filter with fixed gains, a for the "
     "position and b for the speed. The variance of its position is {formula} of that of a frame. "
     "With a = {alpha:.2f} and b = {beta:.2f} this is {calm:.2f}. A filter that corrects its speed "
     "too strongly, with b = {beta_wild:.2f}, amplifies the noise to {wild:.2f}. Noise that is "
@@ -395,7 +395,7 @@ def sag_without_kd(result):
 
 
 @claim(
-    "Two settings are compared most fairly with fresh random numbers for each.",
+    "Comparing two settings takes the fewest runs with fresh random numbers for each.",
     "With the same seeds both face the same noise, and its common effect cancels in the "
     "difference. To detect the cost of a tenth more noise takes {saved:.0f} times fewer runs "
     "that way, provided that each stage has its own random-number generator. If every second "

@@ -122,7 +122,7 @@ def step_by_posture(result):
 @claim(
     "If the damping torque comes from the old velocity, more Kd makes the largest stable step of a "
     "semi-implicit simulation smaller.",
-    "Held for a long step, that torque reverses the velocity instead of reducing it. With the arm "
+    "Held for a long step, that torque throws the velocity back larger than it was. With the arm "
     "stretched and Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to {much:.1f} ms "
     "with Kd = {kd:.0f}. Damping at the new velocity would not lower it.",
 )

@@ -216,8 +216,8 @@ SLIPS = slips(
     energy_for_momentum=(
         f"{_DRIFT}\n    {_PART}",
         _ENERGY,
-        "Energy is asked for. A wrong law may keep it: the gyroscopic torque with the other sign, "
-        "for one. Without a torque the angular momentum stays.",
+        "A single number is compared, such as the energy or the length of the angular momentum. "
+        "A wrong law or a kick can conserve it. Compare the vector of the angular momentum.",
     ),
     length_of_the_momentum=(
         _DRIFT,
@@ -232,8 +232,8 @@ SLIPS = slips(
             "momentum - momentum[:, :1]",
             '(m := np.einsum("knji,knj->kni", R, momentum)) - m[:, :1]',
         ),
-        "The momentum is compared along the body's axes. There it turns, since the body does; in "
-        "the world's it stays.",
+        "The momentum that you compute changes although the motion is free. Turn the rates into "
+        "the body, multiply by the moments, turn the result back, and compare in the world's axes.",
     ),
     last_sample_alone=(
         _DRIFT,
@@ -250,8 +250,9 @@ SLIPS = slips(
     inertia_not_turned=(
         'inertia * np.einsum("knji,knj->kni", R, w)',
         "inertia * w",
-        "The moments are along the body's axes, the rates along the world's: turn the rates into "
-        "the body, and the momentum back.",
+        "The momentum that you compute changes although the motion is free. The moments are along "
+        "the body's axes and the rates along the world's: turn the rates into the body, multiply "
+        "by the moments, and turn the result back.",
     ),
     not_asked=(
         ", drift < 1e-3]",

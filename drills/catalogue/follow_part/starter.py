@@ -2,7 +2,7 @@ import numpy as np
 
 
 def follow_part(frames, saves, work, late, period, deadline, drift, ticks):
-    """Return what a drive is told by two nodes, (m,) [m]; the task's table says what goes in."""
+    """Return the commands that a drive uses, (m,) [m]; the table of the task explains the input."""
     # The camera's node: callbacks of one group wait for each other.
     rows = np.asarray(frames, dtype=float)
     calls = [(row[1], 0, work, number) for number, row in enumerate(rows)]

@@ -90,6 +90,17 @@ SLIPS = slips(
         "",
         "The waits for the clocks are missing: an input lies there until the next tick.",
     ),
+    sensor_does_not_wait=(
+        "    links = ",
+        "    cost[sensor] -= np.asarray(periods, dtype=float)[sensor]\n    links = ",
+        "The event waits for every clock except that of the sensor. The sensor may also have "
+        "looked just before the event.",
+    ),
+    first_run_only=(
+        _RUNS,
+        "np.asarray(runs, dtype=float)[:, 0]",
+        "Only the first run of each stage is used. The cost of a stage is its longest run.",
+    ),
     period_holds_the_run=(
         f"{_RUNS} + {_PERIODS}",
         f"np.maximum({_RUNS}, {_PERIODS})",

@@ -131,8 +131,7 @@ SLIPS = slips(
         "response = C[i] + releases @ C[:i]",
         "C[i] + B[i]\n",
         "C[i]\n",
-        "The blocking is missing: a less important task that holds the resource makes this one "
-        "wait.",
+        "The blocking is missing: a less important task that holds a lock can make this one wait.",
     ),
     blocking_at_every_release=(
         _SUM,
@@ -175,7 +174,7 @@ EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "whole numbers"),
     examples=(
         "response_times([1, 2, 3], [4, 6, 12], [4, 6, 12], [0, 0, 0])",
-        "response_times([1, 2, 3], [4, 6, 12], [4, 6, 9], [1, 0, 0])",
+        "response_times([1, 2, 3], [4, 6, 12], [4, 6, 9], [1, 1, 0])",
     ),
     picture=bars,
     slips=SLIPS + value_slips("response_times", in_part=False, whole=False),

@@ -113,6 +113,18 @@ SLIPS = slips(
         "p = np.mean(np.asarray(outcomes) == 1)",
         "Each run is taken for a trial: a scenario that was run four times counts four times.",
     ),
+    retries_in_the_trials=(
+        "n, square = len(new),",
+        "n, square = len(np.asarray(seeds)),",
+        "The number of trials counts retries, and the successes do not. Divide the successful "
+        "scenarios by the number of scenarios.",
+    ),
+    best_run_counts=(
+        _FIRST,
+        "table[int(name)] = table.get(int(name), False) or bool(result == 1)",
+        "A scenario counts as solved if any of its runs was. Only the first run counts: a real "
+        "robot gets no second attempt.",
+    ),
     crash_is_true=(_CRASH, "bool(result)", "A crash counts as a success: -1 is true."),
     the_rate_at_the_gate=(
         "int(low >= gate)",

@@ -73,6 +73,14 @@ SLIPS = slips(
         "The speeds come in km/h and are taken for m/s: a way 3.6 times too long at least, 13 "
         "times that of the brake.",
     ),
+    kilometres_an_hour_throughout=(
+        _V,
+        "dtype=float)",
+        _RETURN,
+        "max(float(top), 0.0)",
+        "The speeds come in km/h and are used as if they were in m/s, and so is the highest speed "
+        "that is returned.",
+    ),
     times_instead_of_over=(_V, "dtype=float) * 3.6", "A metre a second is 3.6 km/h: divide."),
     top_in_metres_a_second=(
         _RETURN,

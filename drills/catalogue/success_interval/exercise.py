@@ -74,6 +74,27 @@ SLIPS = slips(
         "That is the usual interval, p +- z sqrt(p (1 - p) / n): no width where all trials "
         "worked, and too short with few. Wilson's takes the spread of the true rate.",
     ),
+    usual_interval_throughout=(
+        _MIDDLE,
+        "middle = p",
+        _WIDTH,
+        _WALD,
+        _ROOT,
+        "root = np.sqrt(square * spread / trials)",
+        _FIT,
+        "return bool(root > half)",
+        "Both the intervals and the number of trials come from the usual formula, "
+        "p +- z sqrt(p (1 - p) / n). Wilson's interval uses the spread of the true rate.",
+    ),
+    not_divided=(
+        _MIDDLE,
+        "middle = p + square / (2.0 * n)",
+        _WIDTH,
+        _WIDTH.replace(" / (1.0 + square / n)", ""),
+        _FIT,
+        "return bool(root > half)",
+        "The division of middle and half width by 1 + z^2 / n is missing.",
+    ),
     cut_at_0_and_1=(
         _MIDDLE,
         "middle = p",

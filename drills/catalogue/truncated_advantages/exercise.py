@@ -122,6 +122,17 @@ SLIPS = slips(
         "ahead",
         "A terminal state's value is counted: nothing comes after an end.",
     ),
+    last_behind_an_end=(
+        _OVER,
+        "np.where(over & (np.arange(len(r)) < len(r) - 1), 0.0, ahead)",
+        "The value `last` is also counted where the last row has ended its episode. No state "
+        "follows a terminal one, so its value is 0.",
+    ),
+    value_ahead_not_discounted=(
+        "delta = r + gamma * ",
+        "delta = r + ",
+        "The value of the next state is not discounted: the error is reward + gamma V(next) - V.",
+    ),
     nothing_behind_the_buffer=(
         "np.append(v[1:], last)",
         "np.append(v[1:], 0.0)",

@@ -37,7 +37,7 @@ SLIPS = slips(
     ratio_of_sums=(
         "float(np.sum(np.asarray(executions, dtype=float) / np.asarray(periods)))",
         "float(np.sum(np.asarray(executions, dtype=float)) / np.sum(np.asarray(periods)))",
-        "Sum of times over sum of periods is no utilisation: divide each time by its own period,"
+        "Sum of times over sum of periods is no utilization: divide each time by its own period,"
         " then add up.",
     ),
     bound_of_many=(
@@ -49,12 +49,12 @@ SLIPS = slips(
         "(-1 if load > 1.0 else 0)",
         "-1",
         "Above the bound the tasks are not overloaded, only unproven: that is 0 up to a "
-        "utilisation of 1.",
+        "utilization of 1.",
     ),
     below_one_is_enough=(
         "1 if load <= bound",
         "1 if load <= 1.0",
-        "A utilisation below 1 is enough for earliest deadline first, not for rate-monotonic "
+        "A utilization below 1 is enough for earliest deadline first, not for rate-monotonic "
         "priorities: compare with the bound.",
     ),
     mean_share=(

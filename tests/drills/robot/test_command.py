@@ -3,6 +3,9 @@
 import csv
 import importlib.util
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +13,15 @@ import numpy as np
 import pytest
 
 from drills import cards
-from drills.robot.command import fault_of
+from drills.robot import libraries
+from drills.robot.hidden import fault_of
 from drills.robot.holders import course_part
 from drills.robot.inside import Robot
 from drills.robot.levels import exact_world, level
 from drills.robot.loop import SIGNALS
 from drills.robot.play import gather
 from drills.robot.slots import NAMES, SLOTS, STAGES
+from tests.budget import ROOT
 from tests.drills.place import Place, a_place
 from tests.optional import skip
 
@@ -71,38 +76,91 @@ def test_solved_exercises_fill_their_slots(own: Place) -> None:
 
 @pytest.mark.slow
 def test_a_run_is_stored_and_a_replaced_part_is_compared(own: Place) -> None:
-    done = own.run("robot", "run", "--level", "1", "--tasks", "4")
+    done = own.run("robot", "run", "--no-libraries", "--level", "1", "--tasks", "4")
     assert "success" in done.out and "their sum" in done.out and "More tasks" in done.out
     assert max(map(len, done.out.splitlines())) <= 80
     file = own.work / "trapezoid.py"
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace("    ramp = v / a\n", "    v = 0.8 * v\n    ramp = v / a\n"))
-    slower = own.run("robot", "run", "--level", "1", "--tasks", "4")
+    slower = own.run("robot", "run", "--no-libraries", "--level", "1", "--tasks", "4")
     assert "replaced trapezoid" in slower.out and "trapezoid broke a promise" in slower.out
     assert "Look at" not in slower.out
     data = json.loads((own.work / "robot.json").read_text(encoding="utf-8"))
     assert len(data["runs"]) == 2 and data["passed"] == {}
     past = own.json("robot", "history")
     assert [row["own"] for row in past["versions"]] == [6, 6]
+    assert "same tasks and noise, with 95 %" in " ".join(slower.out.split())
+    assert "the shortest time within the limits" in " ".join(slower.out.split())
     assert past["versions"][0]["cycle"] < past["versions"][1]["cycle"]
     assert Path(past["picture"]).stat().st_size > 5000
+
+
+@pytest.mark.slow
+@pytest.mark.optional
+def test_the_libraries_play_the_same_tasks_and_are_lines_of_the_chart(own: Place) -> None:
+    if not any(libraries.installed(name) for name in ("ompl", "mujoco", "pinocchio", "open3d")):
+        skip("The robot of libraries did not play: none is installed.")
+    data = own.json("robot", "run", "--level", "2", "--tasks", "3")
+    assert data["libraries"] == data["course"] == 1.0
+    done = own.run("robot", "run", "--level", "2", "--tasks", "3")
+    assert "yours minus the libraries'" in done.out and max(map(len, done.out.splitlines())) <= 80
+    stored = json.loads((own.work / "robot.json").read_text(encoding="utf-8"))
+    # Stored after the first run, and other parts than the course's.
+    assert len(stored["libraries"]) == len(stored["course"]) == 1
+    (theirs,), (ours,) = stored["libraries"].values(), stored["course"].values()
+    assert theirs["seconds"] != ours["seconds"] or theirs["distance"] != ours["distance"]
+    text = own.run("robot", "history").out
+    assert max(map(len, text.splitlines())) <= 80
+    rows = {line.split()[0]: line for line in text.splitlines() if line.strip()}
+    assert all(f"{3:>7}   100.0 %" in rows[name] for name in ("course", "libraries"))
+
+
+@pytest.mark.slow
+def test_a_broken_promise_comes_with_the_expected_result(own: Place) -> None:
+    file = own.work / "two_link_ik.py"
+    text = file.read_text(encoding="utf-8")
+    wrapped = "def two_link_ik(lengths, target):\n    return right(lengths, target) + 0.02\n"
+    file.write_text(f"{text}\n\nright = two_link_ik\n\n\n{wrapped}", encoding="utf-8")
+    out = own.run("robot", "run", "--no-libraries", "--level", "1", "--tasks", "2").out
+    assert "two_link_ik broke a promise" in out and "expected result" in out
+    done = subprocess.run(
+        [sys.executable, own.work / "robot_call.py"], cwd=ROOT, capture_output=True, text=True
+    )
+    values = [
+        np.array(re.findall(r"-?\d\.\d*(?:e-\d+)?", part), dtype=float)
+        for part in done.stdout.split("yours:")
+    ]
+    np.testing.assert_allclose(values[1] - values[0], 0.02, atol=1e-6)
 
 
 @pytest.mark.slow
 def test_a_broken_part_is_named_with_its_call(own: Place) -> None:
     file = own.work / "two_link_ik.py"
     file.write_text("def two_link_ik(lengths, target):\n    return lengths / 0 * target[0]\n")
-    data = own.json("robot", "run", "--level", "1", "--tasks", "3")
+    data = own.json("robot", "run", "--no-libraries", "--level", "1", "--tasks", "3")
     assert data["failure"]["part"] == "two_link_ik" and data["exit"] == 1
     assert data["failure"]["call"].startswith("two_link_ik(np.array([0.5, 0.4])")
-    assert "stopped the robot" in own.run("robot", "run", "--level", "1", "--tasks", "3").out
+    assert (
+        "stopped the robot"
+        in own.run("robot", "run", "--no-libraries", "--level", "1", "--tasks", "3").out
+    )
 
 
 @pytest.mark.optional
 def test_ompl_can_hold_the_planner(place: Place) -> None:
     if importlib.util.find_spec("ompl") is None:
         skip("OMPL did not hold the planner: it is not installed.")
-    done = place.json("robot", "run", "--level", "1", "--tasks", "3", "--part", "rrt_connect=ompl")
+    done = place.json(
+        "robot",
+        "run",
+        "--no-libraries",
+        "--level",
+        "1",
+        "--tasks",
+        "3",
+        "--part",
+        "rrt_connect=ompl",
+    )
     assert done["success"] == 1.0 and done["named"] == []
     assert done["parts"]["rrt_connect"] == "ompl"
 
@@ -136,7 +194,9 @@ def plan(route):
     return Motion(np.zeros((0, 2)), 0.0, np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
 """
     (place.folder / "mine.py").write_text(text)
-    done = place.run("robot", "run", "--level", "1", "--tasks", "2", "--own", "plan=mine.py")
+    done = place.run(
+        "robot", "run", "--no-libraries", "--level", "1", "--tasks", "2", "--own", "plan=mine.py"
+    )
     assert "2 tasks failed: the planner found no way" in done.out
 
 
@@ -148,7 +208,7 @@ def test_misuse_says_what_to_do(place: Place) -> None:
         (["--own", "think=x.py"], "A file may replace one of"),
         (["--own", "plan=x.py"], "There is no file x.py"),
     ):
-        done = place.run("robot", "run", "--level", "1", *arguments)
+        done = place.run("robot", "run", "--no-libraries", "--level", "1", *arguments)
         assert done.code == 2 and message in done.err, done
 
 
@@ -157,7 +217,7 @@ def test_the_hidden_fault_is_found_from_the_log(place: Place) -> None:
     """As a learner would: which two signals differ by more than others do."""
     row = 0
     for _ in range(3):
-        path = place.json("robot", "run", "--level", "6", "--tasks", "10")["log"]
+        path = place.json("robot", "run", "--no-libraries", "--level", "6", "--tasks", "10")["log"]
         stage = found_in(Path(path))
         answer = place.json("robot", "blame", stage)
         assert answer["right"], (stage, answer["stage"])
@@ -244,7 +304,9 @@ def test_the_chapters_without_slots_compare_worlds_and_levels(place: Place) -> N
 
 @pytest.mark.slow
 def test_the_twin_is_stored_apart_from_the_exact_arm(place: Place) -> None:
-    exact = place.json("robot", "run", "--level", "1", "--tasks", "6")
-    twin = place.json("robot", "run", "--level", "1", "--tasks", "6", "--twin", "--gap", "1")
+    exact = place.json("robot", "run", "--no-libraries", "--level", "1", "--tasks", "6")
+    twin = place.json(
+        "robot", "run", "--no-libraries", "--level", "1", "--tasks", "6", "--twin", "--gap", "1"
+    )
     assert exact["success"] == 1.0 and twin["success"] == 0.0 and not twin["counts"]
     assert len(place.json("robot", "history")["versions"]) == 1
