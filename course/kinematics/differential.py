@@ -75,10 +75,10 @@ def velocity_bounds(
         no faster than its speed limit.
     """
     q = vector("q", q, (chain.n,))
-    most = np.broadcast_to(vector("fastest", fastest, (), (chain.n,), low=POSITIVE), (chain.n,))
+    limit = np.broadcast_to(vector("fastest", fastest, (), (chain.n,), low=POSITIVE), (chain.n,))
     rate = finite("gain", gain, POSITIVE, 1.0) / positive("dt", dt, unit="s")
     low, high = rate * (chain.lower - q), rate * (chain.upper - q)
-    return np.clip(low, -most, most), np.clip(high, -most, most)
+    return np.clip(low, -limit, limit), np.clip(high, -limit, limit)
 
 
 def bounded_velocity(

@@ -142,7 +142,7 @@ def velocity_limits(
     for name, rows in runs.items():
         worst = np.array([[run.error.max() for run in row] for row in rows])
         low, median, high = np.percentile(worst, [25.0, 50.0, 75.0], axis=1)
-        took = [
+        computing = [
             float(np.median([run.seconds for run in row])) / dt
             for row, dt in zip(rows, cycles, strict=True)
         ]
@@ -151,7 +151,7 @@ def velocity_limits(
         left.series.append(
             Series(
                 name,
-                took,
+                computing,
                 median,
                 name,
                 low=low if banded else None,
