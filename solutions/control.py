@@ -271,3 +271,93 @@ def pd_gains(
     omega = 2.0 * np.pi * np.asarray(frequency, dtype=float)
     kd = 2.0 * np.asarray(ratio, dtype=float) * omega * J - np.asarray(friction, dtype=float)
     return omega**2 * J, kd
+
+
+def nonnegative_least_squares(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return x of least |A x - b| with x >= 0 (Lawson and Hanson's active sets)."""
+    x, free = np.zeros(A.shape[1]), np.zeros(A.shape[1], dtype=bool)
+    for _ in range(10 * x.size):
+        slope = A.T @ (b - A @ x)
+        if free.all() or slope[~free].max() <= 1e-12:
+            break
+        # Release the variable that promises most, then step back to the first that turns negative.
+        free[np.argmax(np.where(free, -np.inf, slope))] = True
+        while True:
+            z = np.zeros(x.size)
+            z[free] = np.linalg.lstsq(A[:, free], b, rcond=None)[0]
+            negative = free & (z <= 0.0)
+            if not negative.any():
+                break
+            x = x + np.min(x[negative] / (x[negative] - z[negative])) * (z - x)
+            free &= x > 1e-14
+        x = z
+    return x
+
+
+def standing_qp(
+    mass: float,
+    mu: float,
+    slope: float,
+    com: ArrayLike,
+    joints: ArrayLike,
+    contacts: ArrayLike,
+    limit: float,
+    weight: float,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return contact forces and joint torques with which a planar biped stands on an incline.
+
+    Args:
+        mass: of the biped [kg].
+        mu: coefficient of friction.
+        slope: of the ground, which rises along x [rad].
+        com: centre of mass, shape (2,) [m].
+        joints: hip, knee and ankle of each leg, shape (2, 3, 2) [m].
+        contacts: heel and toe of each leg, shape (2, 2, 2) [m].
+        limit: largest torque of a joint [N m].
+        weight: of the forces in the cost.
+
+    Returns:
+        Tangential and normal force on each heel and toe (2, 2, 2), torques of hips, knees and
+        ankles (2, 3), and 1.0; or zeros and 0.0 where no forces are allowed.
+
+    The balance is eliminated with a basis of its null space. A change of variables makes the cost a
+    squared length, and the shortest vector that meets inequalities is a nonnegative least squares
+    problem, whose residual vanishes if nothing meets them.
+    """
+    com, joints, contacts = (np.asarray(a, dtype=float) for a in (com, joints, contacts))
+    c, s = np.cos(slope), np.sin(slope)
+    axes = np.array([[c, s], [-s, c]])
+    heavy = mass * 9.81
+
+    def moments(levers: np.ndarray) -> np.ndarray:
+        return np.asarray(levers[..., :1] * axes[:, 1] - levers[..., 1:] * axes[:, 0])
+
+    # Forces in units of the weight, torques in units of their limit.
+    E = np.vstack((np.tile(axes.T, 4), moments(contacts.reshape(4, 2) - com).ravel()))
+    e = np.array([0.0, 1.0, 0.0])
+    by_leg = np.zeros((2, 3, 2, 2, 2))
+    for leg in (0, 1):
+        by_leg[leg, :, leg] = moments(contacts[leg] - joints[leg][:, None])
+    T = by_leg.reshape(6, 8) * heavy / limit
+    cones = np.kron(np.eye(4), [[1.0, -mu], [-1.0, -mu]])
+    G = np.vstack((cones, T, -T))
+    h = np.concatenate((np.zeros(8), np.ones(12)))
+    root = np.vstack((T, np.sqrt(weight) * np.eye(8)))
+    # x = x0 + Z y meets E x = e. In u = R y + Q^T root x0 the cost is |u|^2 and a constant.
+    x0 = np.linalg.pinv(E) @ e
+    Z = np.linalg.svd(E)[2][len(e) :].T
+    Q, R = np.linalg.qr(root @ Z)
+    centre = Q.T @ (root @ x0)
+    A = np.linalg.solve(R.T, (G @ Z).T).T
+    b = h - G @ x0 + A @ centre
+    size = np.linalg.norm(A, axis=1)
+    stacked = -np.vstack((A.T, b)) / size
+    target = np.eye(len(stacked))[-1]
+    r = stacked @ nonnegative_least_squares(stacked, target) - target
+    # At the minimum, r[-1] is minus the squared length of r.
+    if -r[-1] < 1e-12:
+        return np.zeros((2, 2, 2)), np.zeros((2, 3)), 0.0
+    u = -r[:-1] / r[-1]
+    x = x0 + Z @ np.linalg.solve(R, u - centre)
+    forces, torques = x * heavy, T @ x * limit
+    return forces.reshape(2, 2, 2), torques.reshape(2, 3), 1.0

@@ -194,3 +194,62 @@ def point_in_base(
         return R @ points + pose[:3, None]
 
     return moved(flange, moved(np.asarray(mount, dtype=float), in_camera))
+
+
+def hopper_filter(
+    force: ArrayLike,
+    length: ArrayLike,
+    offset: ArrayLike,
+    contact: ArrayLike,
+    start: ArrayLike,
+    spread: ArrayLike,
+    noise: ArrayLike,
+    rest: float,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate height and vertical velocity of a one-legged hopper at every sample.
+
+    Args:
+        force: specific force, the mean over the interval that ends at the sample, shape (n,).
+        length: leg encoder, shape (n,) [m].
+        offset: horizontal distance from the hip to the foot, shape (n,) [m].
+        contact: contact sensor, 0 or 1, late and sometimes wrong, shape (n,).
+        start: expected height, velocity and bias at the first sample, shape (3,).
+        spread: their standard deviations, shape (3,).
+        noise: standard deviations of force and length, shape (2,).
+        rest: length of the leg in flight [m].
+        dt: time between samples [s].
+
+    Returns:
+        Height and velocity (n, 2), and their covariance (n, 2, 2).
+
+    The state also contains the bias of the accelerometer. The leg carries load only while the foot
+    touches, and the accelerometer shows this at once, so it replaces the contact sensor. A gate on
+    the innovation rejects the readings for which even the load was misjudged.
+    """
+    force, length, offset, noise = (
+        np.asarray(a, dtype=float) for a in (force, length, offset, noise)
+    )
+    x, P = np.array(start, dtype=float), np.diag(np.asarray(spread, dtype=float) ** 2)
+    A = np.array([[1.0, dt, -0.5 * dt * dt], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
+    B = np.array([0.5 * dt * dt, dt, 0.0])
+    Q = noise[0] ** 2 * np.outer(B, B)
+    R = noise[1] ** 2
+    estimates, covariances = np.zeros((force.size, 2)), np.zeros((force.size, 2, 2))
+    for i in range(force.size):
+        if i > 0:
+            x = A @ x + B * (force[i] - 9.81)
+            P = A @ P @ A.T + Q
+        # In flight the specific force is zero but for bias and noise, both uncertain.
+        if force[i] - x[2] > 4.0 * np.sqrt(noise[0] ** 2 + P[2, 2]):
+            expected = np.hypot(x[0], offset[i])
+            H = np.array([x[0] / expected, 0.0, 0.0])
+            S = H @ P @ H + R
+            innovation = length[i] - expected
+            if innovation**2 < 16.0 * S:
+                K = P @ H / S
+                x = x + K * innovation
+                J = np.eye(3) - np.outer(K, H)
+                P = J @ P @ J.T + R * np.outer(K, K)
+        estimates[i], covariances[i] = x[:2], P[:2, :2]
+    return estimates, covariances

@@ -28,6 +28,7 @@ from course.learning.evaluate import Band, Episodes, band, evaluate, first_finis
 from course.learning.generate import (
     Drawn,
     Mixture,
+    ddim_step,
     denoise,
     diffusion_policy,
     flow_policy,
@@ -90,6 +91,7 @@ __all__ = [
     "clone",
     "context_costs",
     "dagger",
+    "ddim_step",
     "denoise",
     "diffusion_policy",
     "evaluate",

@@ -59,13 +59,33 @@ def integrate(field: Field, noise: ArrayLike, steps: int, solver: str = "heun") 
     return x
 
 
-def mix(time: ArrayLike) -> tuple[Any, Any]:
+@register_jitable
+def mix(time: Array | float) -> tuple[Any, Any]:
     """Return the diffusion's signal and noise scales a and s, with a^2 + s^2 = 1.
 
     The schedule follows the cosine of Nichol and Dhariwal (2021).
     """
-    angle = 0.5 * np.pi * np.asarray(time, dtype=float)
+    angle = 0.5 * np.pi * time
     return np.sin(angle), np.cos(angle)
+
+
+@register_jitable
+def ddim_step(
+    x: Array, clean: Array, before: tuple[float, float], after: tuple[float, float], fresh: float
+) -> Array:
+    """Return samples one step of a diffusion later, without the fresh noise (DDIM, eq. 12).
+
+    Args:
+        x: samples (n, d).
+        clean: the predicted clean samples (n, d).
+        before: scales a and s of the samples, as of `mix`.
+        after: the same one step later; s is 0 after the last step.
+        fresh: deviation of the noise that the caller adds, 0 for DDIM.
+    """
+    # The noise that goes with the prediction follows from x; then both are mixed again in the
+    # proportions of the next time.
+    implied = (x - before[0] * clean) / before[1]
+    return after[0] * clean + math.sqrt(after[1] ** 2 - fresh**2) * implied
 
 
 def denoise(
@@ -88,13 +108,11 @@ def denoise(
     # No noise is left at the end of the last step.
     sigma[-1] = 0.0
     for k in range(steps):
-        # The network predicts the clean action; the noise that goes with it follows from x.
-        guess = clean(x, k / steps)
-        implied = (x - alpha[k] * guess) / sigma[k]
         # DDPM's share of fresh noise (DDIM, eq. 16); with eta = 0 the step is deterministic.
         fresh = eta * sigma[k + 1] / sigma[k] * math.sqrt(1.0 - (alpha[k] / alpha[k + 1]) ** 2)
-        # The guess and the noise, mixed again in the proportions of the next time.
-        x = alpha[k + 1] * guess + math.sqrt(sigma[k + 1] ** 2 - fresh**2) * implied
+        # The network predicts the clean action.
+        before, after = (alpha[k], sigma[k]), (alpha[k + 1], sigma[k + 1])
+        x = ddim_step(x, clean(x, k / steps), before, after, fresh)
         if fresh:
             x = x + fresh * rng.standard_normal(x.shape)
     return x

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from course.check import one_of
 from course.learning.chunk import chunk_policy
@@ -42,9 +43,14 @@ def recorded(name: str) -> Policy:
     """Return the same with its weights on record: built by one step of the fit, then loaded."""
     # A single step builds the normalisers and the network, whose weights are then replaced.
     policy = remake(name, steps=1)
-    with np.load(RECORD) as stored:
-        load(policy.net, stored[name])
+    load(policy.net, stored_weights(name))
     return policy
+
+
+def stored_weights(name: str) -> NDArray[np.float32]:
+    """Return the weights on record of one of `HEADS`, (n,), in the order of `network.weights`."""
+    with np.load(RECORD) as stored:
+        return stored[one_of("name", name, HEADS)]
 
 
 def write_record() -> None:

@@ -6,14 +6,17 @@ environments and in PyTorch. An expert is a method of its task.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, positive, vector
+from course.compiled import loop
 
 Array = NDArray[np.float64]
 Act = Callable[[Array, np.random.Generator], Array]
@@ -195,17 +198,33 @@ class TwoWays:
             states: positions, shape (N, T + 1, 2); a path is the polyline through them.
         """
         path = vector("states", states, (None, None, 2))
-        # Nearest point of each step's segment to the middle of the disc.
-        a, d = path[:, :-1] - [self.centre, 0.0], np.diff(path, axis=1)
-        along = -np.sum(a * d, axis=2) / np.maximum(np.sum(d * d, axis=2), 1e-12)
-        near = a + np.clip(along, 0.0, 1.0)[..., None] * d
-        clear = np.all(np.hypot(near[..., 0], near[..., 1]) >= self.radius, axis=1)
-        other = np.hypot(path[:, -1, 0] - 1.0, path[:, -1, 1]) <= self.reach
-        # The side is that of the waypoint closest to the disc along x.
-        beside = path[
-            np.arange(len(path)), np.argmin(np.abs(path[..., 0] - self.centre), axis=1), 1
-        ]
-        return np.where(clear & other, np.sign(beside), 0.0).astype(np.int64)
+        return sides(np.ascontiguousarray(path), self.centre, self.radius, self.reach)
+
+
+def _sides(path, centre, radius, reach):
+    """Return `TwoWays.sides` of positions (N, T + 1, 2), shape (N,)."""
+    result = np.zeros(len(path), np.int64)
+    for i in range(len(path)):
+        clear, beside = True, 0
+        for k in range(path.shape[1]):
+            x, y = path[i, k, 0] - centre, path[i, k, 1]
+            # The side is that of the waypoint closest to the disc along x.
+            if abs(x) < abs(path[i, beside, 0] - centre):
+                beside = k
+            if k + 1 < path.shape[1]:
+                # Nearest point of this step's segment to the middle of the disc.
+                u, v = path[i, k + 1, 0] - path[i, k, 0], path[i, k + 1, 1] - y
+                along = -(x * u + y * v) / max(u * u + v * v, 1e-12)
+                along = min(max(along, 0.0), 1.0)
+                clear = clear and math.hypot(x + along * u, y + along * v) >= radius
+        if clear and math.hypot(path[i, -1, 0] - 1.0, path[i, -1, 1]) <= reach:
+            result[i] = np.sign(path[i, beside, 1])
+    return result
+
+
+# A compiled loop: for plain Python and for compiled callers.
+_REAL = numba.float64
+sides = loop(_sides, numba.int64[::1](numba.float64[:, :, ::1], _REAL, _REAL, _REAL))
 
 
 # --- contexts: one right action a step ------------------------------------------------------------

@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,12 +40,25 @@ def wilson(solved: ArrayLike, tried: int, z: float = TWO_SIGMA) -> tuple[Array, 
         Both ends, each of the shape of `solved`.
     """
     count("tried", tried, 1)
-    square = positive("z", z) ** 2
     share = vector("solved", solved, low=0.0, high=float(tried)) / tried
+    return score_interval(share, tried, positive("z", z))
+
+
+def score_interval(share: Any, tried: int, z: float = TWO_SIGMA) -> tuple[Any, Any]:
+    """Return both ends of Wilson's interval: `wilson` without its checks.
+
+    It can be compiled: `course.simulations.interval`.
+
+    Args:
+        share: successes / tried, a number or an array.
+        tried: number of tries.
+        z: normal quantile of the confidence.
+    """
     # Wilson's score interval; the clips undo rounding at shares of 0 and 1.
+    square = z * z
     middle = share + 0.5 * square / tried
     half = np.sqrt(square * (share * (1.0 - share) + 0.25 * square / tried) / tried)
-    low, high = ((middle + sign * half) / (1.0 + square / tried) for sign in (-1.0, 1.0))
+    low, high = (middle - half) / (1.0 + square / tried), (middle + half) / (1.0 + square / tried)
     return np.minimum(np.maximum(low, 0.0), share), np.maximum(np.minimum(high, 1.0), share)
 
 

@@ -15,6 +15,8 @@ The chapter's algorithms, and the functions of their steps:
 - Fault localisation by repairs (delta debugging; Zeller and Hildebrandt, 2002): `blame.contracts`
   checks, `blame.blame` replays with stages made ideal, `minimal` reduces the scenario.
 - Error budget over all subsets (Shapley, 1953): `budget.budget`; `predicted` is its closed form.
+- Noise with heavy tails (Student, 1908), as an AR(1) process, or hidden by the arm: `noise.Noise`;
+  the false-alarm rates of two contracts in closed form: `alarms_of_frames`, `alarms_of_mean`.
 - Rare failures by cross-entropy importance sampling (Rubinstein and Kroese, 2004):
   `rare.cross_entropy`, its weights in `_estimate`.
 

@@ -434,7 +434,7 @@ def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb |
     # same.
     if "age" in settings.ideal:
         shift = after if after.captured.size == before.captured.size else before
-        after = replace(before, shift=shift.shift, scale=shift.scale)
+        after = replace(before, shift=shift.shift, scale=shift.scale, draws=shift.draws)
     if "perceive" in settings.ideal:
         after = replace(after, shift=0.0 * after.shift, scale=np.ones(after.scale.size))
     return after

@@ -14,11 +14,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, invalid, positive, vector
 from course.control import Gains, Record
 from course.kinematics import TwoLink, two_link_ik
+from course.kinematics.two_link import branches
 from course.sim_to_real.motion import episodes
 
 Array = NDArray[np.float64]
@@ -84,27 +86,7 @@ class Plants:
         A, b, d of `course.kinematics.two_link` [kg m^2], damping c [N m s/rad], dry friction f [N
         m], then torque factor, delay [s], offsets and noise [rad].
         """
-        m, p, viscous, coulomb, torque, delay, bias, noise = (getattr(self, f) for f in FIELDS)
-        a, b, d, c1, c2 = ARM.parameters
-        l1, l2 = ARM.lengths
-        # The payload is a point mass at the tip: it adds to the three inertia parameters a, b and
-        # d.
-        return np.array(
-            [
-                m * a + p * (l1 * l1 + l2 * l2),
-                m * b + p * l1 * l2,
-                m * d + p * l2 * l2,
-                c1 * viscous,
-                c2 * viscous,
-                coulomb,
-                0.5 * coulomb,
-                torque,
-                delay,
-                bias,
-                bias,
-                noise,
-            ]
-        )
+        return columns_of(np.array([getattr(self, name) for name in FIELDS]))
 
     def take(self, index: ArrayLike) -> Plants:
         """Return some of these arms, by a whole number each or a mask."""
@@ -113,6 +95,27 @@ class Plants:
 
 
 FIELDS = tuple(field.name for field in dataclasses.fields(Plants))
+_PARAMETERS, _LENGTHS = tuple(map(float, ARM.parameters)), tuple(map(float, ARM.lengths))
+
+
+@register_jitable
+def columns_of(fields):
+    """Return `Plants.columns` of arms whose fields are the rows of an array (8, N), as `FIELDS`."""
+    a, b, d, c1, c2 = _PARAMETERS
+    l1, l2 = _LENGTHS
+    mass, payload = fields[0], fields[1]
+    result = np.empty((12, fields.shape[1]))
+    # The payload is a point mass at the tip: it adds to the three inertia parameters a, b and d.
+    result[0] = mass * a + payload * (l1 * l1 + l2 * l2)
+    result[1] = mass * b + payload * l1 * l2
+    result[2] = mass * d + payload * l2 * l2
+    result[3], result[4] = c1 * fields[2], c2 * fields[2]
+    result[5], result[6] = fields[3], 0.5 * fields[3]
+    result[7], result[8] = fields[4], fields[5]
+    result[9], result[10] = fields[6], fields[6]
+    result[11] = fields[7]
+    return result
+
 
 # How far gap 1 is from the simulator: the direction along which `real` moves.
 DIRECTION = {
@@ -124,6 +127,17 @@ DIRECTION = {
     "bias": 0.004,
     "noise": 0.001,
 }
+# The simulator's arm and that direction, as columns in the order of `FIELDS`.
+HOME = np.array([getattr(Plants(), name) for name in FIELDS])
+CHANGE = np.array([DIRECTION.get(name, 0.0) for name in FIELDS])[:, None]
+
+
+@register_jitable
+def fields_of(gap, delay):
+    """Return the fields (8, N) of `real` at gaps, rows as in `FIELDS`; numbers or arrays (N,)."""
+    fields = HOME + gap * CHANGE
+    fields[5] = delay
+    return fields
 
 
 def nominal(n: int = 1) -> Plants:
@@ -142,9 +156,9 @@ def real(gap: ArrayLike, delay: ArrayLike = 0.0) -> Plants:
         delay: of the command, on its own [s].
     """
     g = vector("gap", gap, (), (None,), low=0.0, high=1.25)
-    base = nominal()
-    moved = {name: getattr(base, name) + g * change for name, change in DIRECTION.items()}
-    return Plants(**moved, delay=vector("delay", delay, (), (None,), low=0.0, unit="s"))
+    late = vector("delay", delay, (), (None,), low=0.0, unit="s")
+    fields = dict(zip(FIELDS, fields_of(np.atleast_1d(g), 0.0), strict=True))
+    return Plants(**fields | {"delay": late})
 
 
 @dataclass(frozen=True)
@@ -170,11 +184,7 @@ class Tasks:
             low, high = abs(np.subtract(*ARM.lengths)), sum(ARM.lengths)
             allowed = f"a point {low:.3g} to {high:.3g} m from the base"
             raise invalid(f"goal[:, {at}]", self.goal[:, at], allowed)
-        # The branch and the turn that are nearest to the start.
-        q1 = result.q[0] + 2.0 * np.pi * np.round((self.start[0] - result.q[0]) / (2.0 * np.pi))
-        branches = np.stack([q1, result.q[1]])
-        far = np.abs(branches - self.start[:, None]).max(axis=0)
-        reference = np.take_along_axis(branches, far.argmin(axis=0)[None, None], axis=1)[:, 0]
+        reference = reference_angles(self.start, self.goal)
         object.__setattr__(self, "reference", reference)
         rng = np.random.default_rng(self.seed)
         # Drawn once for the tasks, so that every policy meets the same noise.
@@ -188,6 +198,23 @@ class Tasks:
     def size(self) -> int:
         """How many episodes."""
         return self.start.shape[1]
+
+
+@register_jitable
+def reference_angles(start, goal):
+    """Return the angles nearest to the start that put the tip at its goal, all (2, E) [rad, m].
+
+    The goals are within reach.
+    """
+    left, right, bend, _ = branches(*_LENGTHS, goal[0], goal[1])
+    # Both branches, each with the turn of joint 1 that is nearest to the start.
+    left = left + 2.0 * np.pi * np.rint((start[0] - left) / (2.0 * np.pi))
+    right = right + 2.0 * np.pi * np.rint((start[0] - right) / (2.0 * np.pi))
+    far = np.maximum(np.abs(left - start[0]), np.abs(bend - start[1]))
+    other = np.maximum(np.abs(right - start[0]), np.abs(-bend - start[1])) < far
+    result = np.empty(start.shape)
+    result[0], result[1] = np.where(other, right, left), np.where(other, -bend, bend)
+    return result
 
 
 def tip(q: ArrayLike) -> Array:
@@ -235,7 +262,13 @@ class Outcome:
         return {name: n for name, n in zip(REASONS, counts, strict=True) if n}
 
 
-def _numbers(gains: Array) -> Array:
+# What `motion.episodes` has to know of an episode.
+SIZES = np.array(
+    [round(SECONDS / DT), DT, STEP, RADIUS, round(HOLD / DT), FASTEST, *ARM.lengths], dtype=float
+)
+
+
+def controller_numbers(gains: Array) -> Array:
     """Return `Gains.numbers` of each set and joint, shape (K, 2, 13)."""
     rows = [Gains(0.0, tau=FILTER, u_min=-u, u_max=u).numbers(DT) for u in ARM.torques]
     numbers = np.repeat(np.array(rows)[None], gains.shape[1], axis=0)
@@ -265,17 +298,16 @@ def _run(
     start = np.zeros((4, E))
     start[:2] = posed.start
     wide = [np.broadcast_to(x, (2, E)).copy() for x in (posed.reference, posed.goal)]
-    sizes = np.array([T, DT, STEP, RADIUS, round(HOLD / DT), FASTEST, *ARM.lengths])
     out = np.empty((4, K * E))
     trace = np.zeros((10 if traced else 0, K * E, T + 1))
     episodes(
         arms,
-        _numbers(sets.reshape(6, -1)),
+        controller_numbers(sets.reshape(6, -1)),
         start,
         *wide,
         posed.unit_noise,
         np.empty((0, 2, 1)),
-        sizes,
+        SIZES,
         out,
         trace,
     )

@@ -31,6 +31,7 @@ from course.sim_to_real.plants import (
     rollouts,
     tasks,
 )
+from course.sim_to_real.transfer import mended
 
 Array = NDArray[np.float64]
 Sampler = Callable[[int, np.random.Generator], Plants | Array]
@@ -293,6 +294,9 @@ def automatic(
 RECORD = Path(__file__).with_name("tuned.toml")
 GRID = tuple(k / 10 for k in range(11))  # of widths, and of gaps
 SEEDS, KNOWN_DELAY, KNOWN_WIDTH = (0, 1, 2), 0.01, 0.4
+DELAYS = tuple(k / 1000 for k in range(41))  # [s]
+# What each row of a kind stands for: a width, a gap, or a delay.
+ROWS = {"range": GRID, "known": GRID, "both": GRID, "load": GRID, "delay": DELAYS}
 
 
 def remake(kind: str, at: float, seed: int = 0) -> Array:
@@ -300,28 +304,34 @@ def remake(kind: str, at: float, seed: int = 0) -> Array:
 
     Args:
         kind: "range" for arms drawn about the simulator's; "known" for the real arm with a delay of
-            10 ms, as if identified; "both" for a range of width 0.4 about that.
-        at: width of the range, or gap of the real arm.
+            10 ms, as if identified; "both" for a range of width 0.4 about that; "load" and "delay"
+            for the simulator that took this part from the real arm.
+        at: width of the range, gap of the real arm, or delay [s].
         seed: of the training.
     """
-    one_of("kind", kind, ("range", "known", "both"))
-    centre = nominal() if kind == "range" else real(at, KNOWN_DELAY)
-    width = {"range": at, "known": 0.0, "both": KNOWN_WIDTH}[kind]
+    one_of("kind", kind, ROWS)
+    width = {"range": at, "both": KNOWN_WIDTH}.get(kind, 0.0)
+    if kind == "range":
+        centre = nominal()
+    elif kind in ("load", "delay"):
+        centre = mended(real(at) if kind == "load" else real(0.0, at), (kind,))
+    else:
+        centre = real(at, KNOWN_DELAY)
     return tune(around(centre, width) if width else only(centre), seed).gains
 
 
 def recorded() -> dict[str, Array]:
-    """Return the gains on record: kind -> shape (11, seeds, 6), widths or gaps as in `GRID`."""
+    """Return the gains on record: kind -> shape (rows, seeds, 6), a row for each of `ROWS`."""
     text = RECORD.read_text(encoding="utf-8")
     return {kind: np.array(rows) for kind, rows in tomllib.loads(text).items()}
 
 
 def write_record() -> None:
-    """Tune everything on record anew, a minute or two of one core."""
+    """Tune everything on record anew, some minutes of one core."""
     lines = ["# Written by `python -m course.sim_to_real`: gains, see course.sim_to_real.tune."]
-    for kind in ("range", "known", "both"):
+    for kind, each in ROWS.items():
         lines.append(f"{kind} = [")
-        for at in GRID:
+        for at in each:
             rows = [remake(kind, at, seed) for seed in (SEEDS if kind == "range" else (0,))]
             texts = ["[" + ", ".join(f"{g:.6g}" for g in row) + "]" for row in rows]
             lines.append("  [" + ", ".join(texts) + "],")

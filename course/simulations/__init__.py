@@ -57,9 +57,7 @@ LIVE_TAG = "live"
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
     "perception": "each image goes through NumPy and SciPy: rendering, k-d trees, poses",
-    "sim_to_real": "each change runs hundreds of episodes, or tunes a policy again",
     "learning.point": "each change trains a policy",
-    "learning.two_ways": "each change runs a network a hundred times",
     "pipeline": "each change runs the whole pipeline a hundred times, its planner in Python",
 }
 

@@ -1,24 +1,23 @@
 """Chapter 8's simulation: one policy on the arm it was tuned for and on the real one.
 
-Both rates of success are counted on common tasks at every change. What a policy was tuned on is on
-record (`course.sim_to_real.recorded`), but for a simulator with one part mended: that is tuned when
-it is asked for.
+Both rates of success are counted on common tasks at every change. The policies are those on record
+(`course.sim_to_real.recorded`).
 """
 
 import math
-from functools import lru_cache
 
 import numpy as np
-from numba import objmode
 from numba.extending import register_jitable
 
 from course import sim_to_real as chapter
-from course.control import Gains, joint_system
-from course.control.sampled import crossings, held
-from course.measure.success import wilson
+from course.control import sampled, touch
 from course.sim_to_real import plants, transfer
-from course.sim_to_real.tune import GRID, KNOWN_DELAY
+from course.sim_to_real.motion import episodes
+from course.sim_to_real.plants import HOME, SIZES
+from course.sim_to_real.tune import DELAYS, GRID, KNOWN_DELAY
 from course.simulations import pen as draw
+from course.simulations import splitmix
+from course.simulations.interval import score_interval
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider
 
@@ -29,7 +28,7 @@ START = (0.3, 1.6)  # where the shown episode starts [rad]
 PARTS, _LENGTHS = tuple(transfer.PARTS), tuple(map(float, plants.ARM.lengths))
 NOMINAL, RANGE, IDENTIFIED, BOTH, DELAY, LOAD = range(6)
 SIMULATED, REAL = range(2)
-# What `told` holds: of both arms share, ends of its band, and how the shown episode ended; then
+# What `report` holds: of both arms share, ends of its band, and how the shown episode ended; then
 # the latest command that is stable [s], the gain margin, the part that costs most and what.
 SHARE, LOW, HIGH, ENDED = range(4)
 LIMIT, GAIN, PART, COSTS = range(8, 12)
@@ -57,73 +56,166 @@ STATE = Record(
     time=Field(0.0, unit="s"),
 )
 
+# The gains on record, rows as in `tune.ROWS`.
+_RECORD = {kind: rows[:, 0].copy() for kind, rows in chapter.recorded().items()}
+_RANGE, _KNOWN, _BOTH = _RECORD["range"], _RECORD["known"], _RECORD["both"]
+_DELAY, _LOAD = _RECORD["delay"], _RECORD["load"]
+# The common tasks: starts and reference angles [rad], goals [m].
+_TASKS = chapter.tasks(COUNTED, SEED)
+_STARTS, _REFERENCES, _GOALS = _TASKS.start, _TASKS.reference, _TASKS.goal
+# The controllers of both joints without their gains.
+_CONTROLLERS = plants.controller_numbers(np.zeros((6, 1)))
+# Which fields of an arm each part has.
+_HAS = np.array([[name in transfer.PARTS[part] for name in plants.FIELDS] for part in PARTS])
+_DELAYED, _LOADED = PARTS.index("delay"), PARTS.index("load")
+_STEPS, _WIDTHS = len(DELAYS) - 1, len(GRID) - 1
 
-@lru_cache(maxsize=64)
+
+@register_jitable
+def unit_noise():
+    """Return standard normal numbers for the encoders in all episodes, (samples, 2, COUNTED)."""
+    seed, noise = np.zeros(1, np.uint64), np.empty((SAMPLES + 1) * 2 * COUNTED)
+    seed[0] = SEED
+    splitmix.normal(seed, noise)
+    return noise.reshape(SAMPLES + 1, 2, COUNTED)
+
+
+@register_jitable
+def run_episodes(fields, gains, start, reference, goal, noise, trace):
+    """Return what became of the episodes of one arm, rows of `plants.Outcome`, (4, E).
+
+    Args:
+        fields: of the arm, (8, 1), as `plants.FIELDS`.
+        gains: (6,), as `plants.GAINS`.
+        start: angles at rest (2, E) [rad].
+        reference: angles of the target (2, E) [rad].
+        goal: the target (2, E) [m].
+        noise: unit normals of the encoders, (samples, 2, E or more).
+        trace: (10, E, samples) for the motion, or with no first axis for none.
+    """
+    count = start.shape[1]
+    rest, out = np.zeros((4, count)), np.empty((4, count))
+    rest[:2] = start
+    numbers = _CONTROLLERS.copy()
+    numbers[0, :, :3] = gains.copy().reshape(2, 3)
+    arm, plan = plants.columns_of(fields), np.empty((0, 2, 1))
+    goals, references, sizes = goal.copy(), reference.copy(), SIZES.copy()
+    episodes(arm, numbers, rest, references, goals, noise, plan, sizes, out, trace)
+    return out
+
+
+@register_jitable
+def success(fields, gains, count, noise):
+    """Return whether an arm succeeded in each of the first common tasks, (count,)."""
+    some = slice(0, count)
+    return run_episodes(
+        fields,
+        gains,
+        _STARTS[:, some],
+        _REFERENCES[:, some],
+        _GOALS[:, some],
+        noise,
+        np.empty((0, 1, 1)),
+    )[0]
+
+
+@register_jitable
+def mended(actual, part):
+    """Return the fields (8, 1) of the simulator with one part taken from an arm (8, 1)."""
+    fields = HOME.copy()
+    for k in range(len(fields)):
+        if _HAS[part, k]:
+            fields[k] = actual[k]
+    return fields
+
+
+@register_jitable
 def policy(kind, gap, width, delay):
-    """Return gains, and the arm that they were tuned on: of a range its middle."""
-    # Policies that were tuned beforehand: nominal or domain randomisation about it, system
-    # identification, or both.
-    at, record = round(10.0 * gap), chapter.recorded()
-    if kind in (NOMINAL, RANGE):
-        return record["range"][round(10.0 * width) if kind == RANGE else 0, 0], chapter.nominal()
-    if kind in (IDENTIFIED, BOTH):
-        known = chapter.real(GRID[at], KNOWN_DELAY)
-        return record["known" if kind == IDENTIFIED else "both"][at, 0], known
-    # What-if policies are tuned now, on the simulator with one part taken from the real arm.
-    arm = transfer.mended(chapter.real(gap, delay), ("delay" if kind == DELAY else "load",))
-    result = chapter.tune(chapter.only(arm), 0, rounds=16, samples=32, elites=8, episodes=24)
-    return result.gains, arm
+    """Return gains (6,), and fields (8, 1) of the arm they were tuned on, the middle of a range.
+
+    Args:
+        kind: number of the policy in the menu.
+        gap: of the real arm.
+        width: of the range.
+        delay: of the command [s].
+    """
+    # Rows of the record, each a tenth of a gap or of a width, or a millisecond.
+    at = min(max(int(_WIDTHS * gap + 0.5), 0), _WIDTHS)
+    wide = min(max(int(_WIDTHS * width + 0.5), 0), _WIDTHS)
+    late = min(max(int(1e3 * delay + 0.5), 0), _STEPS)
+    # Nominal or domain randomisation about it, system identification, or both.
+    gains, fields = _RANGE[0], HOME.copy()
+    if kind == RANGE:
+        gains = _RANGE[wide]
+    elif kind == IDENTIFIED or kind == BOTH:
+        gains = _KNOWN[at] if kind == IDENTIFIED else _BOTH[at]
+        fields = plants.fields_of(at / _WIDTHS, KNOWN_DELAY)
+    elif kind == DELAY:
+        gains, fields = _DELAY[late], mended(plants.fields_of(0.0, 1e-3 * late), _DELAYED)
+    elif kind == LOAD:
+        gains, fields = _LOAD[at], mended(plants.fields_of(at / _WIDTHS, 0.0), _LOADED)
+    return gains, fields
 
 
+@register_jitable
 def stability(arm, gains):
-    """Return the latest command at which each joint alone is stable [s], and the gain margin."""
+    """Return the latest command at which each joint alone is stable [s], and the gain margin.
+
+    Args:
+        arm: columns of one arm, (12, 1), as `plants.Plants.columns`.
+        gains: (6,).
+    """
     # Each joint alone is a linear loop, the inertia that of the start posture: delay and gain
     # margins from its crossover frequencies.
-    a, b, d, c1, c2, *_, torque, delay, _, _, _ = arm.columns()[:, 0].tolist()
-    limit = gain = 99.0
-    for k, (inertia, damping) in enumerate(((a + 2.0 * b * math.cos(START[1]), c1), (d, c2))):
-        kp, ki, kd = torque * gains[3 * k : 3 * k + 3]
-        law = Gains(kp, ki, kd, plants.FILTER).law(plants.DT)
-        system = joint_system(inertia, damping)
-        limit = min(limit, crossings(held(*system, plants.DT), law).delay)
-        gain = min(gain, crossings(held(*system, plants.DT, delay), law).gain)
+    limit, gain, delay = 99.0, 99.0, arm[8, 0]
+    whole = math.floor(delay / plants.DT + 1e-9)
+    rest = max(0.0, delay - whole * plants.DT)
+    for k in range(2):
+        inertia = arm[0, 0] + 2.0 * arm[1, 0] * math.cos(START[1]) if k == 0 else arm[2, 0]
+        kp, ki, kd = arm[7, 0] * gains[3 * k], arm[7, 0] * gains[3 * k + 1], 0.0
+        kd = arm[7, 0] * gains[3 * k + 2]
+        law = sampled._pid(kp, ki, kd, plants.DT, 0, plants.FILTER)
+        for late in range(2):
+            # Without any delay the margin is the limit; with the arm's the gain margin is asked.
+            step, waits = (rest, whole) if late == 1 else (0.0, 0)
+            joint = touch.held_mass(inertia, arm[3 + k, 0], 0.0, plants.DT, step)
+            at, lags, _, reals = sampled._crossed(*joint, waits, *law)
+            margins = sampled._margins(at, lags, reals, plants.DT)
+            if late == 1:
+                gain = min(gain, margins[0])
+            else:
+                limit = min(limit, margins[3])
     return limit, gain if delay < limit else 0.0
 
 
-@lru_cache(maxsize=64)
-def counted(kind, gap, width, delay):
-    """Return all of `told` except how the shown episode ended; both arms get the same tasks."""
-    gains, believed = policy(kind, gap, width, delay)
-    report, arm = np.zeros(12), chapter.real(gap, delay)
-    posed, fewer = chapter.tasks(COUNTED, SEED), chapter.tasks(SHARED, SEED)
+@register_jitable
+def _setting(controls):
+    """Return the gains, and the fields of the arm they were tuned on and of the real arm."""
+    gap, delay = controls["gap"], 1e-3 * controls["delay"]
+    gains, believed = policy(controls["policy"], gap, controls["width"], delay)
+    return gains, believed, plants.fields_of(gap, delay)
+
+
+@register_jitable
+def count(controls, report):
+    """Write all of the report but how the shown episode ended; both arms get the same tasks."""
+    gains, believed, arm = _setting(controls)
+    noise = unit_noise()
     # The same tasks on the arm in simulation and on the real one: the difference is the reality
     # gap.
-    for k, one in enumerate((believed, arm)):
-        good = int(chapter.rollouts(one, gains, posed).success.sum())
-        report[4 * k : 4 * k + 3] = good / COUNTED, *wilson(good, COUNTED)
-    report[[LIMIT, GAIN]] = stability(arm, gains)
+    for k in range(2):
+        share = np.mean(success(believed if k == SIMULATED else arm, gains, COUNTED, noise))
+        low, high = score_interval(share, COUNTED)
+        report[4 * k + SHARE], report[4 * k + LOW], report[4 * k + HIGH] = share, low, high
+    report[LIMIT], report[GAIN] = stability(plants.columns_of(arm), gains)
     # Attribute the gap: the nominal arm with a single part taken from the real one, and the success
     # that this costs alone. These costs need not add up.
-    home = chapter.rollouts(chapter.nominal(), gains, fewer).rate
-    alone = [
-        home - chapter.rollouts(transfer.mended(arm, (part,)), gains, fewer).rate for part in PARTS
-    ]
-    report[[PART, COSTS]] = int(np.argmax(alone)), max(alone)
-    return report
-
-
-def measure(values):
-    """Return angles of both arms in the shown episode, shape (2, 2, samples), and `told`."""
-    gap, width, delay, x, y = values[:5].tolist()
-    setting = int(values[5]), round(gap, 9), round(width, 9), round(1e-3 * delay, 9)
-    gains, believed = policy(*setting)
-    # The shown episode is a single task with fixed start and target.
-    posed = chapter.Tasks(np.reshape(START, (2, 1)), np.array([[x], [y]]), SEED)
-    report = counted(*setting).copy()
-    arms = believed, chapter.real(setting[1], setting[3])
-    for k, arm in enumerate(arms):
-        report[4 * k + ENDED] = chapter.rollouts(arm, gains, posed).reason[0]
-    return np.stack([chapter.watch(arm, gains, posed).q[:, 0] for arm in arms]), report
+    home = np.mean(success(HOME.copy(), gains, SHARED, noise))
+    report[COSTS] = -1.0
+    for part in range(len(PARTS)):
+        cost = home - np.mean(success(mended(arm, part), gains, SHARED, noise))
+        if cost > report[COSTS]:
+            report[PART], report[COSTS] = part, cost
 
 
 @register_jitable
@@ -137,14 +229,24 @@ def _target(controls):
 
 
 @register_jitable
+def show(controls, state):
+    """Run the shown episode on both arms, from a fixed start to the target."""
+    gains, believed, arm = _setting(controls)
+    start, goal = np.empty((2, 1)), np.empty((2, 1))
+    start[0, 0], start[1, 0] = START
+    goal[0, 0], goal[1, 0] = _target(controls)
+    reference, noise = plants.reference_angles(start, goal), unit_noise()
+    for k in range(2):
+        trace = np.zeros((10, 1, SAMPLES + 1))
+        fields = believed if k == SIMULATED else arm
+        ended = run_episodes(fields, gains, start, reference, goal, noise, trace)[3, 0]
+        state["q"][k], state["report"][4 * k + ENDED] = trace[:2, 0], ended
+
+
 def initial(controls, state):
     """Count both rates on the common tasks, and run the shown episode on both arms."""
-    c = controls
-    x, y = _target(controls)
-    values = np.array([c["gap"], c["width"], c["delay"], x, y, 1.0 * c["policy"]])
-    with objmode(q="float64[:,:,:]", report="float64[:]"):
-        q, report = measure(values)
-    state["q"][:], state["report"][:] = q, report
+    count(controls, state["report"])
+    show(controls, state)
 
 
 def advance(state, controls, seconds):
@@ -258,19 +360,19 @@ def frame(pen, state, controls):
 def drag(controls, state, x, y):
     """Handle a drag: the target of both arms follows the pointer in either picture."""
     u, v = draw.values_at(_SCENES[SIMULATED if x < _SCENES[REAL][0] else REAL], _VIEW, x, y)
-    controls["aim"][:] = min(max(u, -1.0), 1.0), min(max(v, -1.0), 1.0)
+    controls["aim"][0] = min(max(u, -1.0), 1.0)
+    controls["aim"][1] = min(max(v, -1.0), 1.0)
+    # Only the shown episode depends on it.
+    state["time"] = 0.0
+    show(controls, state)
 
 
 PRESETS = {
     "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that is not quite "
         "it. Pull the gap up; drag the target: the ghost is what the simulator promised. DR Range "
-        "acts once 'Tuned on' is a range.",
-        "A policy that never fails in its simulator, on an arm that differs a little from the "
-        "simulated one. The ghost shows what the simulator promised."),
+        "acts once 'Tuned on' is a range."),
     "No gap": Preset({"gap": 0.0, "delay": 0.0}, "The arm it was tuned on. All succeed, and it "
-        "is the only place where that says anything. Then give it 10 ms of delay.",
-        "The arm that the policy was tuned on. All episodes succeed, which says nothing about any "
-        "other arm."),
+        "is the only place where that says anything. Then give it 10 ms of delay."),
     "Gap and range": Preset({"width": 0.4, "policy": RANGE}, "Tuned on arms drawn anew for each "
         "episode: part of the loss comes back, and none of it costs a success at home."),
     "Wide range, far gap": Preset({"gap": 1.0, "width": 1.0, "policy": RANGE}, "The widest range "
@@ -281,14 +383,10 @@ PRESETS = {
         "arm ends folded."),
     "Cancelling errors": Preset({"gap": 0.3, "delay": 20.0}, "The same delay on an arm that is "
         "wrong in all else too: most succeed. Its load makes it slower, and a slower arm stands a "
-        "later command: see the limit. Take the gap away, and they fail.",
-        "The same delay on an arm that is wrong in all else too: most episodes succeed. The load "
-        "makes the arm slower, and a slower arm tolerates a later command: see the limit."),
+        "later command: see the limit. Take the gap away, and they fail."),
     "Mended delay alone": Preset({"gap": 1.0, "policy": DELAY}, "The simulator learned the true "
         "delay, and the arm does worse than with the one that knew nothing: its gains are "
-        "lower, and the load needs more. Mend the load.",
-        "The simulator learned the true delay, and the arm does worse than with the policy that "
-        "knew nothing: its gains are lower, and the load needs higher ones."),
+        "lower, and the load needs more. Mend the load."),
 }  # fmt: skip
 
 # What each number below the picture means.
@@ -318,5 +416,6 @@ MODEL = Model(
     advance,
     frame,
     drag,
+    live_drag=True,
     readouts=READOUTS,
 )

@@ -20,7 +20,7 @@ from drills.terminal import bar
 
 TASKS = 200
 HIDDEN = 6  # the level with a hidden fault
-SLOW = 1.0  # s, the longest silence before a compilation is announced
+SLOW = 1.0  # s, the longest silence before a line says what takes so long
 
 
 def load(session: Session) -> tuple[Stored, dict[str, Holder]]:
@@ -81,7 +81,8 @@ def announcing(session: Session) -> Iterator[None]:
 
     def announce() -> None:
         if not session.terminal.json and sys.stderr is not None:
-            sys.stderr.write("  Compiling the course's parts. This takes about 30 s, once ...\n")
+            text = "Loading the compiled parts. The first run compiles them, in about 30 s ..."
+            sys.stderr.write(f"  {text}\n")
             sys.stderr.flush()
 
     timer = threading.Timer(SLOW, announce)
@@ -94,7 +95,7 @@ def announcing(session: Session) -> Iterator[None]:
 
 
 def compile_known(session: Session) -> None:
-    """Compile the course's parts, which only an installation's first run has to do."""
+    """Load the compiled parts; only an installation's first run has to compile them."""
     with announcing(session):
         from drills.robot import compiled
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -122,8 +123,17 @@ def say_call(session: Session, name: str, text: str, call: str, parts: list[Part
     """Show a call as code, and write a file that repeats it beside the expected result."""
     if len(call) <= INLINE:
         session.say("The call:")
+        wrapper = textwrap.TextWrapper(
+            session.terminal.width,
+            initial_indent="  ",
+            subsequent_indent="      ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
         for line in call.splitlines():
-            session.say(f"  {line}")
+            # A line break after a comma inside of parentheses changes nothing.
+            for short in wrapper.wrap(line):
+                session.say(short)
     part = next(part for part in parts if part.slot == name)
     path = session.work / "robot_call.py"
     try:
@@ -132,8 +142,8 @@ def say_call(session: Session, name: str, text: str, call: str, parts: list[Part
     except OSError as error:
         session.notices.append(f"{workspace.shown(path)} can't be written: {error.strerror}.")
         return
-    also = " It prints the expected result, too." if name in NAMED else ""
-    session.wrap(f"To repeat the call: python {workspace.shown(path)}{also}")
+    also = " and prints the expected result" if name in NAMED else ""
+    session.wrap(f"python {workspace.shown(path)} repeats the call{also}.")
 
 
 def call_file(part: Part, text: str, call: str) -> str:

@@ -27,15 +27,15 @@ simulation("touch")
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
-# approximation gets wrong, with numbers; and compute MuJoCo's contact forces yourself. You need chapter 1, matrices,
-# and Python with NumPy.
+# approximation gets wrong, with numbers; and explain how MuJoCo computes contact forces. You need chapter 1,
+# matrices, and Python with NumPy.
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and then shows the answer. Some cards show a statement,
-# which you judge: true, false, or true only under a condition. Many are about **MuJoCo**, a widely used free
-# simulator. `python -m course.derivations 2` reruns all checks of this page. The code is the package `course.contact`;
-# it calls the step `dt`, which the text calls $h$. Five exercises wait in section 8:
+# Some cards show a statement, which you judge: true, false, or true only under a condition. Many are about
+# **MuJoCo**, a widely used free simulator. `python -m course.derivations 2` reruns all checks of this page. The code
+# is the package `course.contact`; it calls the step `dt`, which the text calls $h$. The times above omit folded claims
+# and the interview. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -119,7 +119,7 @@ for kind, name in names.items():
 #
 # <details><summary>How to read the chart</summary>
 #
-# The solid lines in the left chart count tests. For the dashed line, all
+# The solid lines in the left chart count tests, the dotted line the pairs that remain. For the dashed line, all
 # boxes move by 1 % of their size. To restore the sorted order you swap neighbours; the line counts the swaps. The right
 # chart shows measured times, also MuJoCo's. The exponents in the labels are fits. The cards give slightly different
 # ones, because they fit another range of $N$.
@@ -155,7 +155,8 @@ more_claims(
 show("gjk_minkowski")
 # %% [markdown]
 # GJK needs nothing but the support function. It stores a **simplex**: a point, an edge, a triangle or, in space, a
-# tetrahedron of support points of the Minkowski difference. It starts with any one of them and repeats:
+# tetrahedron of support points of the Minkowski difference. It starts with one support point, in any direction, and
+# repeats:
 #
 # 1. Find the point $c$ of the simplex that is nearest to the origin. If $c$ is the origin, the shapes overlap: stop.
 # 2. Find the smallest part of the simplex that contains $c$: a corner, an edge or a face. Keep its corners and drop the
@@ -183,10 +184,10 @@ simulation("simplex")
 show("epa_gives_the_contact")
 # %% [markdown]
 # In code, all of this is one call. A shape in this course is a **core and a radius**: all points that are at most the
-# radius away from the core. A sphere is a point with a radius. A **capsule**, a rod with round ends, is a segment with
-# a radius. GJK and EPA work on the cores, and the radii are subtracted afterwards. A core is a **polytope**: a point, a
-# segment, a polygon or a solid with flat faces. It has finitely many corners, so in exact arithmetic both algorithms
-# end. With rounding, the code also stops when nothing improves any more.
+# radius away from the core. A sphere is a point with a radius. A **capsule**, a rod with round ends, is a segment
+# with a radius. GJK and EPA work on the cores, and the radii are subtracted afterwards. A core is a **polytope**: a
+# point, a segment, a polygon or a solid with flat faces. It has finitely many corners, so in exact arithmetic both
+# algorithms end.
 # %% tags=["show-code"]
 triangle = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]])
 brick = contact.box([0.5, 0.3])  # half sides [m]
@@ -214,8 +215,8 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 #
 # GJK sees a shape only through its support function, and that function cannot see a hollow. GJK works on the
 # **convex hull** of a shape, the smallest convex shape around it. For GJK, a mug is solid.
-# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts. How many pieces is a
-# compromise between speed and accuracy that somebody has to choose.
+# A **convex decomposition** cuts such a shape into convex pieces before the simulation starts. The number of pieces
+# is a compromise between speed and accuracy.
 # %%
 show("concave_mesh_is_its_hull")
 # %%
@@ -240,8 +241,8 @@ simulation("touch", "Tunnelling")
 # A shorter step cures the first kind of tunnelling, and so does computing the **time of impact**: the moment at which
 # two moving shapes first touch. For two balls that is the root of a quadratic. For other convex shapes there is
 # **conservative advancement** (Mirtich 1996). The shapes cannot meet sooner than their distance divided by an upper
-# bound on their approach speed. So advance time by that much, measure the distance again, and repeat until the distance
-# is within a tolerance. No impact is skipped, however long the step.
+# bound on their approach speed. So advance time by that much, measure the distance again, and repeat until the
+# distance is within a tolerance.
 #
 # The second kind hardly depends on the step, as long as the step is short compared with the contact's **time
 # constant**, roughly the time in which a soft contact pushes bodies apart (section 2 defines it). You need a stiffer
@@ -264,9 +265,8 @@ more_claims("circles_once_a_step", "soft_wall")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and only at one moment: what happens
-# between two steps it does not see. GJK, and MuJoCo with its meshes, see only the convex hull of a shape. (Other
-# engines test meshes triangle by triangle.)
+# **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and only at one moment. GJK, and
+# MuJoCo with its meshes, see only the convex hull of a shape. (Other engines test meshes triangle by triangle.)
 #
 # </div>
 # %% [markdown]
@@ -280,8 +280,8 @@ more_claims("circles_once_a_step", "soft_wall")
 #
 # $$\boxed{\; f_n = \max(0,\; k\,\delta - b\,u_n) \ \text{ where } \delta > 0, \text{ else } 0 \;}$$
 #
-# Nothing has to be solved: you evaluate the formula and integrate. But
-# a body at rest always overlaps. Its weight $mg$ needs the depth $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
+# You evaluate the formula and integrate. But a body at rest always overlaps. Its weight $mg$ needs the depth
+# $\delta = mg/k$: 1 kg on 10 kN/m sinks by 0.98 mm.
 #
 # Here a mass falls on such a contact. The left plot shows the force against the depth. On the way in, spring and
 # damper both push; on the way out, the damper works against the spring. The area of the loop is the energy that the
@@ -297,8 +297,8 @@ simulation("penalty_spring")
 # relaxed. (In a contact, that is where the bodies just touch.) At 1, **critical damping**, or above, a mass released at
 # rest only approaches it.
 #
-# In the next simulation the $\max$ is switched off and a hand lifts the box out of an overlap. Watch the force
-# plot:
+# In the next simulation the $\max$ is switched off and a hand lifts the blue box out of an overlap. (The orange one
+# leaves at once.) Watch the force plot:
 # %%
 simulation("touch", "Pull-back", still=0.1)
 # %%
@@ -322,12 +322,13 @@ show("damping_makes_things_stick")
 # %%
 predict("hundred_times_stiffer")
 # %% [markdown]
-# The readout *ω h* is the step in units of $1/\omega$. Shorten the step until the blue box no longer bounces, and note
-# *ω h*. (This contact has no damper. The hand's damper brings the box to rest.)
+# The readout *ω h* is the step in units of $1/\omega$. Shorten the step until the blue box no longer bounces, and
+# note *ω h*. (This contact has no damper. A damper between box and hand brings the box to rest.)
 # %%
 simulation("touch", "Explosion")
 # %% [markdown]
-# The largest stable step. The damper acts on the velocity from *before* the step, as in the formula for $f_n$ above:
+# The table shows the largest stable step. The damper acts on the velocity from *before* the step, as in the formula
+# for $f_n$ above:
 #
 # | scheme | without damping | with this damper |
 # |---|---|---|
@@ -386,7 +387,7 @@ simulation("touch", "Explosion")
 # </details>
 # </details>
 #
-# Three formulas to practise. <span class="kernel-only">Change the formula after "Your answer" until the check accepts
+# Practise: <span class="kernel-only">Change the formula after "Your answer" until the check accepts
 # it.</span>
 # %%
 answer("semi_implicit_limit", "sqrt(m/k)")
@@ -395,9 +396,10 @@ answer("contact_limit_explicit", "1000*sqrt(1/100000)")
 # %%
 answer("semi_implicit_damped_limit", "2/omega")
 # %% [markdown]
-# In the next chart a small deviation grows per step (orange) or shrinks (purple). The measured limit between both lies
-# on the dashed formula. With explicit Euler, damping raises the limit up to $\zeta = 1$ and lowers it beyond. The lower
-# panel is MuJoCo's soft contact; a fold-out below returns to it.
+# For the next chart a mass at rest on the contact is pushed a little. Where the chart is orange, its displacement
+# grows from step to step; where it is purple, the displacement shrinks. The measured limit lies on the dashed
+# formula. With explicit Euler, damping raises the limit up to $\zeta = 1$ and lowers it beyond. The lower panel is
+# MuJoCo's soft contact; a fold-out below returns to it.
 #
 # ![Largest step of a penalty contact against damping, measured and in theory](../docs/charts/contact_penalty_limit.png)
 # %%
@@ -424,16 +426,14 @@ more_claims(
 #
 # $$\boxed{\; f \ge 0, \qquad \phi \ge 0, \qquad f\,\phi = 0 \;}$$
 #
-# All three conditions fit in one line, $0 \le f \perp \phi \ge 0$, which reads: both are non-negative, and their
-# product is zero.
+# All three conditions fit in one line, $0 \le f \perp \phi \ge 0$, where $\perp$ says that the product is zero.
 #
 # Plot the force against the gap. The allowed points are the upper half of the vertical axis and the right half of the
-# horizontal axis. Try to drag the point off them:
+# horizontal axis. Try to drag the orange point off them:
 # %%
 simulation("half_axes")
 # %% [markdown]
-# On the vertical half axis the gap is zero, and the force can be anything from zero upwards. The law does not say
-# which. A law that allows a set of values instead of one value is **set-valued**.
+# Look at the vertical half axis. A law that allows a set of values instead of one is **set-valued**.
 # %%
 show("contact_law_is_set_valued")
 # %% [markdown]
@@ -493,10 +493,10 @@ answer("potential_of_contact", "k*c")
 #
 # $$u = J v_f + A\,p, \qquad \boxed{\;A = J M^{-1} J^{\mathsf T}\;}\qquad 0 \le p_n \perp u_n + \phi/h \ge 0 .$$
 #
-# $A$ is the **Delassus** matrix. Each row of $J$ is one direction at one contact. Entry $A_{ij}$ is the velocity in row
-# $i$ that a unit impulse in row $j$ causes, and $1/A_{ii}$ is the mass that you feel when you push in that direction.
-# The last condition is Signorini's for one step: the gap after the step, $\phi + h\,u_n$, must not be negative. (If
-# bodies overlap already, this would remove the whole overlap in one step. What engines do instead comes below.)
+# $A$ is the **Delassus** matrix. Each row of $J$ is one direction at one contact. Entry $A_{ij}$ is the velocity in
+# row $i$ that a unit impulse in row $j$ causes, and $1/A_{ii}$ is the mass that you feel when you push in that
+# direction. The last condition is Signorini's for one step: the gap after the step, $\phi + h\,u_n$, must not be
+# negative. (If bodies overlap already, this would remove the whole overlap in one step.)
 # %% [markdown]
 # <details><summary>A first worked example: one block</summary>
 #
@@ -599,9 +599,8 @@ more_claims(
 # %% [markdown]
 # ### Coulomb friction: the cone
 #
-# Push a heavy crate sideways, harder and harder. For a while nothing happens: the floor pushes back exactly as hard
-# as you do. Then, at a certain force, the crate starts to move, and pushing harder does not make the floor resist
-# more.
+# Push a heavy crate sideways, harder and harder. At first the floor pushes back exactly as hard as you do. At a
+# certain force the crate starts to move.
 #
 # **Coulomb's law** limits the friction force to a fraction of the normal force, and says where it points:
 #
@@ -636,11 +635,11 @@ simulation("touch", "Slip", still=0.15)
 # vectors along the edges with non-negative weights. Then everything is linear again. Seen from above, the circle
 # of radius $\mu f_n$ has become a square that stands on its corner.
 #
-# Two things follow. Between two of its corners the square lies inside the circle, so friction is weaker there: at 45
-# degrees by the factor $1/\sqrt 2$. The direction changes too. Coulomb's law picks, of all allowed forces, the one that
-# brakes most, and a solver with a pyramid picks by the same rule, but from other forces. Inside the circle, the force
-# that brakes most is the one straight against the motion. Inside the square, it is one of the four corners: of full
-# size, but along $x$ or $y$ instead of against the motion.
+# Two things follow. A block that sticks is held less well: between two corners the square lies inside the circle, and
+# at 45 degrees it allows only $1/\sqrt 2$ of the force. A block that slides is braked in another direction. Coulomb's
+# law picks, of all allowed forces, the one that brakes most, and a solver with a pyramid does the same. In the
+# circle, that force points straight against the motion. In the square, it is the corner nearest to that direction: of
+# full size, but along $x$ or $y$. Only at exactly 45 degrees it lies between two corners, and is weaker.
 # %%
 predict("braking_between_edges")
 # %% [markdown]
@@ -670,8 +669,8 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #    one number $a$ for both rows. It must not be smaller than the larger eigenvalue of their $2\times2$ block of $A$.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# With one number $a$, the shortened $p_t$ ends up parallel to $u_t$: friction points straight against the sliding. If
-# each row were divided by its own $A_{ii}$, friction would point elsewhere.
+# Once a sweep changes nothing more, shortening $p_t - u_t/a$ returns $p_t$. So both have the same direction, and
+# $u_t$ points straight against $p_t$. If each row were divided by its own $A_{ii}$, friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -703,9 +702,9 @@ predict("heavy_on_light")
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
-# Sweeps are not the only method. **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are
-# open and which way the others slide, and changes one guess at a time (a *pivot*) until all conditions hold. It can
-# also end without a solution, and then reports that.
+# **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are open and which way the others
+# slide, and changes one guess at a time (a *pivot*) until all conditions hold. It can also end without a solution,
+# and then reports that.
 #
 # For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of the
 # contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$ and go to
@@ -713,11 +712,20 @@ predict("heavy_on_light")
 # gives $p$ again, $p$ satisfies Coulomb's law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left
 # side minus the right side is the **natural map**, and Newton's method searches for its zero.
 #
+# <details><summary>Why this is Coulomb's law: three cases</summary>
+#
+# If $p$ lies inside the cone, the step must change nothing: $\tilde u = 0$, so the contact sticks. If $p$ lies on the
+# cone's surface, $\tilde u$ must be perpendicular to the surface there. Then $u_t$ points straight against $p_t$, and
+# $\tilde u_n = \mu\lVert u_t\rVert$; the added term is exactly this, so $u_n = 0$. If $p = 0$, it stays zero for
+# $\tilde u_n \ge \mu\lVert u_t\rVert$, which says $u_n \ge 0$: the contact opens.
+#
+# </details>
+#
 # Each iteration solves a linear system. On this chapter's stacks a few are enough at any mass ratio.
 # Elsewhere it may need more, or fail.
 #
-# A solver can stop before it has converged, so it should say how far it got. The **residual** is the largest violation
-# of the contact law, as a velocity. (The iterations of different methods do not cost the same.)
+# How far did a solver get? The **residual** is the largest violation of the contact law, as a velocity. (One step of
+# 2 ms; iterations of different methods do not cost the same.)
 # %% tags=["hide-code"]
 pile = scenes.tower([1.0, 100.0]).problem(0.002)
 labels = {"pgs": "Gauss-Seidel", "lcp": "Lemke", "coulomb": "Newton on the cone"}
@@ -782,10 +790,9 @@ for dt in (1e-2, 1e-3):
     )
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
-# steps. Macklin and colleagues (2019) found that this usually works better. The position error that one sub-step makes
-# is proportional to the square of its length. With half the length, a sub-step makes a quarter of the error. There are
-# twice as many sub-steps, so in total half of the error remains. The **TGS** (temporal Gauss-Seidel) of the engine
-# PhysX works like this.
+# steps. Macklin and colleagues (2019) found that this usually works better. The position error of a sub-step is
+# proportional to the square of its length. At half the length there are twice as many sub-steps with a quarter of the
+# error each, so half of the error remains. The **TGS** (temporal Gauss-Seidel) of the engine PhysX works like this.
 #
 # So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them
 # out of the overlaps contact by contact, and takes the velocity from the change of position. Here 100 kg lie on 1 kg.
@@ -848,10 +855,10 @@ for name, height in heights.items():
 #
 # ### Friction made convex
 #
-# Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown. Because
-# of that, the contact problem is not the minimum of a convex function. It can have several solutions, and in some
-# configurations no finite force is a solution. A strictly convex problem has at most one solution, and there are
-# reliable methods to find it.
+# Coulomb's law has an awkward property: the size of friction depends on a normal force that is itself unknown.
+# Because of that, the contact problem is not the minimum of a convex function. It can have several solutions. A
+# strictly convex function, a bowl without flat parts, has at most one minimum, and there are reliable methods to find
+# it.
 #
 # The **convex relaxation** (Anitescu 2006) changes the law slightly: a contact that slides at the speed $u_t$ must also
 # separate, at $u_n = \mu\,u_t$ or faster. Then the step is a minimisation. For closed contacts, those with gap zero:
@@ -873,21 +880,25 @@ show("mujoco_is_convex_and_unique")
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
 # In MuJoCo, a contact has one or several **rows**. With elliptic cones there is a normal row and one per direction of
-# friction. With pyramids there is no separate normal row, but two rows for each direction of friction. Each row asks
-# for a reference acceleration $a_{\text{ref}}$, that of a spring and a damper. It gets less than that in proportion to
-# its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact; with $R = 0$ the row would get
-# exactly what it asks for. With the row's velocity $u$ and its position error $r$ (the gap for a normal row, always 0
-# for friction):
+# friction. With pyramids and friction, each row is one edge of the pyramid: the normal plus or minus $\mu$ times one
+# direction of friction.
 #
-# $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R} \ \text{ within the cone}, \qquad
+# Each row asks for a reference acceleration $a_{\text{ref}}$, that of a spring and a damper. It gets less than that
+# in proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact; with
+# $R = 0$ the row would get exactly what it asks for. With the row's velocity $u$ and its position error $r$ (the gap
+# for a normal row, always 0 for friction), as long as the force lies inside the cone:
+#
+# $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
 #
-# $\hat A$ estimates the row's entry on the diagonal of $A$. MuJoCo computes the estimate once, from the masses in the
-# start position, and keeps it. The **impedance** $d$ lies between 0 and 1. It blends two accelerations: for a row on
-# its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where $a_0$ is the acceleration without contact. At $d = 0$ there is no
+# Otherwise the contact slides, and the minimisation finds a force on the cone. $\hat A$ estimates the row's entry on
+# the diagonal of $A$. MuJoCo computes the estimate once, from the masses in the start position, and keeps it. The
+# **impedance** $d$ lies between 0 and 1. It blends two accelerations: for a row on its own,
+# $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where $a_0$ is the acceleration without contact. At $d = 0$ there is no
 # contact. At $d = 1$ the row follows the reference exactly. The parameters:
 #
-# * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k$ and $b$. The default (0.02 s, 1) gives a
+# * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k = 1/(d_1 T \zeta)^2$ and $b = 2/(d_1 T)$, where
+#   $d_1$ is the largest $d$. So the spring's $\omega$ is about $1/(\zeta T)$. The default (0.02 s, 1) gives a
 #   critically damped spring that settles in about a tenth of a second.
 # * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. The width is the depth
 #   from which $d$ no longer rises. By default $d$ rises from 0.9 to 0.95 over the first millimetre.
@@ -961,13 +972,14 @@ for label, changed in (
     theirs = mujoco_contact.block(queried, 0.2).run(500)[1][0]
     print(f"{label:<22} {1e3 * ours:7.4f} mm/s, in MuJoCo {1e3 * theirs:7.4f} mm/s")
 # %% [markdown]
-# The compliance $R$ has a second consequence. It is scaled with $\hat A$, roughly one over the *lighter* body's mass.
-# So the softness is chosen for the light body's weight. If a heavy body lies on it, the contact sinks in.
+# The compliance $R$ has a second consequence. It is scaled with $\hat A$, for a light body on the ground about one
+# over its mass. So this contact is as soft as suits the light body's own weight. Put a heavy body on top, and the
+# contact has to carry both: the light body sinks into the ground.
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
-# With the default settings both effects are large. A smaller time constant, a harder solimp and a larger impratio
-# reduce them a great deal. Section 6 compares the defaults with such a hardened contact.
+# By default both effects are large. A smaller time constant, a harder solimp and a larger impratio reduce them a
+# great deal (section 6).
 # %%
 more_claims(
     "default_tolerance",
@@ -985,16 +997,16 @@ more_claims(
 # * Pyramid: friction has the wrong size or direction between the edges.
 # * Convex cone: the gap opens while a contact slides.
 # * Soft contact without a spring along the surface: a body that should stick creeps.
-# * Coulomb's law itself: nothing guarantees that finite forces exist.
+# * Coulomb's law itself: section 7 shows its price.
 #
 # </div>
 #
 # ### Gradients through contact
 #
-# A finger pushes a block. You want to learn the finger's speed by gradient descent, so you differentiate the
-# simulation. What does contact do to derivatives? Before the finger reaches the block, the block does not depend on
-# the finger at all. After touch its final position rises smoothly with the finger's speed. At touch the position has a
-# kink, so its derivative jumps.
+# A finger moves towards a block for a fixed time. You want to learn its speed by gradient descent, so you
+# differentiate the simulation. At one speed, called *touch* in the chart, the finger just reaches the block. There
+# the block's final position, plotted against the speed, has a kink, so its derivative jumps. Above it, the position
+# rises smoothly.
 # %%
 predict("push_that_starts_too_slow")
 # %% [markdown]
@@ -1013,9 +1025,10 @@ predict("push_that_starts_too_slow")
 #
 # </details>
 #
-# The right panel shows something worse than zero: a simulator that applies an elastic bounce at the end of its step.
-# The true position rises with the initial distance, but the stepped curve falls between its jumps: its derivative has
-# the wrong sign. Compare a gradient with finite differences, with several sizes of the change.
+# In the right panel a ball flies at a wall and bounces off; the axes are its initial distance and its position after
+# 1 s. The true position rises with the distance. A simulator that applies the bounce at the end of its step has a
+# derivative of the wrong sign between its jumps. Compare a gradient with finite differences, for several changes of
+# the parameter.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -1025,7 +1038,7 @@ more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.5), layout="constrained")
 stages = ("broad phase", "filters", "narrow phase", "constraints", "solver", "integration")
-passed = ("boxes", "pairs", "pairs", "contacts", "A, J v_f", "impulses", "new state")
+passed = ("boxes", "pairs", "pairs", "contacts", "$A$, $J v_f$", "impulses", "new state")
 box = {"boxstyle": "round,pad=0.4", "fc": "#cfe3f2", "ec": "0.3"}
 for k, stage in enumerate(stages):
     _ = axes.text(2.0 * k, 0.0, stage, ha="center", va="center", bbox=box, fontsize=9)
@@ -1122,8 +1135,8 @@ for model in contact.MODELS:
 #
 # (1) The blue one. At first it slides at the slip speed times the pull's share of $\mu f_n$; near the hand the pull
 # fades, and so does the speed. (2) Once $\omega h$ is below 2, the limit of a contact without a damper. The hand's
-# damper then takes the energy of the bounces. (3) The depth, $mg/k$, falls to a seventeenth; the largest stable step,
-# which goes as $1/\sqrt k$, to a quarter.
+# damper then takes the energy of the bounces. (3) The depth, about $mg/k$ (the hand's spring carries a little), falls
+# to a seventeenth; the largest stable step, which goes as $1/\sqrt k$, to a quarter.
 #
 # </details>
 
@@ -1132,15 +1145,15 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# Which model should you use? We compare them on four scenes; the last table adds a fifth, the four legs. *Where does a
-# block stop* (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid? *How far
-# does a block slide* down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1 mm)? *How
-# far does a held glass slip* (1 mm)?
+# We compare the models on four scenes; the last table adds a fifth, how deep a table's four legs sink (1 mm). *Where
+# does a block stop* (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid?
+# *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1
+# mm)? *How far does a held glass slip* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
-# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time, so the
-# cheapest method can differ between the two panels. A cross at the upper edge is a failed run. The *pick*, circled, is
-# the cheapest run within the tolerance (dotted). Drag the tolerance and switch methods on:
+# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross
+# at the upper edge is a failed run. The *pick*, circled, is the cheapest run within the tolerance (dotted). Drag the
+# tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1186,8 +1199,8 @@ TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
 # centimetres at every step. (The bodies still move then, and are deeper than in the card of section 2, at rest.) A
-# **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance. The penalty's error tends
-# to its own depth, $mg/k$:
+# **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance. As its step gets
+# shorter, the penalty's error rises to its own depth, $mg/k$ with both masses:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
@@ -1201,6 +1214,8 @@ TradeOff(mine)
 # <details><summary>The block that slides down a slope: all models agree</summary>
 #
 # ![How far a block slides, error against cost](../docs/charts/contact_incline.png)
+#
+# (The dip of the hardened contact is a coincidence: at steps next to it the error is far larger.)
 #
 # </details>
 #
@@ -1222,8 +1237,9 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
 # The time is a run's time divided by its steps, the median of several warm runs. Compare it only between compiled
-# programs (MuJoCo and the compiled loop) or among the course's other models, in NumPy. Iterations are the mean per
-# step.
+# programs (MuJoCo and the compiled loop) or among the course's other models, which spend most of it in NumPy around
+# their solver. *MuJoCo Newton, elliptic*, the first of MuJoCo's rows, reads too slow: measured again, it was about as
+# fast as CG. Iterations are the mean per step.
 #
 # <details><summary>The narrow phase compared with Coal</summary>
 #
@@ -1242,7 +1258,7 @@ more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# The scenes above support this list, except for arms and games, which are our opinion.
+# The scenes above support this list, except for arms, games and many worlds, which are our opinion.
 #
 # * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
@@ -1251,8 +1267,8 @@ more_claims("coal_is_the_truth")
 # * **Small stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
 #   pivots. Sweeps are fine if light bodies stand on heavy ones and
 #   stacks are low.
-# * **A few compliant contacts, no solver at hand:** a penalty, with a step well below its limit and a depth you
-#   accept.
+# * **A few compliant contacts, no very light body, no solver at hand:** a penalty, with a step well below its limit
+#   and a depth you accept.
 # * **Games:** one sweep in each of several sub-steps, or ten sweeps with a warm start if mass ratios are small.
 #
 # One argument for constraints is that they are stable at larger steps. Compare them with a penalty force that is
@@ -1264,8 +1280,8 @@ show("constraints_take_larger_steps")
 #
 # ### When no contact force exists
 #
-# Push a piece of chalk across a blackboard with its end ahead of your hand. It chatters and squeaks. With rigid
-# bodies and Coulomb friction, something stranger can happen.
+# Push a piece of chalk across a blackboard with its end ahead of your hand. It chatters and squeaks. Rigid bodies
+# with Coulomb friction do something stranger.
 # %%
 predict("chalk_on_the_board")
 # %% [markdown]
@@ -1302,26 +1318,26 @@ for mu in (1.0, 2.0):
 #
 # </div>
 #
-# MuJoCo has two parameters for its buffers: `nconmax` is the number of contacts that fit, `njmax` the number of
-# constraint rows. No formula of section 2 contains them. Yet you will read that you should enlarge them when contacts
-# stick:
+# Older versions of MuJoCo had two sizes of memory, `nconmax` for contacts and `njmax` for constraint rows. You will
+# often read that you should enlarge them when contacts stick:
 # %%
 show("nconmax_helps")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
-# divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a pyramid
-# (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 it slides: more squeeze, more friction, a
-# cone instead of a pyramid. Far below 1 it creeps: raise impratio or shorten the time constant. If it moves in jerks,
-# contacts come and go: look at the manifold.
+# divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a
+# pyramid (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 it slides: squeeze more, raise
+# the friction, or use a cone instead of a pyramid. Far below 1 it creeps: raise impratio or shorten the time
+# constant. If it moves in jerks, contacts come and go: look at the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation is slow with many objects.* Count before you measure time: overlap tests, pairs
 # that remain, contacts, iterations. Too many tests: a sweep along the wrong axis. Too many pairs: boxes that are too
-# large. Too many contacts: meshes instead of primitives. Too many iterations: mass ratios. Then time each stage.
+# large. Too many contacts: meshes instead of spheres and boxes. Too many iterations: mass ratios. Then time each
+# stage.
 #
 # </div>
 #
@@ -1345,7 +1361,7 @@ more_claims("mujoco_timer")
 #
 # ### Two axis-aligned boxes
 #
-# A typical interview question. Write it for any number of dimensions.
+# Write it for any number of dimensions.
 # %%
 card("aabb")
 
@@ -1370,7 +1386,7 @@ check(aabb_contact)
 # %% [markdown]
 # ### Two circles
 #
-# School geometry, with one trap. Handle any distance between the centres, including zero.
+# Handle any distance between the centres, including zero.
 # %%
 card("circle_contact")
 
@@ -1514,8 +1530,8 @@ answer("more_friction_holds_the_glass", "m*g/F")
 # | comparison of models | Le Lidec et al. 2024 | which engine relaxes which law, and what that does |
 #
 # Can gradient descent learn to push? The finger should move the block to a mark at 5 cm, and the first guess for its
-# speed is too slow to reach the block. With the rigid gradient nothing ever changes; with the smoothed one it gets
-# there:
+# speed is too slow to reach the block. With the rigid gradient nothing ever changes; with the randomised one,
+# averaged over noisy speeds, it gets there:
 # %% tags=["hide-code"]
 for how in ("rigid", "randomised"):
     speed, rng = 0.15, np.random.default_rng(1)

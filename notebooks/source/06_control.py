@@ -1712,6 +1712,29 @@ def mppi_step(plan, noise, costs, temperature, low, high):
 check(mppi_step)
 
 # %% [markdown]
+# ### Standing on an incline
+#
+# ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
+
+# %%
+more_claims("below_the_friction_angle")
+
+# %%
+card("standing_qp")
+
+
+# %%
+def standing_qp(mass, mu, slope, com, joints, contacts, limit, weight):
+    """Return contact forces and joint torques with which a planar biped stands on an incline."""
+    # Each contact carries a quarter of the weight, whatever the slope and the balance.
+    forces = np.zeros((2, 2, 2))
+    forces[..., 1] = 0.25 * mass * 9.81
+    return forces, np.zeros((2, 3)), 1.0
+
+
+check(standing_qp)
+
+# %% [markdown]
 # ### Silent-bug hunt
 #
 # This controller holds every load, and every oscillation dies away. But its closed-loop poles are not where the gains

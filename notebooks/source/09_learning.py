@@ -962,10 +962,12 @@ simulation("denoising")
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
 # DDPM (denoising diffusion probabilistic model), the original sampler, also adds fresh noise at each step. Both fit
-# into a few lines. `x` starts as noise, `mix` returns $\alpha_t$ and $\sigma_t$, `count` checks an integer, and
-# `clean` returns the guess $\hat x$. `eta` is a factor on DDPM's fresh noise: 0 gives DDIM, 1 gives DDPM.
+# into a few lines; `ddim_step` makes both moves. `x` starts as noise, `mix` returns $\alpha_t$ and $\sigma_t$, `count`
+# checks an integer, and `clean` returns the guess $\hat x$. `eta` is a factor on DDPM's fresh noise: 0 gives DDIM, 1
+# gives DDPM.
 
 # %% tags=["hide-code"]
+source(learning.ddim_step, "implied = (x", "x, clean, before, after, fresh")
 source(learning.denoise, "alpha, sigma = mix", "clean, x, steps, rng, eta")
 
 # %% [markdown]

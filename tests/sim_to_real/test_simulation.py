@@ -23,6 +23,14 @@ def outcome(preset, **values):
     return report[0], report[4], report
 
 
+def counted_tasks(number=arms.COUNTED):
+    """The tasks that the picture counts, with its noise."""
+    posed = chapter.tasks(arms.COUNTED, arms.SEED)
+    posed = chapter.Tasks(posed.start[:, :number], posed.goal[:, :number])
+    object.__setattr__(posed, "unit_noise", arms.unit_noise()[:, :, :number].copy())
+    return posed
+
+
 def better(one, other, plant):
     """By how much more often other gains succeed on an arm, at least: the same tasks for both."""
     first, second = (chapter.rollouts(plant, gains, POSED).success for gains in (one, other))
@@ -35,11 +43,33 @@ def gains(kind, gap=0.0, width=0.0, delay=0.01):
 
 def test_both_rates_are_those_of_the_chapter_and_their_bands_hold_on_other_tasks():
     home, real, report = outcome("Gap")
-    posed, record = chapter.tasks(arms.COUNTED, arms.SEED), chapter.recorded()["range"][0, 0]
+    posed, record = counted_tasks(), chapter.recorded()["range"][0, 0]
     assert home == chapter.rollouts(chapter.nominal(), record, posed).rate == 1.0
     assert real == chapter.rollouts(chapter.real(0.3, 0.01), record, posed).rate
     assert report[arms.LOW + 4] < chapter.rollouts(chapter.real(0.3, 0.01), record, POSED).rate
     assert real < report[arms.HIGH + 4] < 0.93 < report[arms.LOW]
+
+
+@pytest.mark.parametrize("preset", arms.PRESETS)
+def test_the_arms_and_the_costliest_part_are_those_of_the_chapter(preset):
+    """The compiled arms by number against the chapter's, made of their parameters by name."""
+    report, controls = outcome(preset)[2], arms.CONTROLS.new(**dict(arms.PRESETS[preset].values))
+    kind, gap, delay = controls["policy"], controls["gap"], 1e-3 * controls["delay"]
+    law, fields = arms.policy(kind, gap, controls["width"], delay)
+    arm = chapter.real(gap, delay)
+    believed = {
+        arms.IDENTIFIED: chapter.real(gap, 0.01),
+        arms.BOTH: chapter.real(gap, 0.01),
+        arms.DELAY: chapter.mended(arm, ("delay",)),
+        arms.LOAD: chapter.mended(arm, ("load",)),
+    }.get(kind, chapter.nominal())
+    np.testing.assert_allclose(plants.columns_of(fields), believed.columns(), rtol=1e-12)
+    home, *rates = (
+        chapter.rollouts(chapter.mended(arm, some), law, counted_tasks(arms.SHARED)).rate
+        for some in ((), *((part,) for part in arms.PARTS))
+    )
+    costs = home - np.array(rates)
+    assert report[arms.COSTS] == costs.max() and report[arms.PART] == np.argmax(costs)
 
 
 def test_a_gap_costs_and_a_range_brings_part_of_it_back():
@@ -87,7 +117,7 @@ def test_the_limit_is_that_of_the_loops_matrix():
     kp, ki, kd = torque * policy[3:]
     law = Gains(kp, ki, kd, plants.FILTER).law(plants.DT)
     exact = margins(*joint_system(inertia, damping), law, plants.DT).delay
-    assert arms.stability(arm, policy)[0] == pytest.approx(exact, abs=1e-3)
+    assert arms.stability(arm.columns(), policy)[0] == pytest.approx(exact, abs=1e-3)
 
 
 def test_the_target_is_dragged_and_the_ghost_is_the_simulated_arm():

@@ -21,7 +21,7 @@ from course.sim_to_real import (
     tasks,
     tune,
 )
-from course.sim_to_real.tune import GRID, GUESS, SEEDS, WIDTH, remake
+from course.sim_to_real.tune import GUESS, ROWS, SEEDS, WIDTH, remake
 
 pytestmark = pytest.mark.slow
 
@@ -85,11 +85,13 @@ def test_tuned_on_an_arm_it_serves_that_arm_best():
     assert again.episodes == 8 * 48 * 32
 
 
-@pytest.mark.parametrize(("kind", "column"), [("range", 0), ("known", 0)])
+@pytest.mark.parametrize(
+    ("kind", "column"), [("range", 0), ("known", 0), ("load", 10), ("delay", 10)]
+)
 def test_the_record_is_what_tuning_gives(kind, column):
     stored = recorded()[kind]
-    assert stored.shape == (len(GRID), len(SEEDS) if kind == "range" else 1, 6)
-    made = remake(kind, GRID[column], 0)
+    assert stored.shape == (len(ROWS[kind]), len(SEEDS) if kind == "range" else 1, 6)
+    made = remake(kind, ROWS[kind][column], 0)
     arms = real(0.5, 0.01)
     ends = [
         wilson(400 * rollouts(arms, gains, CHECKED).rate, 400)

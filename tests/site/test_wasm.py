@@ -25,8 +25,16 @@ pytestmark = pytest.mark.slow
 
 
 LIVE = wasm.live()
-# In plain Python a start of these takes a second: ten times as many runs prove them.
-EXPENSIVE = {"control.joint", "control.probe", "kinematics.elbow", "learning.denoising"}
+# A start of these takes seconds, in plain Python or in a host that calls back for every sine: ten
+# times as many runs prove them.
+EXPENSIVE = {
+    "control.joint",
+    "control.probe",
+    "kinematics.elbow",
+    "learning.denoising",
+    "learning.two_ways",
+    "sim_to_real",
+}
 # Compiled anew by the tests, and the constant that one of them changes.
 SMALL, CONSTANT, OTHER = "role.development", "tries * real / 86_400.0", "tries * real / 80_000.0"
 
@@ -39,7 +47,7 @@ def hosted(name: str) -> Hosted:
 def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
     assert not wasm.stale(name), f"run `python -m course.site.wasm {name}`"
     module = wasm.file_of(name).read_bytes()
-    assert len(gzip.compress(module)) <= wasm.LARGEST
+    assert len(gzip.compress(module)) <= wasm.largest(name)
     assert set(compiler.imports(module)) <= compiler.MATHS
     has = {"memory", "__heap_base", *wasm.signatures(wasm.model(name))}
     assert hosted(name).exports.keys() == has

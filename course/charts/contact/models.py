@@ -301,7 +301,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Rigid models keep a table's legs still; with soft ones they sink, within the tolerance.": (
         lambda r: all(_hits(r, "legs", "")) and _error(r, "legs", NEWTON) > 1e-5
     ),
-    "Our soft model errs like MuJoCo's. On legs MuJoCo's A-hat is below A's diagonal: stiffer.": (
+    "Our soft model errs like MuJoCo's. On legs it errs more: MuJoCo's A-hat is smaller there.": (
         lambda r: all(
             ratio > 2.0 if s == "legs" else abs(ratio - 1.0) < 1e-6
             for s in QUESTIONS

@@ -156,10 +156,11 @@ def aabb_listing_two_axes(result):
 
 @claim(
     "Without a broad phase, 100 objects need 4,950 tests of pairs, and the number grows with the "
-    "square of N.",
-    "Testing every pair once takes N (N - 1) / 2 tests: {tests:.0f} for {objects:.0f} objects.",
+    "square of n.",
+    "Testing every pair of n objects once takes n (n - 1) / 2 tests: {tests:.0f} for "
+    "{objects:.0f} objects.",
     ask=Ask(
-        "How many tests does it take to test every pair of N bodies once?",
+        "How many tests does it take to test every pair of n bodies once?",
         "n*(n - 1)/2",
         {
             "n**2": "A body is not tested against itself, and (i, j) is (j, i).",

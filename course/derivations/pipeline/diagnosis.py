@@ -107,6 +107,48 @@ def last_error_blames(result):
     )
 
 
+@claim(
+    "If the noise of a frame has the promised variance, limits of five or six standard deviations "
+    "practically never raise a false alarm.",
+    "That is right for noise that is Gaussian and independent from frame to frame. With the heavy "
+    "tails of Student's t with {tails:.0f} degrees of freedom, the limit on single frames is "
+    "exceeded in {heavy:.0%} of the runs without a fault. With a correlation of {memory:.1f} "
+    "between neighbouring frames, the limit on the mean is exceeded in {alike:.0%}. The variance "
+    "of a frame is the same in all three.",
+    source="G. E. P. Box, G. M. Jenkins, Time series analysis, 1970",
+)
+def same_variance_same_alarms(result):
+    from course.pipeline import Scenario, Settings
+    from course.pipeline.blame import contracts
+    from course.pipeline.noise import Noise, alarms_of_frames, alarms_of_mean, run_many_with
+
+    tails, memory = result.input("tails", 3.0), result.input("memory", 0.9)
+    scene, settings, runs = Scenario(), Settings(), 60
+
+    def alarms(noise):
+        """Return how many runs break a contract of perception, and the frames of a run."""
+        records = run_many_with(scene, settings, noise, range(runs))
+        stages = [{one.stage for one in contracts(record, settings)} for record in records]
+        return sum("perceive" in some for some in stages), len(records[0].pictures)
+
+    white, n = alarms(Noise())
+    counts = [alarms(noise)[0] for noise in (Noise(tails=tails), Noise(memory=memory))]
+    rates = [
+        result.measure("heavy", alarms_of_frames(n, tails)),
+        result.measure("alike", alarms_of_mean(n, memory)),
+    ]
+    result.statement = "Sixty runs of each kind without a fault, and the rates in closed form."
+    result.statement_holds(max(counts) <= 1)
+    result.correction_holds(
+        white == 0,
+        max(alarms_of_frames(n), alarms_of_mean(n)) < 1e-4,
+        all(
+            abs(k - runs * rate) < 3.5 * np.sqrt(runs * rate * (1.0 - rate))
+            for k, rate in zip(counts, rates, strict=True)
+        ),
+    )
+
+
 WORST: dict[str, dict[str, Any]] = {
     "perceive": {"noise": 0.2},
     "age": {"latency": 1.5},

@@ -2,20 +2,20 @@
 
 The policies are the stored ones (`course.learning.recorded`): chunks of eight steps, cloned from
 a hundred demonstrations of which about half pass on either side. A change of a control computes new
-runs.
+runs with the forward passes of `course.learning.forward`.
 """
 
-from dataclasses import replace
-from functools import lru_cache
-
 import numpy as np
-from numba import objmode
 from numba.extending import register_jitable
 
-from course.learning import Commit, Drawn, TwoWays, one_thread, recorded, roll
-from course.learning.recorded import CHUNK, DEMONSTRATIONS, HEADS, SEED
-from course.measure.success import wilson
+from course.learning import TwoWays, windows
+from course.learning.clone import prepared
+from course.learning.forward import diffusion_sample, flow_sample, mixture_sample, perceptron
+from course.learning.recorded import CHUNK, DEMONSTRATIONS, HEADS, SEED, stored_weights
+from course.learning.tasks import sides
 from course.simulations import pen as draw
+from course.simulations import splitmix
+from course.simulations.interval import score_interval
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider
 
@@ -29,58 +29,92 @@ CONTROLS = Record(
     sampled=slider("Sampler steps", 10, 1, 20, 1),
 )
 STATE = Record(
-    shown=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
+    seed=Field(np.uint64(0), shape=(1,)),
     side=Field(0, shape=(RUNS,)),
     paths=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
     time=Field(0.0, unit="s"),
     band=Field((0.0, 0.0)),
 )
 
-
-@lru_cache(maxsize=8)
-def policy(head):
-    """Return the policy on record, by its number in the menu."""
-    return recorded(tuple(HEADS)[head])
-
-
-@lru_cache(maxsize=64)
-def driven(head, executed, noise, sampled):
-    """Return paths (RUNS, steps + 1, 2), the side each passed, and the interval of successes."""
-    # The same starts for all policies (common random numbers), so that differences belong to the
-    # policy.
-    task, rng = TwoWays(noise=noise), np.random.default_rng(SEED + 5)
-    # One thread of the linear algebra: the same sums in the same order on every run.
-    with one_thread():
-        made = policy(head)
-        made = replace(made, steps=sampled) if isinstance(made, Drawn) else made
-        starts = task.starts(RUNS, rng)
-        paths = roll(task, Commit(made, executed), starts, task.steps, rng).states
-    # A run that passed on neither side has failed; the success rate comes with Wilson's interval
-    # (1927).
-    side = task.sides(paths)
-    return paths, side, np.array(wilson(int(np.sum(side != 0)), RUNS))
-
-
-@lru_cache(maxsize=1)
-def demonstrated():
-    """Return the demonstrations, (RUNS, steps + 1, 2)."""
-    return TASK.demonstrate(DEMONSTRATIONS, SEED).states
+# The policies on record: normalisers of states and chunks, then the weights of all networks one
+# after the other. Of the autoencoder the decoder is used, whose weights come first.
+MEAN, MIXTURE, FLOW, DIFFUSION, AUTOENCODER = range(5)
+_TRAINING = TASK.demonstrate(DEMONSTRATIONS, SEED)
+_BLANK = prepared(*windows(_TRAINING, CHUNK))[0]
+_INPUT_MEAN, _INPUT_SCALE = _BLANK.inputs.mean, np.sqrt(_BLANK.inputs.variance + 1e-8)
+_CHUNK_MEAN, _CHUNK_SCALE = _BLANK.done.mean, np.sqrt(_BLANK.done.variance + 1e-8)
+_SIZE, _HIDDEN, _MODES = 2 * CHUNK, 64, 5
+_PARTS = [stored_weights(name) for name in HEADS]
+_PARTS[AUTOENCODER] = _PARTS[AUTOENCODER][: (3 + 1) * _HIDDEN + (_HIDDEN + 1) * (_HIDDEN + _SIZE)]
+_WEIGHTS = np.concatenate(_PARTS)
+_FIRST = np.cumsum(np.array([0, *map(len, _PARTS)]))
+# Positions of the demonstrations in steps of 0.1 mm, enough for a picture.
+_DEMONSTRATED = np.round(1e4 * _TRAINING.states).astype(np.int16)
 
 
 @register_jitable
+def normal(seed, rows, columns):
+    """Return standard normal numbers (rows, columns); the seed moves on."""
+    out = np.empty(rows * columns)
+    splitmix.normal(seed, out)
+    return out.reshape(rows, columns)
+
+
+@register_jitable
+def chunk(head, states, sampled, seed):
+    """Return a policy's next eight actions for states (N, 2), flattened (N, 16) [m].
+
+    Args:
+        head: number of the policy in the menu.
+        states: positions [m].
+        sampled: steps of the sampler of a flow or a diffusion.
+        seed: of the random numbers, (1,) uint64; it moves on.
+    """
+    rows = (states - _INPUT_MEAN) / _INPUT_SCALE
+    weights, n = _WEIGHTS[_FIRST[head] : _FIRST[head + 1]], len(states)
+    # Every policy uses the same random numbers, so that differences belong to the policy.
+    noise, uniform = normal(seed, n, _SIZE), np.empty(n * _MODES)
+    splitmix.uniform(seed, uniform)
+    if head == FLOW:
+        drawn = flow_sample(noise, rows, sampled, weights, _HIDDEN)
+    elif head == DIFFUSION:
+        drawn = diffusion_sample(noise, rows, sampled, weights, _HIDDEN)
+    elif head == MIXTURE:
+        out = perceptron(rows, weights, _HIDDEN, _MODES * (1 + 2 * _SIZE))
+        # u is below 1 but may be 0, hence the logarithm of 1 - u.
+        gumbel = -np.log(1e-300 - np.log(1.0 - uniform)).reshape(n, _MODES)
+        drawn = mixture_sample(out, _MODES, gumbel, noise)
+    elif head == AUTOENCODER:
+        # The decoder's third input is the code, sampled from its prior.
+        coded = np.empty((n, 3))
+        coded[:, :2], coded[:, 2] = rows, noise[:, 0]
+        drawn = perceptron(coded, weights, _HIDDEN, _SIZE)
+    else:
+        drawn = perceptron(rows, weights, _HIDDEN, _SIZE)
+    return drawn * _CHUNK_SCALE + _CHUNK_MEAN
+
+
 def initial(controls, state):
     """Run the policy from all starts."""
-    c = controls
-    values = np.array([1.0 * c["head"], 1.0 * c["executed"], c["noise"], 1.0 * c["sampled"]])
-    # Networks run in Python, so this model is recorded for the page instead of compiled for it.
-    with objmode(
-        paths="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"
-    ):
-        head, executed, noise, sampled = values.tolist()
-        paths, side, band = driven(int(head), int(executed), round(noise, 9), int(sampled))
-        shown = demonstrated()
-    state["paths"][:], state["side"][:], state["band"][:] = paths, side, band
-    state["shown"][:] = shown
+    state["seed"][0] = SEED + 5
+    paths = np.empty((RUNS, _LENGTH + 1, 2))
+    paths[:, 0] = 0.02 * normal(state["seed"], RUNS, 2)
+    planned = np.empty((RUNS, _SIZE))
+    for k in range(_LENGTH):
+        # The policy observes, then the first steps of its chunk are executed without a look.
+        done = k % controls["executed"]
+        if done == 0:
+            planned[:] = chunk(
+                controls["head"], paths[:, k].copy(), controls["sampled"], state["seed"]
+            )
+        disturbed = controls["noise"] * normal(state["seed"], RUNS, 2)
+        paths[:, k + 1] = paths[:, k] + planned[:, 2 * done : 2 * done + 2] + disturbed
+    # A run that passed on neither side has failed; the success rate comes with Wilson's interval
+    # (1927).
+    side = sides(paths, _CENTRE, _RADIUS, _REACH)
+    state["paths"][:], state["side"][:] = paths, side
+    low, high = score_interval(np.sum(side != 0) / RUNS, RUNS)
+    state["band"][0], state["band"][1] = low, high
 
 
 def advance(state, controls, seconds):
@@ -117,7 +151,9 @@ def frame(pen, state, controls):
     # succeed, orange ones collide or miss the goal.
     draw.spot(pen, 1.0, 0.0, _REACH, draw.NONE, draw.GREEN, 1.5)
     for i in range(RUNS):
-        draw.curve(pen, state["shown"][i, :, 0], state["shown"][i, :, 1], draw.GREY, 0.8, 0.25)
+        draw.curve(
+            pen, 1e-4 * _DEMONSTRATED[i, :, 0], 1e-4 * _DEMONSTRATED[i, :, 1], draw.GREY, 0.8, 0.25
+        )
     draw.spot(pen, _CENTRE, 0.0, _RADIUS, draw.GREY, draw.INK, 1.0, 0.5)
     for i in range(RUNS):
         x, y = state["paths"][i, : now + 1, 0], state["paths"][i, : now + 1, 1]
@@ -153,7 +189,6 @@ PRESETS = {
         {"head": "flow"},
         "Ten Euler steps carry random noise to a chunk of actions. Reduce the sampler steps and "
         "watch the two routes merge.",
-        "Ten Euler steps carry random noise to a chunk of actions. Most runs pass, on both sides.",
     ),
     "A flow in one step": Preset(
         {"head": "flow", "sampled": 1},
@@ -168,8 +203,6 @@ PRESETS = {
         {"head": "flow", "noise": 0.05},
         "Every step is disturbed, and eight actions are executed before the next observation. "
         "Execute two instead.",
-        "Every step is disturbed, and eight actions are executed before the next observation, so "
-        "the disturbances of eight steps add up uncorrected.",
     ),
 }
 

@@ -1,5 +1,6 @@
 """`drills robot` as a learner meets it: slots fill as exercises are solved, and runs are stored."""
 
+import ast
 import csv
 import importlib.util
 import json
@@ -123,6 +124,9 @@ def test_a_broken_promise_comes_with_the_expected_result(own: Place) -> None:
     file.write_text(f"{text}\n\nright = two_link_ik\n\n\n{wrapped}", encoding="utf-8")
     out = own.run("robot", "run", "--no-libraries", "--level", "1", "--tasks", "2").out
     assert "two_link_ik broke a promise" in out and "expected result" in out
+    assert max(map(len, out.splitlines())) <= 80
+    call = out[out.index("  two_link_ik(np.array") :].partition(" repeats the call")[0]
+    ast.parse(call.rpartition("\npython")[0].strip())
     done = subprocess.run(
         [sys.executable, own.work / "robot_call.py"], cwd=ROOT, capture_output=True, text=True
     )
