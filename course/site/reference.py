@@ -215,8 +215,8 @@ def simulations_table(pages: Mapping[str, Sequence[str]]) -> str:
     """Return a Markdown table of the simulations that move and those that show a recording.
 
     Args:
-        pages: name of a page, without .ipynb -> the simulations on it; pages that are no chapter are
-            passed over.
+        pages: name of a page, without .ipynb -> the simulations on it; pages that are no chapter
+            are passed over.
 
     Raises:
         ValueError: one is neither compiled nor recorded.

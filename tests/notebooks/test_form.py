@@ -86,7 +86,7 @@ def test_what_needs_a_kernel_is_not_on_the_site(name: str) -> None:
 def test_every_claim_of_the_course_stands_on_a_page() -> None:
     missing = {chapter: derivations.unplaced(chapter.topic) for chapter in CHAPTERS}
     assert [
-        f'put more_claims("{id}") into notebooks/source/{chapter.number:02d}_{chapter.topic}.py, then '
+        f'put more_claims("{id}") into the source of the notebook, then '
         f"python -m tools.notebooks {chapter.number:02d}_{chapter.topic}"
         for chapter, ids in missing.items()
         for id in ids
