@@ -54,8 +54,8 @@ setup: ## make .venv with the pinned packages, if it isn't there
 platforms: setup ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
 	@$(SETUP) add platforms 'the other simulators'
 
-extras: platforms ## add every optional library: the simulators, Stable-Baselines3, wrappers, Dask
-	@$(SETUP) add sb3,wrappers,cluster 'the other optional libraries'
+extras: platforms ## add every optional library: the simulators, mink, pink, Stable-Baselines3, wrappers, Dask
+	@$(SETUP) add ik,sb3,wrappers,cluster 'the other optional libraries'
 
 sphinx: setup ## add what builds the site (110 MB to download, 440 MB on disk)
 	@$(SETUP) add site 'what builds the site'
@@ -112,6 +112,7 @@ warm: setup ## compile and keep every hot loop of the chapters
 	@$(BIN)/python -m tools.warm
 
 charts: setup platforms ## rebuild every chart of the README, and the data behind it
+	@$(SETUP) add ik 'mink and pink'
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m course.charts
 	$(BIN)/python -m tools.gallery
 

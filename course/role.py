@@ -151,8 +151,10 @@ def age(stages: Sequence[Stage]) -> Age:
 
     Args:
         stages: from the sensor, whose start is the capture, to the last before the actuator.
-            ValueError: the first has no period; one is overloaded without a rule, or at times
-            only; samples are lost before a full queue or a stage that skips, or overtaken.
+
+    Raises:
+        ValueError: the first has no period; one is overloaded without a rule, or at times only;
+            samples are lost before a full queue or a stage that skips, or overtaken.
     """
     links = _links(stages)
     C, spread = (sum(getattr(s, name) for s in stages) for name in ("execution", "jitter"))

@@ -114,14 +114,20 @@ def _handles(step: Step) -> list[Handle]:
 
 
 class _Program:
-    """Lines of code: what has to be defined first, then the requests."""
+    """Lines of code: what has to be defined first, then the requests.
+
+    Attributes:
+        given: source of the judge's module; it may import `submission`.
+        definitions: lines that define what the requests use.
+        lines: the requests, in their order.
+    """
 
     def __init__(self, attempt: Attempt, graded: Exercise) -> None:
         self.attempt = attempt
         self.given = graded.given
         self.uses_given = False
         self.comments: list[str] = []
-        self.before: list[str] = []
+        self.definitions: list[str] = []
         self.lines: list[str] = []
         self.names: dict[int, str] = {}  # of objects, by the identity of their handles
         self.defined: dict[int, str] = {}  # of functions, by their identity
@@ -135,7 +141,7 @@ class _Program:
 
     def text(self) -> str:
         """Return the whole program."""
-        body = "\n".join([*self.before, *self.lines])
+        body = "\n".join([*self.definitions, *self.lines])
         imports = ["import numpy as np"]
         if "deepcopy(" in body:
             imports.insert(0, "from copy import deepcopy")
@@ -221,15 +227,15 @@ class _Program:
             return self.defined[id(function)]
         if hasattr(function, "code"):  # an object that says how it is written
             name, text = str(getattr(function, "__name__", "function")), str(function.code())
-            self.before += [*text.strip().splitlines(), ""]
+            self.definitions += [*text.strip().splitlines(), ""]
         else:
             assert isinstance(function, types.FunctionType)
             name = function.__name__
             for free, cell in zip(
                 function.__code__.co_freevars, function.__closure__ or (), strict=True
             ):
-                self.before += _broken(f"{free} = {self.value(cell.cell_contents)}")
-            self.before += [*_bare_source(function).splitlines(), ""]
+                self.definitions += _broken(f"{free} = {self.value(cell.cell_contents)}")
+            self.definitions += [*_bare_source(function).splitlines(), ""]
         self.defined[id(function)] = name
         return name
 

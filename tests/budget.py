@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import hypothesis
 
 from course import CHAPTERS
+
+Item = TypeVar("Item")
 
 ROOT = Path(__file__).resolve().parents[1]
 TOPICS = [chapter.topic for chapter in CHAPTERS]
@@ -20,6 +24,11 @@ PROVE = os.environ.get("COURSE_PROVE") == "1"
 def examples(count: int) -> hypothesis.settings:
     """Return the settings of a property: `count` examples, and ten times as many to prove it."""
     return hypothesis.settings(max_examples=10 * count if PROVE else count)
+
+
+def sampled(items: Sequence[Item], step: int) -> Sequence[Item]:
+    """Return every `step`-th of many alike items, and all of them to prove it."""
+    return items if PROVE else items[::step]
 
 
 def exercise_topics() -> dict[str, str]:

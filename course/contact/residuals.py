@@ -23,7 +23,7 @@ class Residuals:
     gain (Kane and Levinson 1985), and taking back a penetration costs energy too.
 
     Attributes:
-        penetration: the deepest overlap after the step [m].
+        penetration: the deepest overlap after the step [m], with Jacobian and gap of its start.
         signorini: largest of |min(f_n A_nn, u_n - target)|, force against gap [m/s].
         cone: by how much friction leaves its cone, in the normal's units [N s].
         dissipation: what friction could take out and leaves, at its normal force [J]; it must act
@@ -45,6 +45,9 @@ def residuals(problem: Problem, impulses: ArrayLike) -> Residuals:
         problem: the step.
         impulses: shape (n, d), in the rows of the problem's Jacobian [N s, N m s].
 
+    Returns:
+        The largest of each over the contacts, and the energy of all; units stand in `Residuals`.
+
     Raises:
         ValueError: for impulses of another shape, or that are not finite.
     """
@@ -53,7 +56,7 @@ def residuals(problem: Problem, impulses: ArrayLike) -> Residuals:
     # Contact velocities with the impulses, and without any.
     u = problem.jacobian @ problem.after(f)
     before = problem.jacobian @ problem.free
-    stiff = np.diag(problem.delassus)[::d]
+    inverse_mass = np.diag(problem.delassus)[::d]  # A_nn, of the contact along its normal
     mu = problem.friction
     # |f_t / mu|, to be compared with f_n; infinite for friction in a row that has no coefficient.
     share = np.linalg.norm(
@@ -67,7 +70,7 @@ def residuals(problem: Problem, impulses: ArrayLike) -> Residuals:
         penetration=float(np.max(np.maximum(0.0, -(problem.gap + problem.dt * u[:, 0])))),
         # Signorini's condition: of force and separation, brought to one unit, the smaller one is 0.
         signorini=float(
-            np.max(np.abs(np.minimum(f[:, 0] * stiff, u[:, 0] - problem.target_velocity)))
+            np.max(np.abs(np.minimum(f[:, 0] * inverse_mass, u[:, 0] - problem.target_velocity)))
         ),
         cone=float(np.max(np.maximum(0.0, np.maximum(share - f[:, 0], -f[:, 0])))),
         dissipation=float(np.max(np.maximum(0.0, lost))),

@@ -12,6 +12,8 @@ The chapter's algorithms, and the functions of their steps:
   inertia to its parent.
 - Damped least squares and Levenberg-Marquardt (Wampler, 1986; Sugihara, 2011): `inverse._solve` is
   the loop, `step` and `_marquardt` its steps, `_held` the joint limits.
+- Differential inverse kinematics within limits (Stark and Parker, 1995):
+  `differential.bounded_velocity`, an active-set method.
 - Geometric Jacobian (Whitney, 1972): `motion.place` does the forward kinematics, `columns` the
   Jacobian.
 
@@ -25,6 +27,12 @@ Examples:
 """
 
 from course.kinematics.chain import Chain, compose, invert, panda, planar, random_chain, turn_to
+from course.kinematics.differential import (
+    BoundedVelocity,
+    bounded_velocity,
+    damped_velocity,
+    velocity_bounds,
+)
 from course.kinematics.dynamics import (
     acceleration,
     bias,
@@ -65,6 +73,7 @@ from course.kinematics.two_link import TwoLink, TwoLinkIK, two_link_ik
 
 __all__ = [
     "METHODS",
+    "BoundedVelocity",
     "Chain",
     "IKResult",
     "Samples",
@@ -73,8 +82,10 @@ __all__ = [
     "acceleration",
     "analytic_jacobian",
     "bias",
+    "bounded_velocity",
     "compose",
     "condition_number",
+    "damped_velocity",
     "disc_distance",
     "elbow_height",
     "energy",
@@ -103,6 +114,7 @@ __all__ = [
     "turn_to",
     "two_link_ik",
     "uniform_starts",
+    "velocity_bounds",
     "warm",
     "within",
 ]

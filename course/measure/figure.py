@@ -160,6 +160,12 @@ KEYS: dict[str, tuple[str, str]] = {
     "usual loop, clamped, 20 starts": (AMBER, "P"),
     "same with full steps": (PINK, "v"),
     "our method in Python": (PURPLE, "X"),
+    "no limits": (GREY, "*"),
+    "scaled": (AMBER, "P"),
+    "clipped": (VERMILION, "s"),
+    "quadratic program": (BLUE, "o"),
+    "mink": (PURPLE, "X"),
+    "pink": (PINK, "v"),
     "Pinocchio": (GREEN, "D"),
     "Pinocchio, a batch": (AMBER, "P"),
     # perception

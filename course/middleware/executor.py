@@ -425,14 +425,16 @@ def run_chain(
 
     Args:
         stages: as for `course.role.simulate`, whose rules these are.
-        phases: as for `course.role.simulate`.
+        phases: of the first starts, as shares of each period, shape (n,).
         seed: as for `course.role.simulate`.
         seconds: simulated time [s].
 
     Returns:
         When each command came into force, and when its measurement was taken, for `Trace.age`.
     """
-    age([replace(stage, lost=0.0, jitter=0.0) for stage in stages])  # what it refuses
+    age(
+        [replace(stage, lost=0.0, jitter=0.0) for stage in stages]
+    )  # raises; loss and jitter are allowed here
     shares = vector("phases", phases, (len(stages),))
     bus, arrived = Bus(seed), list[tuple[float, float]]()
     for k in range(len(stages)):

@@ -345,7 +345,12 @@ def _enter(nodes, links):
 
 
 @functools.cache
-def _kernel(function: Any) -> Any:
+def _compiled_once(function: Any) -> Any:
+    """Compile one of the loops once for every world.
+
+    What a world answers (`STATE`, `EDGE`) is handed in as function pointers, so that a new world
+    compiles nothing.
+    """
     state, edge = types.FunctionType(STATE), types.FunctionType(EDGE)
     one, two, three = (types.Array(numba.int64, k, "C") for k in (1, 2, 3))
     cube, M, V, integer = types.Array(numba.float64, 3, "C"), MATRIX, VECTOR, numba.int64
@@ -401,7 +406,7 @@ def _roadmap(world: World, nodes: Array, pairs: Ints, status: Ints) -> Roadmap:
     order = np.argsort(ends, kind="stable")
     first = np.concatenate(([0], np.cumsum(np.bincount(ends, minlength=len(nodes)))))
     links = np.zeros((len(nodes), WIDTH), dtype=np.int64)
-    _kernel(_enter)(nodes, links)
+    _compiled_once(_enter)(nodes, links)
     # Edge e has its two ends at e and e + len(pairs) of `ends`; the remainder is its number.
     edges = order % max(len(pairs), 1)
     # Tables of its own: whoever changes those of a world in place has changed the world.
@@ -490,7 +495,7 @@ def revalidated(roadmap: Roadmap, world: World) -> tuple[Roadmap, int]:
     All its edges are checked again.
     """
     now, counts = adapted(roadmap, world), np.zeros(16, dtype=np.int64)
-    _kernel(_resolve)(
+    _compiled_once(_resolve)(
         world.kernels[1],
         world.obstacles,
         now.fresh,
@@ -546,7 +551,7 @@ class _Growing:
         if counts[NODES] + samples > len(self.nodes):
             self._room(2 * len(self.nodes))
         return bool(
-            _kernel(_grow)(
+            _compiled_once(_grow)(
                 *world.kernels,
                 world.obstacles,
                 world.body,
@@ -603,7 +608,7 @@ def _shortest_path(
 ) -> list[int]:
     """Return the nodes of the shortest way that is free, none where there is no way."""
     came, world = np.empty(len(roadmap.nodes), dtype=np.int64), query.world
-    last = _kernel(_search)(
+    last = _compiled_once(_search)(
         world.kernels[1],
         world.obstacles,
         roadmap.fresh,
@@ -708,7 +713,7 @@ def on_roadmap(query: Query) -> Plan:
     # "trees" begins with one edge from each end to the roadmap and grows further ones on demand.
     for side in range(2):
         largest = LIST if attach == "list" else 1
-        _kernel(_list)(edge, *tables, roadmap.nodes, trees, hooks, counts, side, largest)
+        _compiled_once(_list)(edge, *tables, roadmap.nodes, trees, hooks, counts, side, largest)
     code, side = 1, 0
     while True:
         # Both ends hang on the roadmap: search it, with the edges to the trees as outer edges.
@@ -733,7 +738,7 @@ def on_roadmap(query: Query) -> Plan:
         full = counts[TREES : TREES + 2].max() >= size
         if remaining <= 0 or full or query.seconds >= budget.seconds:
             return query.answer(NO_TIME if remaining > 0 and not full else NO_SAMPLES)
-        code = _kernel(_attach)(
+        code = _compiled_once(_attach)(
             edge,
             *tables,
             world.bounds,
@@ -764,7 +769,7 @@ def on_roadmap(query: Query) -> Plan:
 def warm() -> None:
     """Compile, or load from the cache, the loops of this file."""
     for function in (_grow, _resolve, _search, _attach, _list, _enter):
-        _kernel(function)
+        _compiled_once(function)
     LOOPS["rrt_connect"]()  # which answers where a list of neighbours does not
 
 

@@ -36,6 +36,7 @@ from course.compiled import MATRIX, VECTOR, address_of, compiled, function_argum
 
 Array = NDArray[np.float64]
 
+# What a world answers, compiled: of its obstacles, its body, and one state or the two of an edge.
 STATE = types.boolean(MATRIX, MATRIX, VECTOR)
 EDGE = types.boolean(MATRIX, MATRIX, VECTOR, VECTOR)
 CLEARANCE = types.float64(MATRIX, MATRIX, VECTOR)

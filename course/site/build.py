@@ -122,7 +122,7 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
             faults.append(f"{name}: {problem}")
     if faults:
         raise Unbuildable(faults)
-    moving = reference.moving({name: page.simulations for name, page in made.items()})
+    moving = reference.simulations_table({name: page.simulations for name, page in made.items()})
     added = {
         "scores": reference.scores(made),
         "moving": "## What moves on this site\n\n<details><summary>Every simulation, live or "

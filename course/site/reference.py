@@ -211,11 +211,12 @@ def scores(pages: Mapping[str, notebooks.Page]) -> str:
     return f'## Your answers\n\n<div class="course-scores"><ul>\n{listed}\n</ul></div>'
 
 
-def moving(pages: Mapping[str, Sequence[str]]) -> str:
+def simulations_table(pages: Mapping[str, Sequence[str]]) -> str:
     """Return a Markdown table of the simulations that move and those that show a recording.
 
     Args:
-        pages: page -> the simulations on it.
+        pages: name of a page, without .ipynb -> the simulations on it; pages that are no chapter
+            are passed over.
 
     Raises:
         ValueError: one is neither compiled nor recorded.

@@ -1351,8 +1351,8 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine: it
-# models only what the task needs, and runs whole batches. As soon as two bodies can touch, it no longer applies.
+# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine:
+# it models only what the task needs, and runs whole batches. As soon as two bodies can touch, it no longer applies.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #

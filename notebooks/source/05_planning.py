@@ -1575,6 +1575,23 @@ def rrt_star(start, discs, samples, step, radius):
 check(rrt_star)
 
 # %% [markdown]
+# ### Few distance evaluations
+
+# %%
+card("certify_edge")
+
+
+# %%
+def certify_edge(clearance, half, a, b):
+    """Return whether a capsule moves along a straight edge without a collision."""
+    # Ten poses along the edge: enough for thick obstacles only.
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    return float(all(clearance(a + s * (b - a)) > 0.0 for s in np.linspace(0.0, 1.0, 10)))
+
+
+check(certify_edge)
+
+# %% [markdown]
 # ### A formula: what points miss
 #
 # Check points are a distance $s$ apart on a straight edge, and an obstacle is a disc of radius $r > s/2$. How deep can

@@ -85,8 +85,10 @@ def core() -> None:
         coal,
         cyclonedds,
         drake,
+        mink,
         ompl,
         open3d,
+        pink,
         pinocchio,
         pybullet,
         sb3,
@@ -102,7 +104,7 @@ def core() -> None:
         "open3d": open3d.library,
         "small_gicp": small_gicp.library, "cyclonedds": cyclonedds.library,
         "zenoh": zenoh.library, "drake": drake.library, "pybullet": pybullet.library,
-        "sb3": lambda: sb3.vec_env(None), "sysid": sysid.toolbox,
+        "mink": mink.library, "pink": pink.library, "sb3": lambda: sb3.vec_env(None), "sysid": sysid.toolbox,
     }
     FOUND["refusals"] = {name: refusal(call) for name, call in needing.items()}
 

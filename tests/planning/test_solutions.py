@@ -14,6 +14,9 @@ from scipy.sparse.csgraph import dijkstra
 
 from course.planning import check_path, edge_free, plan, planar_arm, plane, scenes
 from drills import cards
+from drills import exercise as exercises
+from drills.catalogue.certify_edge.exercise import cases as edges
+from drills.catalogue.certify_edge.exercise import certain
 from drills.geometry import clearances
 from solutions import planning as solutions
 from tests.budget import examples
@@ -268,3 +271,43 @@ def test_the_clearance_of_an_edge_is_the_least_along_it(seed):
     assert solutions.edge_clearance(a, a, discs[:1])[0] == pytest.approx(
         np.hypot(*(discs[0, :2] - a)) - discs[0, 2]
     )
+
+
+# --- an edge of a capsule -------------------------------------------------------------------------
+
+
+@examples(30)
+@given(rngs(), st.floats(0.0, 0.6), st.floats(-8.0, 8.0), st.floats(0.005, 0.2))
+def test_a_capsule_edge_is_certified_as_an_exact_check_says(rng, half, turn, radius):
+    a = np.array([*rng.uniform(-1.0, 1.0, 2), rng.uniform(-3.0, 3.0)])
+    b = a + [*rng.uniform(-2.0, 2.0, 2), turn]
+    centres = rng.uniform(-2.0, 2.0, (6, 2)) @ [1.0, 1.0j]
+    speed = np.hypot(*(b - a)[:2]) + half * abs(turn)
+
+    def clearance(pose):
+        own = (centres - complex(*pose[:2])) * np.exp(-1j * pose[2])  # in the capsule's frame
+        return float(np.abs(own - np.clip(own.real, -half, half)).min()) - 0.05 - radius
+
+    n = 300
+    lowest = min(clearance(a + s * (b - a)) for s in np.linspace(0.0, 1.0, n + 1))
+    if lowest < -1e-6:
+        assert solutions.certify_edge(clearance, half, a, b) == 0.0
+    elif lowest > 0.5 * speed / n + 1e-6:
+        assert solutions.certify_edge(clearance, half, a, b) == 1.0
+
+
+def test_a_certified_edge_takes_fewer_evaluations_than_a_march_or_halving():
+    texts = {slip.name: slip for slip in exercises.of("certify_edge").slips}
+    solution = cards.card("certify_edge").solution_text()
+    drawn = edges(np.random.default_rng(7))
+    used = dict.fromkeys(("worked", "from_one_end", "halved_blindly"), 0)
+    for name in used:
+        answer: dict = {}
+        exec(solution if name == "worked" else texts[name].text(solution), answer)
+        for case in drawn:
+            if not np.any(case.args[0].move):
+                continue
+            clearance = case.args[0].fresh()
+            assert answer["certify_edge"](clearance, *case.args[1:]) == certain(case.args[0])
+            used[name] += len(clearance.shares)
+    assert 1.2 * used["worked"] < min(used["from_one_end"], used["halved_blindly"])
