@@ -53,7 +53,7 @@ def ninety_or_ninety_five(result):
 
 
 @claim(
-    "A failed run succeeds once the right single stage is ideal.",
+    "Every failed run succeeds once the right single stage is ideal.",
     "Often it does. But behind a moving target, a late camera and a lagging arm point the same"
     " way: of {n:.0f} such runs {pairs:.0f} needed two ideal stages. Finding them took {runs:.0f} "
     "replays.",
@@ -108,8 +108,8 @@ def last_error_blames(result):
 
 
 @claim(
-    "If the noise of a frame has the promised variance, limits of five or six standard deviations "
-    "practically never raise a false alarm.",
+    "Whatever the noise of a frame, as long as its variance is the promised one, limits of five or "
+    "six standard deviations practically never raise a false alarm.",
     "That is right for noise that is Gaussian and independent from frame to frame. With the heavy "
     "tails of Student's t with {tails:.0f} degrees of freedom, the limit on single frames is "
     "exceeded in {heavy:.0%} of the runs without a fault. With a correlation of {memory:.1f} "

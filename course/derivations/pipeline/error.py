@@ -232,10 +232,10 @@ def filter_calms(result):
 
 
 @claim(
-    "With a high enough frame rate, the position estimate gets as accurate as you want.",
+    "With a high enough frame rate, even a biased camera locates a target as exactly as you want.",
     "Averaging removes noise that is fresh in each frame. It does not remove the bias. At "
     "{slow:.0f} frames per second the tip is {few:.1f} mm off, at {fast:.0f} it is {many:.1f} "
-    "mm, and {bias:.1f} mm of that is bias.",
+    "mm. The bias alone is {bias:.1f} mm.",
 )
 def pictures_without_bias(result):
     from course.pipeline import Settings
@@ -266,7 +266,7 @@ def cancelling(runs=6, **changed):
 
 
 @claim(
-    "The errors of the stages add up as the root of their summed squares.",
+    "The errors of the stages always add up as the root of their summed squares.",
     "That is right for independent errors with zero mean. In this example, perception alone "
     "causes {eye:.1f} mm, age {age:.1f} and the arm {arm:.1f}, which makes {rss:.1f} mm by "
     "that rule. Together they make {whole:.1f} mm, because the bias points against the two "
@@ -395,7 +395,7 @@ def sag_without_kd(result):
 
 
 @claim(
-    "Comparing two settings takes the fewest runs with fresh random numbers for each.",
+    "Comparing two settings always takes the fewest runs with fresh random numbers for each.",
     "With the same seeds both face the same noise, and its common effect cancels in the "
     "difference. To detect the cost of a tenth more noise takes {saved:.0f} times fewer runs "
     "that way, provided that each stage has its own random-number generator. If every second "

@@ -78,7 +78,7 @@ def leaves(q, kp, kd, dt):
     "A physics step that is stable in one posture of the arm is stable in all.",
     "The limit is {formula}, where k and d contain the largest eigenvalue of the inverse "
     "inertia matrix. That eigenvalue depends on the elbow: with the same gains the limit is "
-    "{stretched:.2f} ms stretched and {folded:.2f} ms folded.",
+    "{stretched:.2f} ms stretched and {folded:.2f} ms nearly folded.",
     ask=(
         "Semi-implicit Euler integrates x'' = -k x - d x' with the acceleration from the old "
         "state. What is the largest stable step?",
@@ -122,9 +122,9 @@ def step_by_posture(result):
 @claim(
     "If the damping torque comes from the old velocity, more Kd makes the largest stable step of a "
     "semi-implicit simulation smaller.",
-    "Held for a long step, that torque throws the velocity back larger than it was. With the arm "
-    "stretched and Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to {much:.1f} ms "
-    "with Kd = {kd:.0f}. Damping at the new velocity would not lower it.",
+    "Held for a long step, that torque reverses the velocity and makes it larger than before. With "
+    "the arm stretched and Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to "
+    "{much:.1f} ms with Kd = {kd:.0f}. Damping at the new velocity would not lower it.",
 )
 def damping_and_step(result):
     from course.kinematics import TwoLink
@@ -163,7 +163,7 @@ def damping_and_step(result):
     "and energy grows.",
     "The slider ends at {slider:.0f} ms. With these gains no posture allows more than {most:.1f} "
     "ms: at the target the limit is {reach:.1f} ms, stretched {stretched:.1f} ms. Without Kd, "
-    "bent postures allow more than the slider has. Motors with a torque limit hold an unstable "
+    "all postures allow more than the slider has. Motors with a torque limit hold an unstable "
     "arm in a small circle: at {step:.0f} ms {share:.0%} of the runs still succeed, while the "
     "energy from nowhere rises from {calm:.3f} to {wild:.3f} of the largest energy in the run. "
     "The limit is one for small motions about a posture: at {below:.0%} of it, {far:.0%} of the "
@@ -213,7 +213,7 @@ def largest_step(result):
     result.statement = "Eight runs at each step, compared with arms without torque limits."
     result.statement_holds(bool(leaves(bends, *chosen, 1e-3 * slider).all()))
     result.correction_holds(
-        largest < slider < bare.max(),
+        largest < slider < bare.min(),
         bool(leaves(q, kp, kd, 1.03 * at).all()),
         bool(leaves(*wide, 1.01 * edge).all()),
         not leaves(q, kp, kd, 0.97 * at).any(),
@@ -565,8 +565,8 @@ def planner_step(result):
     "runs on and drops frames meanwhile.",
     "Its data is younger, or as old if L is an integer number of periods, because it takes its"
     " next image at once. The mean age is {formula}: {block_ms:.0f} ms where dropping gives "
-    "{drop_ms:.0f} ms. A queue reaches {queue_ms:.0f} ms after {seconds:.0f} s and keeps "
-    "growing.",
+    "{drop_ms:.0f} ms. With a queue it is {queue_ms:.0f} ms around {seconds:.0f} s and "
+    "keeps growing.",
     ask=(
         "Processing a frame takes L, longer than the camera's period, and the camera waits "
         "until it is done. What is the mean age of the newest result?",
