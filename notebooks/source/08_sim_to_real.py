@@ -252,13 +252,13 @@ table(*rows)
 
 # %% [markdown]
 # Load and delay cost success. The other three alone cost almost nothing. At gap 1 all five together cost more than the
-# sum of the separate losses. The rows for pairs show that the excess comes from load and motor. For load and delay, and
-# for load and friction, the loss together is about the sum of the separate ones.
+# sum of the separate losses. The rows for pairs show that the excess comes from load and motor. Load and delay, and
+# load and friction, roughly add up.
 #
 # The last row turns the interaction around. There the delay alone makes almost every reach fail. The real arm has the
 # same delay and four more differences, and more than half of its reaches succeed: its load makes the loop slower, and a
 # slower loop tolerates a later command. So losses measured one at a time don't tell you what the differences cost
-# together. (Section 3 averages three searches; with those fewer than half of these reaches succeed.)
+# together. (Section 3 averages three searches, which gives less than half.)
 #
 # Gains tuned on the arm that they run on (the squares) recover most of what was lost.
 #
@@ -287,9 +287,8 @@ table(*rows)
 #
 # The **delay margin** is the delay at which a loop becomes unstable. Chapter 6 computes it as the phase margin divided
 # by the crossover frequency, $\tau_\text{max} = \varphi_m/\omega_c$. It belongs to the gains as much as to the arm:
-# higher gains raise $\omega_c$ and shorten it. The margin need not be a whole number of samples. For example, a phase
-# margin of 60° (1.05 rad) at a crossover of 40 rad/s tolerates 26 ms; twice the crossover at the same phase margin
-# tolerates 13 ms.
+# higher gains raise $\omega_c$ and shorten it. For example, a phase margin of 60° (1.05 rad) at a crossover of 40 rad/s
+# tolerates 26 ms; twice the crossover at the same phase margin tolerates 13 ms.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
@@ -574,6 +573,7 @@ print(f"six parameters, rank {report.rank}: {'; '.join(report.null)}")
 # Now the torques. **Excitation** means torques that make every base parameter matter. An arm that barely moves says
 # nothing about inertia; an arm whose second joint never turns says little about $b$. The standard choice is a periodic
 # signal, a sum of sines on all joints at once. It can be averaged over periods and its frequencies are under control.
+#
 # Because $F$ can be computed in simulation, you can compare plans *before* you record anything. The
 # **condition number**, the ratio of the largest to the smallest singular value of $J$ (each column multiplied by its
 # parameter's value), is a common summary: near one is good, and a large one warns of a nearly null direction.
@@ -1366,8 +1366,10 @@ plt.show()
 # case, and domain randomisation uses many sources. Theory offers a **transfer bound**, a limit on how much the value of
 # a policy can differ between two worlds. Let rewards lie in $[0, R]$, and let the distributions of the next state
 # differ by at most $\epsilon$ in total variation, the largest difference between the two probabilities of the same
-# event. Then the values can differ only by a limited amount. You derive the formula in the checkpoint. The chain in the
-# picture comes close to the bound. Only on the robot does it ever leave the good state.
+# event. Then the values can differ only by a limited amount.
+#
+# You derive the formula in the checkpoint. The chain in the picture comes close to the bound. Only on the robot does it
+# ever leave the good state.
 #
 # <details><summary>How to derive it, and a chain that comes close to it</summary>
 #
