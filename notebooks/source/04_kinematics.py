@@ -174,8 +174,8 @@ more_claims("two_link_position")
 # **Homogeneous transforms**, six numbers per joint, are used by URDF files and this course's `Chain`.
 #
 # **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. A frame may slide
-# along its joint's axis and turn about it: it still describes the same joint. These two choices make two of the six
-# numbers zero. The transform of one joint, turn included, is
+# along its joint's axis and turn about it. These two choices make two of the six numbers zero. The transform of one
+# joint, turn included, is
 #
 # $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
@@ -809,7 +809,7 @@ more_claims("articulated_bodies_lose_fewer_digits")
 # %% [markdown]
 # ### Identification: what can torques tell about the masses?
 #
-# The data sheet is wrong, or a gripper was added. Can you measure the masses without taking the arm apart?
+# The data sheet is wrong. Can you measure the masses without taking the arm apart?
 #
 # Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second moments.
 # Torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you
@@ -1179,9 +1179,10 @@ print_figures("velocity_limits", "clipped", "quadratic program", "time of mink",
 # The grey curve ignores the limits, so no real arm can follow it. Clipping drops what the clipped joint should have
 # contributed. In the program the other joints make up for it, as far as they can. Scaling keeps the direction of the
 # hand, but a single joint at its limit stops the whole arm. The program is not perfect either: it looks no further than
-# one cycle, and may lead the arm to a limit that a planner would have avoided. Shorter cycles don't change that. With
-# cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller, and on the
-# path at the right mink's are smaller away from the limits. The printed figures are for cycles of 5 ms, the next
+# one cycle, and may lead the arm to a limit that a planner would have avoided. Shorter cycles don't change that.
+#
+# With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller, and
+# on the path at the right mink's are smaller away from the limits. The printed figures are for cycles of 5 ms, the next
 # claim's for 50 ms on other paths.
 
 # %%

@@ -537,9 +537,9 @@ answer("relative_sleep", "1/(T + C)")
 # task with the shortest period.
 #
 # A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
-# task delays our task, most of all if it runs as often as possible between our release and our end. So the
-# worst case has both released at the same moment. Released earlier, the more urgent task would have done part of its
-# work before ours came. Released later, all its later runs would move too, and the last might begin after our end.
+# task delays our task, most of all if it runs as often as possible between our release and our end. So the worst case
+# has both released at the same moment. Released earlier, it would have done part of its work before ours came. Released
+# later, all its later runs would move too, and the last might begin after our end.
 #
 # So the worst case is a **critical instant**: all tasks are released at the same moment. This is true for
 # **independent** tasks: none of them waits for another task or for anything else. The picture shows a critical instant
@@ -605,9 +605,8 @@ show("critical_instant")
 # Two simpler tests need only the utilizations of independent tasks with rate-monotonic priorities. Liu and Layland
 # (1973) proved that $n$ such tasks meet all deadlines if their utilization is at most $n(2^{1/n} - 1)$. The
 # **hyperbolic bound** (Bini and others, 2001) accepts a set if $\prod (C_i/T_i + 1) \leq 2$. Both are sufficient and
-# not necessary: a set that they reject may still meet its deadlines. Of all tests that use only utilizations and never
-# accept a set that misses a deadline, the hyperbolic bound accepts the most. To accept more, a test has to look at the
-# periods, too. For the three tasks above:
+# not necessary: a set that they reject may still meet its deadlines. Of the safe tests that use only utilizations, the
+# hyperbolic bound accepts the most. To accept more, a test has to look at the periods, too. For the three tasks above:
 
 # %% tags=["hide-code"]
 table(
@@ -952,10 +951,10 @@ table(*lines)
 
 # %% [markdown]
 # Gigabit Ethernet carries at most 125 MB/s, so the larger stream does not fit: run camera and perception on one
-# computer, or compress. Images can be lost even between two programs on one computer. The operating system stores
-# arriving packets in a **receive buffer** until the program reads them from its **socket**, its end of the connection.
-# If the packets of an image arrive faster than the program reads, the buffer overflows. Ten images of 720p, written at
-# once on Cyclone DDS to another process on this machine:
+# computer, or compress. Images can be lost even on one computer. The operating system stores arriving packets in a
+# **receive buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an
+# image arrive faster than the program reads, the buffer overflows. Ten images of 720p, written at once on Cyclone DDS
+# to another process on this machine:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
@@ -979,7 +978,7 @@ except ImportError as missing:
 result
 
 # %% [markdown]
-# Finally, the processor. Do controller, perception and planner fit on one core?
+# Do controller, perception and planner fit on one core?
 
 # %% tags=["hide-code"]
 C, T = np.array([1e-4, 20e-3, 40e-3]), np.array([1e-3, 1 / 30, 0.1])
