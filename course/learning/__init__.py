@@ -115,6 +115,18 @@ __all__ = [
     "roll",
     "runs",
     "tensor",
+    "warm",
     "weights",
     "windows",
 ]
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
+    import numpy as np
+
+    from course.learning.forward import mixture_sample, perceptron
+
+    one = np.zeros((1, 1))
+    perceptron(one, np.zeros(4, np.float32), 1, 1)
+    mixture_sample(np.zeros((1, 3)), 1, one, one)

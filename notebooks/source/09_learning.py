@@ -92,7 +92,7 @@ def last(chart, panel=0):
 # ### The yardstick: a task whose optimum is known exactly
 #
 # Learning curves rarely show how far a number could rise. This chapter works on a task so small that the best possible
-# result is known exactly, and reports every learner as a share of that optimum.
+# result is known exactly, and reports the learners on it as a share of that optimum.
 #
 # The task is the point above.
 #
@@ -321,9 +321,9 @@ show("lambda_mixes")
 # were not observed is called **bootstrapping**.
 #
 # At both kinds of end the sum over later errors stops, because the next stored step belongs to another episode. The
-# whole algorithm is a loop backwards in time. (The listing starts after the checks, which rename arguments. `reward`,
-# `value` and `next_value` have one row per step; `next_value` is 0 after a termination. `final` says where an episode
-# terminated, `cut_off` where a time limit truncated it: both are boolean arrays, for which `~` means "not".)
+# whole algorithm is a loop backwards in time. (Checks of the arguments are left out. `reward`, `value` and `next_value`
+# have one row per step; `next_value` is 0 after a termination. `final` says where an episode terminated, `cut_off`
+# where a time limit truncated it: both are boolean arrays, for which `~` means "not".)
 
 # %% tags=["hide-code"]
 source(
@@ -427,15 +427,14 @@ show("clip_keeps")
 # $Q(s, a)$ for state and action together, and change the policy so that its actions have a larger $Q$ (SAC also
 # rewards randomness). Old steps can be used again, because an action in a state has the same effect whoever chose it.
 #
-# The price is more gradient steps for each environment step. Also, $Q(s, a)$ is trained towards
-# $r + \gamma Q(s', a')$, where $a'$ is what the *current* policy would do in the next state $s'$. Perhaps no stored
-# step shows what $a'$ leads to. Then a $Q(s', a')$ that is too large stays uncorrected, and the error can feed
-# itself: until the policy tries $a'$, or for good if the data are fixed. Both methods therefore train two critics and
-# use the smaller value.
+# The price is more gradient steps for each environment step. Also, $Q(s, a)$ is trained towards $r + \gamma Q(s', a')$,
+# where $a'$ is what the *current* policy would do in the next state $s'$. Perhaps no stored step shows what $a'$ leads
+# to. Then a $Q(s', a')$ that is too large stays so until the policy tries $a'$, and for good if the data are fixed.
+# Both methods therefore train two critics and use the smaller value.
 #
 # The chart shows SAC and PPO from the library Stable-Baselines3, paid for coming closer (the potential of section 2).
 # Every learner is judged by the prize alone, whatever reward it was trained with. With 2,048 steps per batch PPO has
-# finished only three iterations when SAC stops at 7,000 steps, so it appears with batches of 512 too.
+# finished only three iterations when SAC stops at 7,000 steps, so it also runs with batches of 512.
 #
 # ![SAC and PPO: share of the optimum over environment steps](../docs/charts/off_policy.png)
 
@@ -521,13 +520,10 @@ table(("reward", "share of the optimum after training", "interval"),
 
 # %% [markdown]
 # With the potential, PPO learns a policy that is close to the optimum. By default our PPO **rescales rewards**: it
-# divides each reward by the standard deviation of the returns observed so far. With minus the distance an episode adds
-# up a hundred distances, so each rescaled reward is small.
-#
-# With minus the distance, rescaled, it learned no more than
-# with the sparse reward, in four seeds and with these settings; other settings may do better. Without rescaling this
-# reward does better, but results differ widely between seeds. We do not know why. Rescaling divides distances and prize
-# by the same number, so their proportion is not the reason.
+# divides each reward by the standard deviation of the returns observed so far. With minus the distance, rescaled, it
+# learned no more than with the sparse reward, in four seeds and with these settings; other settings may do better.
+# Without rescaling this reward does better, but results differ widely between seeds. We do not know why. Rescaling
+# divides distances and prize by the same number, so their proportion is not the reason.
 #
 # The right panel repeats the sparse reward with other discs: the more often chance succeeds, the more is learned. (At 3
 # cm the learned share is 0, which this axis cannot show.)
@@ -890,10 +886,10 @@ more_claims("code_of_zero")
 # $$\text{loss} = \mathbb{E}\,\lVert v(x_t, t, s) - (x - \epsilon) \rVert^2 .$$
 #
 # Through each point run many of these lines, each with its own velocity. The squared error makes the network learn
-# their mean. That is enough. Think of
-# traffic: how the crowd thins or thickens at a place depends only on the average flow there, not on who drives which
-# way. So if all samples move with the average velocity, they have at every time $t$ the same distribution as the points
-# $x_t$ on the straight lines. At $t = 1$ that is the distribution of the data.
+# their mean. That is enough. Think of traffic: how the crowd thins or thickens at a place depends only on the average
+# flow there, not on who drives which way. So start all samples as noise and move each with the average velocity at its
+# place: at every time $t$ they have the distribution of the points $x_t$ on the straight lines. At $t = 1$ that is the
+# distribution of the data.
 #
 # A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps
 # of size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
@@ -953,11 +949,11 @@ simulation("denoising")
 # Since $\alpha_t^2 + \sigma_t^2 = 1$, data of variance 1 keep that variance all the way.
 #
 # The network receives $x_t$, $t$ and the state $s$, and learns with the squared error to predict $\sigma_t\,x -
-# \alpha_t\,\epsilon$. Its output is called $\hat v$. This target is convenient: $\alpha_t (\alpha_t x + \sigma_t
-# \epsilon) + \sigma_t (\sigma_t x - \alpha_t \epsilon) = x$, so $\hat x = \alpha_t\,x_t + \sigma_t\,\hat v$ is the
-# guess of the clean action. The sampler DDIM (denoising diffusion implicit model) goes from $t$ to a later $t'$ in two
-# moves. It computes the noise that the guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it puts
-# guess and noise together with the weights of time $t'$:
+# \alpha_t\,\epsilon$. Its output is called $\hat v$. Now $\alpha_t x_t$ plus $\sigma_t$ times this target is $x$. So
+# with the network's output in place of the target, $\hat x = \alpha_t\,x_t + \sigma_t\,\hat v$ is the guess of the
+# clean action. The sampler DDIM (denoising diffusion implicit model) goes from $t$ to a later $t'$ in two moves. It
+# computes the noise that the guess implies, $\hat\epsilon = (x_t - \alpha_t \hat x)/\sigma_t$. Then it puts guess and
+# noise together with the weights of time $t'$:
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
@@ -1051,7 +1047,7 @@ show("react_less")
 #
 # The lower panels show the two effects. A policy that observes often changes sides more often. A policy that observes
 # rarely drifts further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the
-# failures at $k = 1$, and the chart does not show what does.
+# failures at $k = 1$. What causes the others, the chart does not show.
 #
 # How many demonstrations does this need? Enough to show even the rarest way; in the checkpoint you compute the chance
 # that it is missing. And look for pauses: a person who waits shows one state with two labels, *wait* and *go*.
@@ -1315,9 +1311,9 @@ table(*rows)
 # Larger steps and more epochs move the policy further in one iteration. One number summarises how far, the
 # Kullback-Leibler divergence between the policies before and after, here the median over a run of 60,000 steps. The
 # right panel below shades the range of divergences that contains all runs with 80 % or more. It was chosen after the
-# runs, from all seeds. The table is a fairer test: it takes such a range from one seed of each setting and counts the
-# runs of the other two seeds. A divergence inside is a good sign and no guarantee, and other tasks or longer runs
-# have other borders.
+# runs, from all seeds. The table is a fairer test: the range comes from one seed of each setting, and the runs of the
+# other two seeds are counted. A divergence inside is a good sign and no guarantee, and other tasks or longer runs have
+# other borders.
 #
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
 
@@ -1383,10 +1379,10 @@ table(("divergence per iteration [nats], borders from one seed", "runs of the ot
 predict("curve_at_one")
 
 # %% [markdown]
-# Each policy is broken on purpose. One does not push while the goal lies less than 0.1 m to its right, the other
-# while the goal lies more than 0.5 m to its left. Otherwise they are optimal, so geometry says how many of all starts
-# they solve. The third column counts one episode in each of 128 environments, whose starts happen to be hard ones.
-# The last column takes the first 128 episodes that finish.
+# Each policy is broken on purpose. One pushes only if the goal lies at least 0.1 m to its right, the other only if it
+# lies at most 0.5 m to its left. Otherwise they are optimal, so geometry says how many of all starts they solve. The
+# third column counts one episode in each of 128 environments, whose starts happen to be hard ones. The last column
+# takes the first 128 episodes that finish.
 
 # %% tags=["hide-code"]
 rows = [
@@ -1643,12 +1639,12 @@ your_robot(9)
 # (From abstracts, project pages and summaries by others; we ran none of them.) Octo and pi-0 put one of this
 # chapter's heads behind a large encoder.
 #
-# ### Why do chunks help? Three explanations on three tasks
+# ### Why do chunks help? Three explanations
 #
 # A chunk could help because it keeps one mode, because it makes fewer decisions, or because its later actions are
-# based on an *older* observation: a fresh disturbance then cannot change the decision at once. Only the last
-# explanation can be isolated here. A delayed policy acts at every step, but on the observation from one or three
-# steps ago.
+# based on an *older* observation: a single disturbance then cannot change the decision at once. Only the last
+# explanation can be isolated here. A delayed policy acts at every step, but on the observation from one or three steps
+# ago.
 #
 # The table compares chunks with delays on three tasks: the two routes, with the mixture; the unstable regulator,
 # trained with and without disturbances; and a third task, in which each step brings a new random situation. The plot

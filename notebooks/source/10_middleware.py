@@ -19,10 +19,10 @@ predict("silent_pair")
 simulation("middleware")
 
 # %% [markdown]
-# In the picture, boxes are programs, called nodes, and lines are connections. A yellow line carries a stream of
-# messages; the thicker it is, the more messages per second. A blue line is a request with a reply. A red line connects
-# nothing, because its two ends disagree. The list at the right shows what the selected node receives (arrow to the
-# left) and sends (arrow to the right).
+# In the picture, boxes are nodes, the parts of the robot's software, and lines are connections. A yellow line carries a
+# stream of messages; the thicker it is, the more messages per second. A blue line is a request with a reply. A red line
+# connects nothing, because its two ends disagree. The list at the right shows what the selected node receives (arrow to
+# the left) and sends (arrow to the right).
 #
 # **You will be able to** decide whether a publisher and a subscriber are compatible; predict how old a message is and
 # how late a control loop runs; find out why messages are late or why a control loop runs at uneven intervals; and
@@ -337,7 +337,7 @@ for (name, pair), cyclone in zip(queried.items(), observed, strict=True):
 table(*rows)
 
 # %% [markdown]
-# We tested every pair of values of each policy, then queue depths, late subscribers and events, on the bus and on
+# We tested every pair of the values in the fold-out, then queue depths, late subscribers and events, on the bus and on
 # Cyclone. The first line counts the tests in which both agree. In the next two lines, messages came with five gaps of
 # 0.12 s. With a deadline of 0.05 s, two deadlines pass in each gap, so ten events are raised. The fold-out lists every
 # test, also of policies that only DDS has.
@@ -391,8 +391,8 @@ plt.show()
 # %% [markdown]
 # **A worked example.** A camera writes every 33.3 ms, and the reader's depth is 10. The images that a slow reader takes
 # are at least $9 \cdot 33.3 = 300$ ms old. With depth 1 it always takes the newest image. The chart compares this
-# computed least age with measurements on the bus and on Cyclone DDS. The lowest curve belongs to a reader that empties
-# its queue at each look and uses only the newest message.
+# computed least age with measurements on the bus and on Cyclone DDS. The green diamonds at the bottom belong to a
+# reader that takes all messages at each look and uses only the newest.
 #
 # ![Least age of what a slow reader takes against the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 #
@@ -537,9 +537,9 @@ answer("relative_sleep", "1/(T + C)")
 # task with the shortest period.
 #
 # A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
-# task delays our task, most of all if it runs as often as possible between our release and our end. So its first run
-# should begin exactly at our release. If it began earlier, part of it would be over before our release. If it began
-# later, its last run might begin only after our end.
+# task delays our task, most of all if it runs as often as possible between our release and our end. So the worst case
+# has both released at the same moment. Released earlier, it would have done part of its work before ours came. Released
+# later, all its later runs would move too, and the last might begin after our end.
 #
 # So the worst case is a **critical instant**: all tasks are released at the same moment. This is true for
 # **independent** tasks: none of them waits for another task or for anything else. The picture shows a critical instant
@@ -605,8 +605,8 @@ show("critical_instant")
 # Two simpler tests need only the utilizations of independent tasks with rate-monotonic priorities. Liu and Layland
 # (1973) proved that $n$ such tasks meet all deadlines if their utilization is at most $n(2^{1/n} - 1)$. The
 # **hyperbolic bound** (Bini and others, 2001) accepts a set if $\prod (C_i/T_i + 1) \leq 2$. Both are sufficient and
-# not necessary: a set that they reject may still meet its deadlines. A test that safely accepts more than the
-# hyperbolic bound must also use the periods. For the three tasks above:
+# not necessary: a set that they reject may still meet its deadlines. Of the safe tests that use only utilizations, the
+# hyperbolic bound accepts the most. To accept more, a test has to look at the periods, too. For the three tasks above:
 
 # %% tags=["hide-code"]
 table(
@@ -628,8 +628,9 @@ table(
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
 #
 # Why should the shorter period come first? Suppose two neighbours in the order of priorities meet their deadlines with
-# the longer period first. Then both always finish within the shorter period. If you swap their priorities, they still
-# do, because the work is the same.
+# the longer period first. The one with the shorter period comes second, so when it finishes, within its period,
+# both are done. In the other order the same work has to be done, so both are still done by then. Swap neighbours until
+# all are sorted by period: no deadline is lost.
 
 # %%
 show("by_rate_is_best")
@@ -694,7 +695,7 @@ table(*rows)
 # %% [markdown]
 # The low task holds the lock for 20 ms and had computed for 2 ms when the most urgent one arrived, so 18 ms of waiting
 # are unavoidable here. The rest is the middle task's work. The chart shows the same effect with three real Linux
-# processes on one core.
+# processes on one core; there the most urgent task arrives when the lock has just been taken.
 #
 # ![Waits for a lock against the middle task's time, three protocols](../docs/charts/lock_waits.png)
 
@@ -766,7 +767,8 @@ table(*rows)
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
 # With one camera, the order of the callbacks does not change the bound, which is the sum of both callbacks. With two
-# cameras it does: control can wait for both in a ready set, but only for one if a timer that is due runs first.
+# cameras the order matters. In a ready set both cameras may stand before control. If a timer that is due runs first,
+# only the camera that is running already is before it. (A bound always holds; it need not be reached.)
 #
 # A callback can even wait for itself. Below, a node called `hand` offers a service called `grasp`. A timer callback of
 # the same node calls this service and waits for the reply. Timer and service are both in the node's default group. The
@@ -932,9 +934,9 @@ table(*lines)
 # The ages are computed; the last column is the average of 16 simulated runs. In each run, every clock starts at a
 # random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms) and the planner 40 ms.
 #
-# Much of the delay comes from the planner's fixed 10 Hz timer. If the planner starts when a new scene arrives, the
-# scene no longer waits for the timer, and plans come three times as often. That works only if planning finishes before
-# the next image, so that row uses a planner of 30 ms.
+# Most of the difference is the planner's fixed 10 Hz timer; 10 ms are the faster planner. If the planner starts when a
+# new scene arrives, the scene no longer waits for the timer, and plans come three times as often. That works only if
+# planning finishes before the next image, so that row uses a planner of 30 ms.
 #
 # An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs $w\,h\,c\,f$ bytes per
 # second. A colour pixel takes three bytes, a depth pixel two.
@@ -949,10 +951,10 @@ table(*lines)
 
 # %% [markdown]
 # Gigabit Ethernet carries at most 125 MB/s, so the larger stream does not fit: run camera and perception on one
-# computer, or compress. Even there, images can be lost. The operating system stores arriving packets in a **receive
-# buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an image
-# arrive faster than the program reads, the buffer overflows. Ten images of 720p, written at once on Cyclone DDS to
-# another process on this machine:
+# computer, or compress. Images can be lost even on one computer. The operating system stores arriving packets in a
+# **receive buffer** until the program reads them from its **socket**, its end of the connection. If the packets of an
+# image arrive faster than the program reads, the buffer overflows. Ten images of 720p, written at once on Cyclone DDS
+# to another process on this machine:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
@@ -976,7 +978,7 @@ except ImportError as missing:
 result
 
 # %% [markdown]
-# Finally, the processor. Do controller, perception and planner fit on one core?
+# Do controller, perception and planner fit on one core?
 
 # %% tags=["hide-code"]
 C, T = np.array([1e-4, 20e-3, 40e-3]), np.array([1e-3, 1 / 30, 0.1])
@@ -1245,7 +1247,7 @@ table(
     ("Overload", "the loop shares perception's thread", "cycles late and skipped",
         f"late by up to {1e3 * (once + LOOP):.1f} ms: {1e3 * once:.1f} ms of perception, which shares its processor, "
         f"and {1e3 * LOOP:.1f} ms of the loop"),
-    ("Inversion", "the loop shares a lock with a logger, a task on perception's processor",
+    ("Inversion", "a logger holds a lock that the loop needs; perception, more urgent, interrupts the logger",
         "the loop waits for perception",
         f"{1e3 * HOLD:.0f} ms for the lock and {1e3 * SEEING:.0f} ms for perception; with "
         f"inheritance only {1e3 * HOLD:.0f} ms"),
@@ -1331,8 +1333,8 @@ predict("one_in_ten_thousand")
 # A reliable reader repairs this. It sends a **negative acknowledgement**, the list of the fragments that are missing,
 # and the writer sends those again. The first **round** sends all fragments, and each further round only the missing
 # ones. After $k$ rounds a given fragment is still missing with probability $p^k$, so the image needs another round with
-# probability $1 - (1 - p^k)^n$. The sum of these probabilities over all $k$ is the mean number of rounds, because an
-# image that needs $m$ rounds is counted in $m$ of the terms:
+# probability $1 - (1 - p^k)^n$. An image that needs $m$ rounds needs another one after 0, 1, ..., $m - 1$ rounds:
+# $m$ times. So the sum of these probabilities is the mean number of rounds:
 #
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
 #
@@ -1461,8 +1463,8 @@ for name, *numbers in re.findall(row, read("loop_lateness")):
 table(*lines)
 
 # %% [markdown]
-# The last column says what that means for control. It is the largest proportional gain (torque per angle of error) at
-# which the joint of chapter 6 stays stable if every cycle is as late as the largest lateness in the table. With the
+# The last column says what that means for control. Take the largest lateness of a row as the delay of every
+# cycle. Then the joint of chapter 6 stays stable up to this proportional gain (torque per angle of error). With the
 # default scheduler the controller has to be much softer.
 #
 # A program needs a permission for a real-time priority, so read back what was granted. For this process, now:
@@ -1841,8 +1843,8 @@ plt.show()
 predict("chunk_hides")
 
 # %% [markdown]
-# The table shows three lengths of the chunk, with the times of the question. Its ages also include the camera's own
-# time and the waits for its next image and for the arm's next action:
+# The table shows three lengths of the chunk, with the times of the question. The table's ages also
+# include the camera's own time, the wait for its next image, and the wait for the arm's next action:
 
 # %% tags=["hide-code"]
 think, step = 0.1, 0.02
@@ -1860,9 +1862,9 @@ table(*lines)
 
 # %% [markdown]
 # A chunk hides the *pause*, not the age. With five actions the arm moves all the time. Its images are on average as old
-# as with one action, which the arm holds during the pause. With ten actions they are older. When the last action of a
-# chunk ends, its image is as old as one inference plus the whole chunk. So keep the fast feedback loop in its own
-# real-time thread, and watch the policy's output with a deadline.
+# as with one action, because there the arm waits at the end of its action and the image gets older meanwhile. With ten
+# actions they are older. When the last action of a chunk ends, its image is as old as one inference plus the whole
+# chunk. So keep the fast feedback loop in its own real-time thread, and watch the policy's output with a deadline.
 #
 # Where should a large model run? In the simplest case, each inference reads all weights of the model from memory once.
 # (A model that computes its output step by step reads them in each step.) With $n$ weights of $b$ bytes, $k$ actions

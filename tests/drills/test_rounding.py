@@ -248,7 +248,14 @@ def test_a_case_on_a_switching_line_is_found(monkeypatch: pytest.MonkeyPatch) ->
 
 
 # Results that are integers by nature: indices, counts, codes, and times in integer nanoseconds.
-INTEGER_RESULTS = {"compatible", "keep_last", "response_times", "wake_ups", "which_stage"}
+INTEGER_RESULTS = {
+    "certify_edge",
+    "compatible",
+    "keep_last",
+    "response_times",
+    "wake_ups",
+    "which_stage",
+}
 
 
 @pytest.mark.parametrize("name", list(judged_by_cases()))
