@@ -128,5 +128,5 @@ def warm() -> None:
     from course.learning.forward import mixture_sample, perceptron
 
     one = np.zeros((1, 1))
-    perceptron(one, np.zeros(4, np.float32), 1, 1)
+    perceptron(one, np.zeros(6, np.float32), 1, 1)
     mixture_sample(np.zeros((1, 3)), 1, one, one)

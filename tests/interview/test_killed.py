@@ -90,8 +90,13 @@ class Terminal:
         else:
             self.type("\x03")
         deadline = time.monotonic() + PATIENCE
+        # Python loses an interrupt that comes within a destructor: a person presses the keys again.
+        again = time.monotonic() + 15.0
         while self.process.poll() is None and time.monotonic() < deadline:
             self.read(0.1)
+            if how != "kill" and time.monotonic() > again:
+                self.type("\x03")
+                again += 15.0
         while self.read(0.0) and select.select([self.ours], [], [], 0.0)[0]:
             pass
         os.close(self.ours)
