@@ -171,22 +171,22 @@ def solve_stack(
     A = read_by_colours(product, np.repeat(np.asarray(layer), 2))
     size = 1.0 / np.sqrt(np.asarray(diagonal, dtype=float))  # A has a unit diagonal after scaling
     N, T = slice(0, None, 2), slice(1, None, 2)
-    mu = np.asarray(mu, dtype=float) * size[N] / size[T]
-    A, b = A * np.outer(size, size), np.asarray(b, dtype=float) * size
-    scale = float(np.max(np.abs(b)))
-    b = b / scale
+    friction = np.asarray(mu, dtype=float) * size[N] / size[T]
+    A, free = A * np.outer(size, size), np.asarray(b, dtype=float) * size
+    scale = float(np.max(np.abs(free)))
+    free = free / scale
     # Coulomb's law in the plane as one complementarity problem: 0 <= z, 0 <= M z + q, z (M z + q)
     # = 0. The unknowns are normal impulses, friction to the right and to the left, slip speeds.
-    one, none = np.eye(len(mu)), np.zeros((len(mu), len(mu)))
+    one, none = np.eye(len(friction)), np.zeros((len(friction), len(friction)))
     M = np.block(
         [
             [A[N, N], A[N, T], -A[N, T], none],
             [A[T, N], A[T, T], -A[T, T], one],
             [-A[T, N], -A[T, T], A[T, T], one],
-            [np.diag(mu), -one, -one, none],
+            [np.diag(friction), -one, -one, none],
         ]
     )
-    q = np.concatenate((b[N], b[T], -b[T], np.zeros(len(mu))))
+    q = np.concatenate((free[N], free[T], -free[T], np.zeros(len(friction))))
     normal, right, left, _ = lemke(M, q).reshape(4, -1) * scale
     return np.column_stack((normal * size[N], (right - left) * size[T]))
 

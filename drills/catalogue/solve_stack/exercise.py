@@ -528,7 +528,7 @@ def chart(attempt: Attempt, answer: Place) -> Drawing:
 # --- slips ----------------------------------------------------------------------------------------
 
 _READ = "A = read_by_colours(product, np.repeat(np.asarray(layer), 2))"
-_MU = "mu = np.asarray(mu, dtype=float) * size[N] / size[T]"
+_MU = "friction = np.asarray(mu, dtype=float) * size[N] / size[T]"
 _RETURN = "np.column_stack((normal * size[N], (right - left) * size[T]))"
 _SWEEPS = """
 import numpy as np
@@ -574,13 +574,14 @@ SLIPS = slips(
     ),
     stopped_early=(
         "normal, right, left, _ = lemke(M, q).reshape(4, -1) * scale",
-        "p = np.zeros(len(b))\n"
+        "p = np.zeros(len(free))\n"
         "    for _ in range(300):\n"
-        "        for i in range(len(mu)):\n"
+        "        for i in range(len(friction)):\n"
         "            rows = [2 * i, 2 * i + 1]\n"
-        "            p[rows] -= A[rows] @ p + b[rows]\n"
+        "            p[rows] -= A[rows] @ p + free[rows]\n"
         "            p[2 * i] = max(p[2 * i], 0.0)\n"
-        "            p[2 * i + 1] = np.clip(p[2 * i + 1], -mu[i] * p[2 * i], mu[i] * p[2 * i])\n"
+        "            most = friction[i] * p[2 * i]\n"
+        "            p[2 * i + 1] = np.clip(p[2 * i + 1], -most, most)\n"
         "    normal, right, left = p[N] * scale, p[T] * scale, 0.0",
         "Your impulses are allowed, but don't stop the contacts yet. The low stacks are right, "
         "so your iteration probably ends too early: heavy boxes on light ones take Gauss-Seidel "
@@ -594,8 +595,8 @@ SLIPS = slips(
         "the rows that are not zero.",
     ),
     no_impulses=(
-        "b = b / scale",
-        "b = -b / scale",
+        "free = free / scale",
+        "free = -free / scale",
         "Your impulses are zero where contacts close. Check the sign: b is the velocity without "
         "impulses, negative where a contact closes, and u = A p + b must not be negative.",
     ),
@@ -633,26 +634,26 @@ SLIPS = slips(
     ),
     friction_forgotten=(
         _MU,
-        "mu = 0.0 * np.asarray(mu, dtype=float)",
+        "friction = 0.0 * np.asarray(mu, dtype=float)",
         "There is no friction in your impulses: the normal ones are those of a frictionless stack.",
     ),
     equations_only=(
         "lemke(M, q).reshape(4, -1)",
         "np.linalg.lstsq(np.block([[A[N, N], A[N, T]], [A[T, N], A[T, T]]]),"
-        " -np.concatenate((b[N], b[T])), rcond=1e-12)[0].reshape(2, -1)"
+        " -np.concatenate((free[N], free[T])), rcond=1e-12)[0].reshape(2, -1)"
         "[[0, 1, 1, 1]] * np.array([[1.0], [1.0], [0.0], [0.0]])",
         "Your impulses stop every contact: you solved A p = -b. The inequalities are missing: a "
         "contact must not pull, and friction is limited.",
     ),
     friction_unlimited=(
         _MU,
-        "mu = np.full(len(size) // 2, 50.0)",
+        "friction = np.full(len(size) // 2, 50.0)",
         "Your friction has no limit: every closed contact sticks. It is at most mu times the "
         "normal impulse.",
     ),
     convex_relaxation=(
         "[A[N, N], A[N, T], -A[N, T], none]",
-        "[A[N, N], A[N, T], -A[N, T], -np.diag(mu)]",
+        "[A[N, N], A[N, T], -A[N, T], -np.diag(friction)]",
         "These impulses solve the convex relaxation of Coulomb's law, in which a contact that "
         "slides also lifts off, with mu times the sliding speed. The normal velocity of a contact "
         "with an impulse must be zero.",
@@ -664,22 +665,22 @@ SLIPS = slips(
         "layers act on each other.",
     ),
     contacts_alone=(
-        "A, b = A * np.outer(size, size), np.asarray(b, dtype=float) * size",
-        "A, b = np.eye(len(size)), np.asarray(b, dtype=float) * size",
+        "A, free = A * np.outer(size, size), np.asarray(b, dtype=float) * size",
+        "A, free = np.eye(len(size)), np.asarray(b, dtype=float) * size",
         "You solve each contact as if the others had no impulses. The velocity of a contact "
         "follows from all impulses: u = A p + b.",
     ),
     one_coefficient=(
         _MU,
-        "mu = np.mean(mu) * size[N] / size[T]",
+        "friction = np.mean(mu) * size[N] / size[T]",
         "You use one coefficient of friction for all contacts. Each has its own, in the order of "
         "the contacts.",
     ),
     other_bound=(
-        "[np.diag(mu), -one, -one, none]",
+        "[np.diag(friction), -one, -one, none]",
         "[none, -one, -one, none]",
-        "np.concatenate((b[N], b[T], -b[T], np.zeros(len(mu))))",
-        "np.concatenate((b[N], b[T], -b[T], mu * np.maximum(-b[N], 0.0)))",
+        "np.concatenate((free[N], free[T], -free[T], np.zeros(len(friction))))",
+        "np.concatenate((free[N], free[T], -free[T], friction * np.maximum(-free[N], 0.0)))",
         "Normal impulses and the direction of friction are right, but sliding friction is not mu "
         "times the normal impulse of its contact. The bound must follow the normal impulse that "
         "you return, with the contact's own mu.",
