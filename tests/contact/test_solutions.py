@@ -286,7 +286,8 @@ def test_a_matrix_read_by_colours_is_the_matrix():
 @pytest.mark.slow
 def test_worked_answer_reaches_every_bar_and_gauss_seidel_only_the_lowest():
     for seed in range(100 if PROVE else 6):
-        lowest, upper = [], []
+        lowest: list[bool] = []
+        upper: list[bool] = []
         for case in stacks(np.random.default_rng(seed)):
             product, _, b, mu, _ = case.args
             bar, unknowns = BARS[case.level], len(b)
