@@ -133,8 +133,9 @@ def test_the_friction_term_matters_and_its_sign_more(number: int) -> None:
     solution = course_part("friction_torque").source
     slips = {slip.name: slip.text(solution) for slip in exercise_of("friction_torque").slips}
     reversed_sign = slips["friction_itself"]
-    texts = ({}, {"friction_torque": NO_FRICTION}, {"friction_torque": reversed_sign})
-    right, none, wrong = (summarise(played(number, FEW, **text)) for text in texts)
+    right = summarise(played(number, FEW))
+    none = summarise(played(number, FEW, friction_torque=NO_FRICTION))
+    wrong = summarise(played(number, FEW, friction_torque=reversed_sign))
     i = STAGES.index("control")
     assert none.rms[i] > right.rms[i] + 1e-3
     assert wrong.rms[i] > 1.5 * none.rms[i]
