@@ -20,9 +20,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.optional]
 OFFERED = [(slot, library) for slot, texts in libraries.TEXTS.items() for library in texts]
 # How far a robot with the part may be off the course's, in the mean over tasks: success, cycle [s],
 # distance from the slot [m]. OMPL plans other paths; MuJoCo's contact,
-# integrator and friction are others.
-# A plan lasts an integer number of ticks: a goal that moves by 0.1 mm can add one to each of the two
-# motions.
+# integrator and friction are others. A plan lasts an integer number of ticks: a goal that moves by
+# 0.1 mm can add one to each of the two motions.
 DIFFERENT = {
     "rrt_connect": (0.0, 0.5, 1e-4),
     "plane_ransac": (0.0, 2 * CELL.tick, 3e-4),
