@@ -34,8 +34,8 @@ simulation("touch")
 #
 # Some cards show a statement, which you judge: true, false, or true only under a condition. Many are about
 # **MuJoCo**, a widely used free simulator. `python -m course.derivations 2` reruns all checks of this page. The code
-# is the package `course.contact`; it calls the step `dt`, which the text calls $h$. The times above omit folded claims
-# and the interview. Five exercises wait in section 8:
+# is the package `course.contact`; it calls the step `dt`, which the text calls $h$. The times above include neither the
+# fold-outs *More claims about this* nor section 10. Five exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -669,8 +669,8 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #    one number $a$ for both rows. It must not be smaller than the larger eigenvalue of their $2\times2$ block of $A$.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# Once a sweep changes nothing more, shortening $p_t - u_t/a$ returns $p_t$. So both have the same direction, and
-# $u_t$ points straight against $p_t$. If each row were divided by its own $A_{ii}$, friction would point elsewhere.
+# Once a sweep changes nothing more, shortening $p_t - u_t/a$ returns $p_t$. So at a sliding contact $p_t -
+# u_t/a$ and $p_t$ have the same direction, and $u_t$ points straight against $p_t$. If each row were divided by its own $A_{ii}$, friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -696,9 +696,8 @@ simulation("sweeps")
 # %%
 predict("heavy_on_light")
 # %% [markdown]
-# Started from zero, the number of sweeps grows in proportion to the mass ratio. For a tower of equal boxes it grows
-# with the square of the number of boxes. A warm start spreads this work over many steps; once a pile is at rest, it
-# then needs few sweeps per step:
+# Started from zero, the number of sweeps of two bodies grows in proportion to the mass ratio, and that of a tower does
+# so at large ratios. For a tower of equal boxes it grows with the square of the number of boxes:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
@@ -772,8 +771,8 @@ for dt in (1e-2, 1e-3, 1e-4):
 # position update and then deleted, so it never becomes kinetic energy. After $n$ steps the depth is
 # $(1-\beta)^n\,\delta$.
 #
-# **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force $f$, the bodies may go on
+# **ERP and CFM** come from the engine ODE (Open Dynamics Engine); many others have adopted them. **ERP** (error
+# reduction parameter) is the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force $f$, the bodies may go on
 # approaching at the speed CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$) $p$, so CFM$/h$ is added to
 # the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore
 # stable at every step:
@@ -1034,7 +1033,7 @@ more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
 # ## 3 · Design: contact in the simulation loop
 #
-# All of the above runs once per physics step, usually every 0.5 to 5 ms:
+# All of the above runs once per physics step, usually every 0.5 to 10 ms:
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.5), layout="constrained")
 stages = ("broad phase", "filters", "narrow phase", "constraints", "solver", "integration")
@@ -1145,10 +1144,10 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# We compare the models on four scenes; the last table adds a fifth, how deep a table's four legs sink (1 mm). *Where
+# We compare the models on four scenes; the last table adds a fifth. *Where
 # does a block stop* (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid?
 # *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1
-# mm)? *How far does a held glass slip* (1 mm)?
+# mm)? *How far does a held glass slip* (1 mm)? The fifth: *how deep do the four legs of a table sink* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
 # better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross
@@ -1199,13 +1198,12 @@ TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
 # centimetres at every step. (The bodies still move then, and are deeper than in the card of section 2, at rest.) A
-# **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance. As its step gets
-# shorter, the penalty's error rises to its own depth, $mg/k$ with both masses:
+# **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance. With shorter
+# steps, the error of the penalty method grows up to $mg/k$, the depth at which its spring carries both masses:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
-# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. (How much faster it creeps
-# with the pyramid depends on this margin.) At long steps it creeps
+# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. At long steps it creeps
 # faster; at short steps the speed no longer depends on the step. Hardened, it creeps too, but stays within the
 # tolerance except at the longest steps.
 #
@@ -1258,7 +1256,7 @@ more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# The scenes above support this list, except for arms, games and many worlds, which are our opinion.
+# The scenes above support the third and the fourth item; the others are our opinion.
 #
 # * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
@@ -1328,8 +1326,8 @@ show("nconmax_helps")
 # **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
 # divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a
 # pyramid (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 it slides: squeeze more, raise
-# the friction, or use a cone instead of a pyramid. Far below 1 it creeps: raise impratio or shorten the time
-# constant. If it moves in jerks, contacts come and go: look at the manifold.
+# the friction, or use a cone instead of a pyramid. Far below 1 it creeps: use elliptic cones and raise impratio, or
+# shorten the time constant. If it moves in jerks, contacts come and go: look at the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
