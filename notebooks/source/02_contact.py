@@ -481,8 +481,9 @@ answer("potential_of_contact", "k*c")
 # %% [markdown]
 # ### From the Jacobian to the Delassus matrix
 #
-# Now solve for a contact force. Impacts make velocities jump, so forces can be infinite for an instant. Most
-# simulators of rigid contact therefore compute **impulses**, force times time, for one step of length $h$. Four ingredients are needed:
+# Now solve for a contact force. Impacts make velocities jump, so forces can be infinite for an instant. Most simulators
+# of rigid contact therefore compute **impulses**, force times time, for one step of length $h$. Four ingredients are
+# needed:
 #
 # * $M$, the mass matrix, and $v$, the velocity of all bodies stacked into one vector;
 # * $v_f$, the **free velocity**: what $v$ would be after the step if there were no contact;
