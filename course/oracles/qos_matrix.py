@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise, product
 from typing import Any
 
@@ -254,6 +255,9 @@ def missed(deadline: float = SHORT, gap: float = 1.5 * SHORT, gaps: int = 5) -> 
                 reader.get_requested_deadline_missed_status().total_count,
             )
 
+        def counted(due: int) -> bool:
+            return min(events()) >= due
+
         times = []
         for number in range(count("gaps", gaps, 1) + 1):
             # Clock before and after each write: the true gap lies between two bounds.
@@ -263,7 +267,7 @@ def missed(deadline: float = SHORT, gap: float = 1.5 * SHORT, gaps: int = 5) -> 
             if number < gaps:
                 due = min(events()) + each
                 time.sleep(gap)
-                until(lambda due=due: min(events()) >= due)
+                until(partial(counted, due))
         ends = events()
         # The last gap is that between the last sample and the reading of the counts.
         times.append((time.monotonic(),) * 2)
@@ -307,33 +311,44 @@ def silence(qos: QoS, seconds: float = 4 * SHORT, tries: int = 100) -> tuple[int
     Raises:
         TimeoutError: the machine stalled in every try.
     """
+    for _ in range(count("tries", tries, 1)):
+        if result := _silence(qos, seconds):
+            return result
+    lease = qos.liveliness_lease_duration
+    raise TimeoutError(f"the machine stalled for {lease:g} s in each of {tries} tries")
+
+
+def _silence(qos: QoS, seconds: float) -> tuple[int, int, int] | None:
+    """Return one run of `silence`, or None if the lease of a manual writer ran out in a stall."""
     lease = qos.liveliness_lease_duration
     manual = qos.liveliness != "automatic"
-    for _ in range(count("tries", tries, 1)):
-        with participant() as member:
-            topic = Topic(member)
-            start = time.monotonic()
-            writer, reader = topic.writer(qos), topic.reader(qos)
-            topic.write(writer, 0)
-            if manual and time.monotonic() - start >= lease:
-                continue
-            time.sleep(seconds)
-            if manual:
-                # When either end notices that the lease ran out is not fixed.
-                until(
-                    lambda writer=writer, reader=reader: (
-                        writer.get_liveliness_lost_status().total_count > 0
-                        and reader.get_liveliness_changed_status().alive_count == 0
-                    )
-                )
-            lost = writer.get_liveliness_lost_status().total_count
-            alive = reader.get_liveliness_changed_status().alive_count
-            start = time.monotonic()
-            topic.write(writer, 1)
-            then = reader.get_liveliness_changed_status().alive_count
-            if not manual or time.monotonic() - start < lease:
-                return lost, alive, then
-    raise TimeoutError(f"the machine stalled for {lease:g} s in each of {tries} tries")
+    with participant() as member:
+        topic = Topic(member)
+        start = time.monotonic()
+        writer, reader = topic.writer(qos), topic.reader(qos)
+        topic.write(writer, 0)
+        if manual and time.monotonic() - start >= lease:
+            return None
+        time.sleep(seconds)
+
+        def status() -> tuple[int, int]:
+            return (
+                writer.get_liveliness_lost_status().total_count,
+                reader.get_liveliness_changed_status().alive_count,
+            )
+
+        if manual:
+            # When either end notices that the lease ran out is not fixed.
+            until(lambda: status()[0] > 0 and status()[1] == 0)
+        lost, alive = status()
+        start = time.monotonic()
+        topic.write(writer, 1)
+        result = lost, alive, status()[1]
+        return None if manual and time.monotonic() - start >= lease else result
+
+
+def _is_empty(reader: Any) -> bool:
+    return not reader.read(3)
 
 
 def event_rows() -> list[Row]:
@@ -348,18 +363,18 @@ def event_rows() -> list[Row]:
             time.sleep(3 * SHORT)
             if lifespan <= 3 * SHORT:
                 # When Cyclone's timer thread removes what has expired is not fixed.
-                until(lambda reader=reader: not reader.read(3))
+                until(partial(_is_empty, reader))
             result = len(take(reader))
         observed = f"looked after {3 * SHORT:g} s"
         rows.append(Row("lifespan", f"{lifespan:g} s", observed, f"{result} of 3", f"{left} of 3"))
     for deadline in (SHORT, LONG):
         report = missed_undisturbed(deadline, 0.12, 5)
-        both = "{} events at the writer, {} at the reader"
-        cyclone = both.format(report.offered, report.requested)
+        text = "{} events at the writer, {} at the reader"
+        cyclone = text.format(report.offered, report.requested)
         ours = (
             f"{report.least} to {report.at_most} at each"
             if report.disturbed
-            else both.format(report.least, report.at_most)
+            else text.format(report.least, report.at_most)
         )
         shown = f"five gaps of {report.gap:g} s"
         rows.append(Row("deadline missed", f"{report.deadline:g} s", shown, cyclone, ours))
