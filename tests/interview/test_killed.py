@@ -14,6 +14,7 @@ import pty
 import re
 import select
 import signal
+import sys
 import termios
 import time
 from pathlib import Path
@@ -55,6 +56,7 @@ class Terminal:
             start_new_session=True,
             preexec_fn=take_terminal,
         )
+        self.name = os.ttyname(theirs)
         os.close(theirs)
         self.text = ""
         self.seen = 0
@@ -83,6 +85,14 @@ class Terminal:
         """Type."""
         os.write(self.ours, text.encode())
 
+    def waiting(self) -> int:
+        """Return how many bytes of typed lines the command has not read."""
+        handle = os.open(self.name, os.O_RDWR | os.O_NOCTTY)
+        try:
+            return int.from_bytes(fcntl.ioctl(handle, termios.FIONREAD, bytes(4)), sys.byteorder)
+        finally:
+            os.close(handle)
+
     def end(self, how: str) -> None:
         """End it, and see that it ended as it should."""
         if how == "kill":
@@ -90,13 +100,8 @@ class Terminal:
         else:
             self.type("\x03")
         deadline = time.monotonic() + PATIENCE
-        # Python loses an interrupt that comes within a destructor: a person presses the keys again.
-        again = time.monotonic() + 15.0
         while self.process.poll() is None and time.monotonic() < deadline:
             self.read(0.1)
-            if how != "kill" and time.monotonic() > again:
-                self.type("\x03")
-                again += 15.0
         while self.read(0.0) and select.select([self.ours], [], [], 0.0)[0]:
             pass
         os.close(self.ours)
@@ -272,6 +277,24 @@ def test_debugging_that_ends_leaves_nothing_behind(place: Place, end: str, phase
     assert not place.work.exists() or whole(place) == {}
     again = place.json("debug", "touch", "--seed", "5", text="probe quarter_gain\nquit\n")
     assert len(again["findings"]) == 1
+
+
+def test_an_interrupt_that_comes_with_the_prompt_is_not_lost(place: Place) -> None:
+    """Ctrl-S stops the output, so Ctrl-C comes while the prompt is written, before the reading.
+
+    `input` loses it: the signal ends the writing, and nothing looks for signals before the reading.
+    """
+    terminal = Terminal(place, "debug", "touch", "--seed", "5")
+    terminal.until("leave it open")
+    terminal.until(">")
+    terminal.type("\x13")  # Ctrl-S
+    terminal.type("\n")  # an empty line, which is answered by the next prompt and nothing else
+    # Once the line is taken, the process sleeps only in writing the prompt.
+    deadline = time.monotonic() + PATIENCE
+    while terminal.waiting() or state(terminal.process.pid) != "S":
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    terminal.end("ctrl-c")
 
 
 # --- Check --------------------------------------------------------------------------------------
