@@ -25,7 +25,7 @@ import pytest
 from course.interview import rehearsal, scenarios
 from drills import cards as catalogue
 from drills.interview import rehearse
-from tests.drills.place import Place, a_place, descendants
+from tests.drills.place import ENDLESS, Place, a_place
 
 __all__ = ["a_place"]
 
@@ -243,20 +243,20 @@ def test_probes_of_a_scenario_are_kept(place: Place, end: str) -> None:
 @pytest.mark.parametrize("phase", ["asked", "grading"])
 def test_the_answer_to_a_drill_is_kept(place: Place, end: str, phase: str) -> None:
     waiting(place, "drill/fk3", "coding")
+    place.watch_scratch()
     terminal = Terminal(place, "interview", "--resume")
     terminal.until("A blank line grades it")
     path = place.work / "interview" / "fk3.py"
-    text = "def fk3(lengths, thetas):\n    while True:\n        pass\n"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(ENDLESS, encoding="utf-8")
     children: set[int] = set()
     if phase == "grading":
         terminal.type("\n")
-        children = grading(terminal)
+        children = place.wait_for_answer(terminal.process)
     terminal.end(end)
     whole(place)
     nobody_left(children)
     (entry,) = reopened(place).items
-    assert path.read_text("utf-8") == text
+    assert path.read_text("utf-8") == ENDLESS
     assert entry.attempts == [] and entry.answered and not entry.done
 
 
@@ -300,15 +300,6 @@ def test_an_interrupt_that_comes_with_the_prompt_is_not_lost(place: Place) -> No
 # --- Check --------------------------------------------------------------------------------------
 
 
-def grading(terminal: Terminal) -> set[int]:
-    """Wait until the answer runs in its own process; return the processes below the command."""
-    deadline = time.monotonic() + PATIENCE
-    while not (children := descendants(terminal.process.pid)):
-        assert time.monotonic() < deadline and terminal.read(0.02), terminal.text
-    time.sleep(0.2)
-    return children | descendants(terminal.process.pid)
-
-
 def nobody_left(children: set[int]) -> None:
     """Wait until none of these processes is left."""
     deadline = time.monotonic() + PATIENCE
@@ -329,12 +320,12 @@ def test_a_check_that_ends_counts_nothing_and_loses_nothing(place: Place, end: s
     place.answer(catalogue.card("verlet").solution_text())
     assert place.run("check", "verlet").code == 0
     before = whole(place)["progress.json"]
-    endless = "while True:\n    pass\n"
-    path = place.answer(endless, "fk3")
+    path = place.answer(ENDLESS, "fk3")
+    place.watch_scratch()
     terminal = Terminal(place, "check", "fk3")
-    children = grading(terminal)
+    children = place.wait_for_answer(terminal.process)
     terminal.end(end)
     nobody_left(children)
     assert whole(place)["progress.json"]["exercises"] == before["exercises"]
-    assert path.read_text("utf-8") == endless
+    assert path.read_text("utf-8") == ENDLESS
     assert place.run("check", "verlet").code == 0
