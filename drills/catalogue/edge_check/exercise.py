@@ -31,8 +31,8 @@ def gaps(args: tuple[Any, ...], shares: Array) -> Array:
     p, along = at[:, :-1], np.diff(at, axis=1)
     to = discs[:, :2] - p
     t = np.clip((to * along).sum(axis=3) / (along * along).sum(axis=3), 0.0, 1.0)
-    apart = np.linalg.norm(to - t[..., None] * along, axis=3) - discs[:, 2]
-    return np.asarray(apart.min(axis=(1, 2)))
+    distance = np.linalg.norm(to - t[..., None] * along, axis=3) - discs[:, 2]
+    return np.asarray(distance.min(axis=(1, 2)))
 
 
 def fair(args: tuple[Any, ...], hit: bool) -> bool:
@@ -165,8 +165,8 @@ SLIPS = slips(
         "Only the joints and the tip are checked. The links between them touch discs, too.",
     ),
     centres_for_discs=(
-        "apart - discs[:, 2]",
-        "apart",
+        "distance - discs[:, 2]",
+        "distance",
         "Your gap is the distance to the centres of the discs. Subtract the radius.",
     ),
     angles_from_the_x_axis=(
