@@ -87,9 +87,9 @@ def test_a_scene_has_the_contacts_of_its_pairs(margin):
     for i in range(40):
         for j in range(i + 1, 40):
             if shapes[i].name != "plane" or shapes[j].name != "plane":
-                result = contact.distance(shapes[i], poses[:, i], shapes[j], poses[:, j])
-                if result.distance <= margin:
-                    expected.append((i, j, result.distance))
+                measured = contact.distance(shapes[i], poses[:, i], shapes[j], poses[:, j])
+                if measured.distance <= margin:
+                    expected.append((i, j, measured.distance))
     pairs = sorted({(int(i), int(j)) for i, j in result.bodies.T})
     assert pairs == [(i, j) for i, j, _ in expected]
     assert list(map(tuple, result.bodies.T.tolist())) == sorted(
