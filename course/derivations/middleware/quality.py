@@ -21,7 +21,7 @@ def late(**changed):
     return QoS(**{"durability": "transient_local", **changed})
 
 
-def through(offered, requested, link, messages=2000, apart=1e-3):
+def through(offered, requested, link, messages=2000, interval=1e-3):
     """Return the reader that messages went to on the bus, one every so many seconds."""
     from course.middleware.bus import Bus
 
@@ -29,9 +29,9 @@ def through(offered, requested, link, messages=2000, apart=1e-3):
     writer = bus.node("writer").writer("x", offered)
     reader = bus.node("reader").reader("x", None, requested, link)
     for k in range(messages):
-        bus.after(k * apart, writer.publish, k)
+        bus.after(k * interval, writer.publish, k)
     # Long enough after the last message for every retransmission to end.
-    bus.run(messages * apart + 100.0)
+    bus.run(messages * interval + 100.0)
     return reader
 
 
@@ -300,7 +300,7 @@ def reliable_arrives(result):
     )
 
 
-def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
+def ages(depth, ratio, reliability="reliable", reads=400, interval=0.01):
     """Return the age of samples that a slow reader takes from a full queue on the bus.
 
     It is in periods of the writer.
@@ -315,12 +315,12 @@ def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
 
     def view():
         if sample := reader.take():
-            observed.append((bus.now - sample.stamp) / apart)
+            observed.append((bus.now - sample.stamp) / interval)
 
-    bus.node("clock").timer(apart, lambda: (out.publish(0), None)[1])
+    bus.node("clock").timer(interval, lambda: (out.publish(0), None)[1])
     # Clocks of their own with a ratio that is no simple fraction: the phase drifts over the period.
-    bus.node("other clock").timer(ratio * apart, view, phase=0.5)
-    bus.run(reads * ratio * apart)
+    bus.node("other clock").timer(ratio * interval, view, phase=0.5)
+    bus.run(reads * ratio * interval)
     # The first samples come before the queue is full.
     return np.array(observed)[3 * depth :]
 
