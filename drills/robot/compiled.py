@@ -138,9 +138,9 @@ def _nearest(points, model, index):
         for k in range(model.shape[1]):
             x, y = points[0, i] - model[0, k], points[1, i] - model[1, k]
             z = points[2, i] - model[2, k]
-            apart = x * x + y * y + z * z
-            if apart < best:
-                best, index[i] = apart, k
+            square = x * x + y * y + z * z
+            if square < best:
+                best, index[i] = square, k
 
 
 _nearest_loop = loop(_nearest, numba.void(MATRIX, MATRIX, _INDICES))
