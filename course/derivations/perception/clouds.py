@@ -232,14 +232,14 @@ def draws_find_the_plane(result):
     largest = round(draws_needed(0.5, result.input("asked", 0.9)))
     # Without noise three inliers suffice: the law itself is tested.
     drawn = result.measure("drawn", share_found(None, 0, 2000, 200, largest), 0.03)
-    # Of few points the second and third inlier are rarer: nothing is drawn twice.
-    few = int(result.input("few", 10))
-    hits = result.rng.hypergeometric(few // 2, few - few // 2, 3, (4000, largest))
-    rare = result.measure("rare", np.mean((hits == 3).any(axis=1)), 0.05)
     tolerance = result.input("sigmas", 2.5)
     plain, again = (share_found(tolerance, k, 600, 200, largest) for k in (0, 1))
     result.measure("found_it", plain, 0.1)
     result.measure("refitted", again, 0.06)
+    # Of few points the second and third inlier are rarer: nothing is drawn twice.
+    few = int(result.input("few", 10))
+    hits = result.rng.hypergeometric(few // 2, few - few // 2, 3, (4000, largest))
+    rare = result.measure("rare", np.mean((hits == 3).any(axis=1)), 0.05)
     result.statement = (
         f"600 to 2,000 runs of {largest} draws from 200 points, half of them a plane's; a run "
         "that finds nine of ten of these has it."
