@@ -195,8 +195,8 @@ def by_rate_is_best(result):
         [np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0) for o in orders]
     )
     # Two cores: both quick tasks start first, and the slow one is late (Dhall and Liu, 1978).
-    orders = [0, 1, 2], [2, 0, 1]
-    slow = [scheduled([2, 2, 11], [10, 10, 12], (0, 0, 0), 60, x, 2)[2] for x in orders]
+    two = [0, 1, 2], [2, 0, 1]
+    slow = [scheduled([2, 2, 11], [10, 10, 12], (0, 0, 0), 60, x, 2)[2] for x in two]
     result.statement = "Exact response times in all 24 orders of priority."
     result.statement_holds(bool(np.array_equal(good[0], some)))
     result.correction_holds(

@@ -35,9 +35,9 @@ def small_parts_have_few_pixels(result):
     result.measure("near", counted(side, far / 2))
     tilts = [(counted(0.05, 1.0, x), np.cos(x)) for x in result.rng.uniform(0.2, 1.2, 8)]
     # Above and below the middle of the image the ray meets the tile at another angle.
-    off = result.rng.uniform([0.2, -0.2], [0.9, 0.2], (8, 2))
-    seen = [counted(0.05, 1.0, t, y) / counted(0.05, 1.0) for t, y in off]
-    exact = [np.cos(t) - np.sin(t) * y for t, y in off]
+    views = result.rng.uniform([0.2, -0.2], [0.9, 0.2], (8, 2))
+    shares = [counted(0.05, 1.0, t, y) / counted(0.05, 1.0) for t, y in views]
+    exact = [np.cos(t) - np.sin(t) * y for t, y in views]
     # Near and far, small and large; one row and column may be cut at the edge.
     draws = result.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
     result.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
@@ -45,7 +45,7 @@ def small_parts_have_few_pixels(result):
     result.correction_holds(
         all(abs(np.sqrt(counted(a, z)) - eye.fx * a / z) <= 1 for a, z in draws),
         all(abs(n / counted(0.05, 1.0) / c - 1) < 0.12 for n, c in tilts),
-        np.allclose(seen, exact, rtol=0.12),
+        np.allclose(shares, exact, rtol=0.12),
         counted(0.05, 1.0, 0.9, 0.2) < 0.85 * counted(0.05, 1.0, 0.9),
     )
 
