@@ -3,10 +3,11 @@
 What changes is pixels of the canvas or the numbers below it. A run is a function of its controls
 and of the time that has passed, so two runs with the same clicks on Step show the same pictures: a
 control that does not change the picture at once is compared with the run in which it was not moved.
-Every wait is for a condition, with a backstop of two minutes.
+Every wait is for a condition, with a backstop of two minutes. `make prove` tries all panels, every
+run one of each kind.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,8 @@ PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</ti
 # The steps of simulated time after which two runs are compared, one after the other [pictures].
 LATER = (0, 1, 4, 20, 100, 400)
 
-# What the tests use of a page. A picture is painted in the animation frame after an action asked for
-# it, so the next frame shows what an action did; a preset may have to be unpacked first.
+# What the tests use of a page. A picture is painted in the animation frame after an action, so the
+# next frame shows what an action did; a preset may have to be unpacked first.
 TOOLS = """
 const panel = document.querySelector('.course-live');
 const canvas = panel.querySelector('canvas');
@@ -192,11 +193,26 @@ MEANINGS = """() => {
 STARTS = "async () => { await choose(0); window.start = await shown(); }"
 MOVED = "() => until(async () => (await shown()) !== window.start, 'the pointer')"
 
-# Options that change nothing by themselves: which thing the keys move, where that is the goal, or an
-# obstacle that no preset has; a click makes it.
+# Options that change nothing by themselves: which thing the keys move, where that is the goal, or
+# an obstacle that no preset has; a click makes it.
 QUIET = {"planning.growing": {"piece": ["1", "9", "10"]}}
+# One of each kind: it begins anew after a drag; it is seen from all sides; values are dragged, and
+# keys move them; something is chosen by a click; nothing is dragged; it is recorded.
+SAMPLE = {
+    "rigid_body.spring",
+    "contact.friction_cone",
+    "learning.clipped_objective",
+    "role.stack",
+    "learning.gae_weights",
+    "perception",
+}
 # A grid of points of the canvas where drags begin, and how far they go, in shares of the canvas.
 GRID = (24, 15, 0.05, 0.04)
+
+
+def sampled(names: Iterable[str]) -> list[Any]:
+    """Return the parameters of a test: in every run the sample of these simulations."""
+    return [n if n in SAMPLE else pytest.param(n, marks=pytest.mark.prove) for n in names]
 
 
 @pytest.fixture(scope="module")
@@ -229,7 +245,8 @@ def opened(browser: Any, folder: Path, name: str, **options: Any) -> Iterator[An
     context, wrong = browser.new_context(**options), list[str]()
     page = context.new_page()
     page.set_default_timeout(120_000)
-    page.on("console", lambda message: wrong.append(message.text))
+    # A warning that the tests read many pixels is not the page's.
+    page.on("console", lambda m: wrong.append(m.text) if m.type == "error" else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.goto(address.as_uri())
     page.wait_for_selector("[data-ready] canvas[data-frame]")
@@ -239,7 +256,7 @@ def opened(browser: Any, folder: Path, name: str, **options: Any) -> Iterator[An
     assert wrong == []
 
 
-@pytest.mark.parametrize("name", declaration.names())
+@pytest.mark.parametrize("name", sampled(declaration.names()))
 def test_nothing_on_a_panel_is_dead(browser: Any, folder: Path, name: str) -> None:
     told = declaration.declaration(name)
     live = not told["recorded"]
@@ -288,7 +305,7 @@ def _scrolls(name: str) -> bool:
     return bool(told["recorded"]) or "drag" not in told["functions"] or not told["upright"]
 
 
-@pytest.mark.parametrize("name", [name for name in declaration.names() if _scrolls(name)])
+@pytest.mark.parametrize("name", sampled(filter(_scrolls, declaration.names())))
 def test_a_finger_that_begins_on_a_picture_scrolls_a_phone(
     browser: Any, folder: Path, name: str
 ) -> None:
