@@ -7,6 +7,7 @@ this process, at a tenth of the price, and show apart that both ways give the sa
 from __future__ import annotations
 
 import ast
+import contextlib
 import itertools
 import re
 import signal
@@ -71,7 +72,9 @@ def verify(
         workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)
     ) as pool:
         try:
-            for findings in pool.map(findings_of, chosen, itertools.repeat(Effort(seeds))):
+            with _no_interrupt():
+                running = pool.map(findings_of, chosen, itertools.repeat(Effort(seeds)))
+            for findings in running:
                 for finding in findings:
                     progress(finding)
                     result.append(finding)
@@ -82,6 +85,23 @@ def verify(
                 worker.terminate()
             raise
     return result
+
+
+@contextlib.contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Hold SIGINT back, in this process until the end and for good in those that it starts here.
+
+    A worker ignores Ctrl-C only once its initializer has run. One that came before, while it still
+    imports, would end it with a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def in_this_process(card: Card, source: str, filename: str) -> StandIn:

@@ -171,9 +171,9 @@ def reaction_is_age(result):
     result.measure("age_ms", 1000 * old.mean(), 0.02)
     result.measure("reaction_ms", 1000 * late.mean(), 0.02)
     result.measure("failed", failed)
-    apart = np.abs(np.quantile(old, (0.1, 0.5, 0.9)) / np.quantile(late, (0.1, 0.5, 0.9)) - 1)
+    difference = np.abs(np.quantile(old, (0.1, 0.5, 0.9)) / np.quantile(late, (0.1, 0.5, 0.9)) - 1)
     result.statement = "Both times at drawn moments of one event simulation."
-    result.statement_holds(apart.max() < 0.02)
+    result.statement_holds(difference.max() < 0.02)
     result.correction_holds(failed < 1)
 
 

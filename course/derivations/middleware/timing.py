@@ -453,17 +453,17 @@ def jitter_below_a_period(result):
         """
         late = late or (lambda: result.rng.uniform(0.0, jitter))
         begun, record = looped(late, 0.0, periods, period=period)
-        apart = np.diff(begun[1:])
-        return np.sqrt(np.mean((apart / period - 1.0) ** 2)), apart, record.skipped
+        intervals = np.diff(begun[1:])
+        return np.sqrt(np.mean((intervals / period - 1.0) ** 2)), intervals, record.skipped
 
-    wrong, apart, skipped = error(0.99e-3)
+    wrong, intervals, skipped = error(0.99e-3)
     # The worst alternation: on time and almost a period late, in turn.
     other = cycle((0.0, 0.99e-3))
     turns = result.measure("turns", error(0.0, late=lambda: next(other))[0], 0.01)
     result.measure("wrong", wrong, 0.05)
     fair = result.measure("fair", error(good)[0], 0.1)
-    result.measure("least_us", 1e6 * apart.min(), 0.5)
-    result.measure("most_us", 1e6 * apart.max(), 0.05)
+    result.measure("least_us", 1e6 * intervals.min(), 0.5)
+    result.measure("most_us", 1e6 * intervals.max(), 0.05)
     drawn = [
         (float(a), float(b)) for a, b in result.rng.uniform((1e-4, 1e-3), (9e-4, 5e-3), (4, 2))
     ]
@@ -480,8 +480,8 @@ def jitter_below_a_period(result):
         bool(turns > 2.0 * wrong),
         # A constant lateness cancels in the difference.
         bool(error(0.0, late=lambda: 0.99e-3)[0] < 1e-6),
-        bool(apart.max() > 1.9e-3),
-        bool(apart.min() < 1e-4),
+        bool(intervals.max() > 1.9e-3),
+        bool(intervals.min() < 1e-4),
     )
 
 

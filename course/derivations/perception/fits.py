@@ -111,7 +111,7 @@ def own_points_come_home(result):
 def picture_to_picture(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
     from course.kinematics.chain import compose
-    from course.perception import Cloud, apart, back_project, icp, render, sense
+    from course.perception import Cloud, back_project, icp, pose_distance, render, sense
 
     pictures = int(result.input("pictures", 32))
     first = image_of(BOX, 0.0, 0.5, result.rng)[1]
@@ -125,7 +125,7 @@ def picture_to_picture(result):
             step = icp(cloud, Cloud.of(before), method="point", gate=0.01).pose
             pairs = compose(step[:, None], pairs[:, None])[:, 0]
         before = cloud
-        deviation.append([1000 * apart(BOX, true, pose)[0] for pose in (pairs, model)])
+        deviation.append([1000 * pose_distance(BOX, true, pose)[0] for pose in (pairs, model)])
     last = result.measure("pairs_mm", deviation[-1][0], 0.1)
     worst = result.measure("model_mm", max(row[1] for row in deviation[1:]), 0.3)
     result.statement = "A box that moves by 1 mm and 0.5 degrees from picture to picture."
@@ -149,14 +149,16 @@ def picture_to_picture(result):
 def not_looked_through_is_right(result):
     from course.charts.perception.bins import picture_of
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
-    from course.perception import apart, locate, shape
+    from course.perception import locate, pose_distance, shape
 
     def first(cause, yaw):
         """Return the error to the nearer of part and twin, and the judgements of the pose."""
         depth, _, pose = picture_of(cause, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
         beside = turned_by(pose, 0.0, 0.1 * (cause != "as it is"), 0.0, 0.0, 0.0, 0.0)
-        near = 1000 * min(apart(BOX, pose, one.pose)[0], apart(BOX, beside, one.pose)[0])
+        near = 1000 * min(
+            pose_distance(BOX, pose, one.pose)[0], pose_distance(BOX, beside, one.pose)[0]
+        )
         return near, one.see_through, one.agrees, one.status == "found", *one.unobserved[:1]
 
     twins, alone = (
@@ -197,15 +199,15 @@ def not_looked_through_is_right(result):
 )
 def spread_of_symmetric_poses(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR
-    from course.perception import apart, locate, shape, together
+    from course.perception import locate, pose_distance, shape, together
 
     alone = together([BOX, shape("sphere", 0.001)])  # of several shapes no symmetry is assumed
     turns, raw, report = [], [], []
     for yaw in result.rng.uniform(-3, 3, 10):
         depth, pose = image_of(BOX, 0.0, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
-        turns.append(apart(BOX, pose, one.pose)[1])
-        raw.append(apart(alone, pose, one.pose)[1])
+        turns.append(pose_distance(BOX, pose, one.pose)[1])
+        raw.append(pose_distance(alone, pose, one.pose)[1])
         report.append(one.covariance[5, 5])
     far = result.measure("raw", np.degrees(max(raw)), 0.02)
     near = result.measure("up_to", np.degrees(np.sqrt(np.mean(np.square(turns)))), 0.3)
@@ -248,8 +250,8 @@ def dbscan_has_no_order(result):
     retained = []
     for _ in range(20):  # who is noise, and which core points are together
         cloud, order = result.rng.normal(scale=2.5, size=(3, 200)), result.rng.permutation(200)
-        apart = np.linalg.norm(cloud[:, :, None] - cloud[:, None], axis=0)
-        core, a, b = (apart <= 1.0).sum(axis=1) >= 8, by_open3d(cloud), np.empty(200, np.int64)
+        distance = np.linalg.norm(cloud[:, :, None] - cloud[:, None], axis=0)
+        core, a, b = (distance <= 1.0).sum(axis=1) >= 8, by_open3d(cloud), np.empty(200, np.int64)
         b[order] = by_open3d(np.ascontiguousarray(cloud[:, order]))
         same = [x[core][:, None] == x[core] for x in (a, b)]
         retained.append(np.array_equal(a < 0, b < 0) and np.array_equal(*same))

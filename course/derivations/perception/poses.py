@@ -95,13 +95,13 @@ def what_is_not_seen(result):
 )
 def a_residual_tells(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, TABLE
-    from course.perception import apart, locate
+    from course.perception import locate, pose_distance
     from course.rigid_body.quaternion import rotate
 
     def first(x, yaw, scale=1.0):
         depth, pose = image_of(BOX, x, yaw, result.rng)
         one = locate(scale * depth, EYE, SENSOR, BOX)[0]
-        return 1000 * apart(BOX, pose, one.pose)[0], one
+        return 1000 * pose_distance(BOX, pose, one.pose)[0], one
 
     right, cut = ([first(x, yaw) for yaw in np.linspace(0.2, 2.9, 6)] for x in (0.0, 0.45))
     scaled, scale = first(0.0, 0.6, 1.0 + result.input("scale_off", 0.01))
@@ -141,10 +141,10 @@ def outline_tells(result):
     from course.kinematics.chain import compose
     from course.perception import (
         Camera,
-        apart,
         back_project,
         icp,
         locate,
+        pose_distance,
         render,
         sense,
         shape,
@@ -173,7 +173,7 @@ def outline_tells(result):
             errors.append(np.append(shift, log(product(conjugate(q), one.pose[3:])))[[0, 1, 5]])
         e = min(errors, key=lambda x: abs(x[2]))
         C = one.covariance[np.ix_([0, 1, 5], [0, 1, 5])]
-        far = apart(BOX, pose, one.pose)[0]
+        far = pose_distance(BOX, pose, one.pose)[0]
         return faces.unobserved, one.status == "found", far, e @ np.linalg.solve(C, e) / 3.0
 
     blind, solved, far, squares = zip(*[tried() for _ in range(30)], strict=True)

@@ -315,11 +315,11 @@ def same_as_mujoco(result):
     log, ours, _ = fitted()
     theirs = sysid.prepared(plants.ARM, log, GUESS)()
     # In standard deviations: a difference far below the noise is irrelevant.
-    apart = np.abs(ours.value - theirs.value) / np.sqrt(np.diag(ours.covariance))
+    difference = np.abs(ours.value - theirs.value) / np.sqrt(np.diag(ours.covariance))
     bars = result.measure("bars", np.abs(theirs.half_width / ours.half_width() - 1.0).max(), 0.5)
     result.statement = "Five numbers from two seconds with 1 mrad of noise."
-    result.statement_holds(bool(apart.max() < 1e-3))
-    result.correction_holds(bool(apart.max() < 1e-3), bars < 0.01)
+    result.statement_holds(bool(difference.max() < 1e-3))
+    result.correction_holds(bool(difference.max() < 1e-3), bars < 0.01)
 
 
 @functools.cache
