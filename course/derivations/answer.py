@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from course.cards import markup
+from course.derivations import markup
 
 MAX_LENGTH = 200
 MAX_DEPTH = 25

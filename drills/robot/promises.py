@@ -561,6 +561,57 @@ def rnea_planar(args: Args, tau: Any) -> str:
     return _beyond("the torques cause the accelerations", wrong, 1e-7)
 
 
+def friction_torque(args: Args, tau: Any) -> str:
+    """Check what cancels friction, whatever the curve of its transition: direction and limits."""
+    v, coulomb, viscous, transition = args
+    # Along the motion: what is left without viscous friction cancels Coulomb friction.
+    direction, ratio = np.sign(v), np.abs(v) / transition
+    along = direction * tau
+    dry = along - viscous * np.abs(v)
+    # A concave curve with the slope 1 in the origin, which is tanh(1) at the transition speed.
+    most = np.minimum(ratio, 1.0)
+    least = np.maximum(math.tanh(1.0) * most, ratio * (1.0 - ratio**2 / 3.0))
+    least = np.where(ratio >= 6.0, 1.0 - 2e-5, least)
+    slack = 1e-9 * (1.0 + coulomb)
+    return _first(
+        _beyond("a joint at rest needs no torque", _largest(np.abs(tau[v == 0.0])), 1e-9, "N m"),
+        _beyond(
+            "the torque acts along with the motion, against friction",
+            _largest(-along[v != 0.0]),
+            1e-9,
+            "N m",
+        ),
+        _beyond(
+            "without viscous friction, at most Coulomb friction remains",
+            _largest(dry - coulomb * most - slack),
+            0.0,
+            "N m",
+        ),
+        _beyond(
+            "viscous friction and Coulomb friction are both cancelled",
+            _largest(coulomb * least - dry - slack),
+            0.0,
+            "N m",
+        ),
+    )
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(values, initial=0.0))
+
+
+def friction_torque_rule(args: Args, tau: Any) -> str:
+    """Check the exercise's curve as well: tanh, written with an exponential."""
+    v, coulomb, viscous, transition = args
+    wrong = friction_torque(args, tau)
+    if wrong:
+        return wrong
+    fading = np.exp(-2.0 * np.abs(v) / transition)
+    dry = coulomb * (1.0 - fading) / (1.0 + fading)
+    away = np.abs(np.sign(v) * tau - dry - viscous * np.abs(v))
+    return _beyond("Coulomb friction times tanh(v / transition)", _largest(away), 1e-9, "N m")
+
+
 def contact_step(args: Args, result: Any) -> str:
     """Check the fall, the landing and the slide of a point by their closed forms."""
     position, velocity, slope, mu, dt, steps = args
@@ -670,6 +721,7 @@ PROMISES: dict[str, Promise] = {
     "computed_torque": computed_torque,
     "lqr": lqr,
     "rnea_planar": rnea_planar,
+    "friction_torque": friction_torque,
     "contact_step": contact_step,
     "verlet": verlet,
 }
@@ -678,6 +730,7 @@ RULES: dict[str, Promise] = {
     "plane_ransac": plane_ransac_rule,
     "rrt_connect": rrt_connect_rule,
     "shortcut": shortcut_rule,
+    "friction_torque": friction_torque_rule,
     "contact_step": contact_step_rule,
     "dbscan": dbscan_rule,
     "verlet": verlet_rule,
