@@ -571,20 +571,20 @@ def deadline_is_one_event(result):
         _, _silent, unwritten = pair(member)
         open_topic, stays, witness = pair(member)
         for _ in range(100):
-            topic, writer, left = pair(member)
+            topic, writer, abandoned = pair(member)
             start = time.monotonic()
             topic.write(writer, 1)
             del writer
-            gone = left.get_subscription_matched_status().current_count == 0
+            disconnected = abandoned.get_subscription_matched_status().current_count == 0
             # Only a writer that closes within its deadline shows that closing stops the clock.
-            if gone and time.monotonic() - start < timed.deadline:
+            if disconnected and time.monotonic() - start < timed.deadline:
                 break
         else:
             raise TimeoutError("the machine stalled whenever a writer was to be closed in time")
         open_topic.write(stays, 1)
         until(lambda: count_of(witness) >= 5)
         never = result.measure("never", count_of(unwritten))
-        closed = result.measure("closed", count_of(left))
+        closed = result.measure("closed", count_of(abandoned))
         witnessed = count_of(witness)
     real = missed_undisturbed(deadline, gap, 2)
     draws = result.rng.uniform((0.05, 0.01), (0.5, 0.049), (20, 2))
