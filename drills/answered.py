@@ -1,8 +1,8 @@
 """What a reader answers on the cards of a notebook, kept in the progress file.
 
-A card is HTML without a script (`course.cards.markup`). One `Listener` in a notebook, below its
-badges, is told by the page which answer of which card was opened. The first answer counts: after it
-the explanation has been read.
+A card is HTML without a script (`course.derivations.markup`). One `Listener` in a notebook, below
+its badges, is notified by the page which answer of which card was opened. The first answer counts:
+after it the explanation has been read.
 """
 
 from __future__ import annotations

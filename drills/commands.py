@@ -113,15 +113,31 @@ def watch(session: Session, card: Card, file: str | None, seed: int | None) -> i
 
 
 def chart(session: Session, card: Card, file: str | None, seed: int, target: Path) -> int:
-    """Measure an answer beside the reference and a library, and write the picture."""
+    """Measure a right answer against the worked one and a library; write a work-precision diagram.
+
+    Args:
+        session: where to print, and how to end.
+        card: the exercise.
+        file: the answer; by default the one in the work folder.
+        seed: of the cases by which it is graded first.
+        target: file of the picture; its folder is created.
+
+    Returns:
+        The exit code: that of grading for an answer that fails, else `RIGHT`.
+
+    Raises:
+        Misuse: for an exercise without a chart, or a file that can't be written.
+    """
     path = _answer_path(session, card, file)
     report = graded(session, card, path, seed, quietly=True)
+    # A wrong answer has no place on the chart: its error would not shrink with the work.
     if not report.passed:
         session.say("Only a right answer goes on the chart.")
         return session.finish(*report_result(session, card, report, path))
-    from drills import chart as charts
+    from drills import chart as charts  # here, as it loads the grader, which other commands spare
 
     session.seed, session.drill = seed, card.name
+    # The answer runs in its sandbox, as it did when it was graded.
     try:
         measured = charts.chart(card.name, report.source, report.filename, seed)
     except charts.NoChart as error:

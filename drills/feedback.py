@@ -271,7 +271,16 @@ def _figure(value: float, unit: str) -> str:
 def as_dict(report: Report, card: Card) -> dict[str, Any]:
     """Return the attempt as plain data: what `--json` prints.
 
-    A number that is not finite becomes null.
+    Programs of others read it, so a key is never renamed, and one without a value is there as null.
+
+    Args:
+        report: the graded attempt.
+        card: the exercise's card.
+
+    Returns:
+        A dictionary of strings, numbers, lists and dictionaries that JSON can hold. A number that
+        is not finite becomes null, as JSON has no NaN. All text that an answer may have written is
+        cleaned of control characters, which would otherwise act on the reader's terminal.
     """
     problem = report.problem
     return {
@@ -286,6 +295,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
         "diagnosis": report.diagnosis or None,
         "call": clean(report.call) or None,
         "case": report.case or None,
+        # An exception of the answer. Without a line of its own, it is the innermost frame's.
         "problem": problem
         and {
             "type": clean(problem.type),
@@ -313,6 +323,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
             }
             for check in report.checks
         ],
+        # Seconds per call, or counts, with those of the worked answer.
         "costs": [
             {
                 "what": cost.what,
@@ -322,6 +333,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
             }
             for cost in report.costs
         ],
+        # How many cases of each level hold, of those that were requested.
         "cases": [
             {"level": level, "hold": hold, "asked": requested}
             for level, hold, requested in report.tally()

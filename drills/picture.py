@@ -84,8 +84,8 @@ def bodies(figure: Figure, start: Any, got: Any, right: Any) -> None:
 
 def angle(p: Any, q: Any) -> float:
     """Return the angle between two orientations [degrees], of quaternions of any length."""
-    apart = float(np.linalg.norm(_axes_of(p) - _axes_of(q)))
-    return math.degrees(2.0 * math.asin(min(apart / math.sqrt(8.0), 1.0)))
+    distance = float(np.linalg.norm(_axes_of(p) - _axes_of(q)))
+    return math.degrees(2.0 * math.asin(min(distance / math.sqrt(8.0), 1.0)))
 
 
 def _axes_of(q: Any) -> Any:

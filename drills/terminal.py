@@ -143,6 +143,11 @@ def listed(words: Iterable[str], joint: str = "or") -> str:
     return f" {joint} ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
 
 
+def write(text: str) -> None:
+    """Write a text to standard output as it is, without a line break, such as a prompt."""
+    _write(sys.stdout, text, _speaks_unicode(sys.stdout))
+
+
 def _write(stream: TextIO | None, text: str, unicode: bool) -> None:
     if stream is None:  # closed before the start
         return

@@ -104,8 +104,8 @@ def impact_time(
     """
     d = np.asarray(other, dtype=float) - np.asarray(place, dtype=float)
     v = np.asarray(other_velocity, dtype=float) - np.asarray(velocity, dtype=float)
-    apart = math.sqrt(d @ d)
-    c = (apart - reach) * (apart + reach)
+    distance = math.sqrt(d @ d)
+    c = (distance - reach) * (distance + reach)
     if c <= 0.0:
         return 0.0
     closing, speed = float(-(d @ v)), float(v @ v)

@@ -102,6 +102,28 @@ def computed_torque(
     return M @ a + coriolis + weight
 
 
+def friction_torque(
+    v: ArrayLike, coulomb: ArrayLike, viscous: ArrayLike, transition: float
+) -> np.ndarray:
+    """Return the torques that motors add so that they cancel the friction of their joints.
+
+    The Coulomb term is smooth through zero: coulomb tanh(v / transition). At rest it is zero, with
+    the slope coulomb / transition; far above the transition speed it has its full size.
+
+    Args:
+        v: desired rate of each joint, shape (n,) [rad/s].
+        coulomb: Coulomb friction, (n,) [N m].
+        viscous: viscous friction, (n,) [N m s/rad].
+        transition: speed at which Coulomb friction is tanh(1) of its full size [rad/s].
+
+    Returns:
+        Torques in the direction of the motion, (n,) [N m].
+    """
+    v = np.asarray(v, dtype=float)
+    share = np.tanh(v / transition) if transition > 0.0 else np.sign(v)
+    return np.asarray(coulomb) * share + np.asarray(viscous) * v
+
+
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> np.ndarray:
     """Return the gain of the discrete linear quadratic regulator.
 

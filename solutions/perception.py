@@ -98,8 +98,8 @@ def point_to_plane_step(
         (R, p): the motion x -> R x + p of the measured points, rotation and shift [m].
     """
     points, model, normals = (np.asarray(v, dtype=float) for v in (points, model, normals))
-    apart = np.linalg.norm(points[:, :, None] - model[:, None, :], axis=0)
-    match = apart.argmin(axis=1)
+    distance = np.linalg.norm(points[:, :, None] - model[:, None, :], axis=0)
+    match = distance.argmin(axis=1)
     n = normals[:, match]
     gap = np.sum(n * (model[:, match] - points), axis=0)
     middle = points.mean(axis=1)
@@ -127,8 +127,8 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> np.ndarray:
         Labels, shape (n,), numbered in the order of the clusters' first core points.
     """
     points = np.asarray(points, dtype=float)
-    apart = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
-    near = apart <= eps
+    distance = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
+    near = distance <= eps
     core = near.sum(axis=1) >= least
     labels, clusters = np.full(len(core), -1), 0
     for seed in np.flatnonzero(core):
@@ -141,7 +141,7 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> np.ndarray:
                 queue.append(j)
         clusters += 1
     for i in np.flatnonzero(~core & (near & core).any(axis=1)):
-        labels[i] = labels[np.argmin(np.where(near[i] & core, apart[i], np.inf))]
+        labels[i] = labels[np.argmin(np.where(near[i] & core, distance[i], np.inf))]
     return labels
 
 

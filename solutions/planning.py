@@ -51,8 +51,8 @@ def edge_check(lengths: ArrayLike, discs: ArrayLike, a: ArrayLike, b: ArrayLike)
         along = np.einsum("nmk,nk->nm", offsets, units)
         nearest = np.clip(along, 0.0, lengths[:, None])[..., None] * units[:, None]
         away = offsets - nearest
-        apart = np.hypot(away[..., 0], away[..., 1])
-        gap = float(np.min(apart - discs[:, 2], initial=np.inf))
+        distance = np.hypot(away[..., 0], away[..., 1])
+        gap = float(np.min(distance - discs[:, 2], initial=np.inf))
         if gap <= 1e-9:
             return share
         if gap >= speed * (1.0 - share):
@@ -285,13 +285,13 @@ def rrt_star(
             new = points[near] + step / away[near] * (target - points[near])
         if not edge_is_free(points[near], new, discs):
             continue
-        apart = np.hypot(*(points - new).T)
-        around = [i for i in range(len(nodes)) if apart[i] <= radius]
+        distance = np.hypot(*(points - new).T)
+        around = [i for i in range(len(nodes)) if distance[i] <= radius]
         around = [i for i in around if i == near or edge_is_free(points[i], new, discs)]
-        parent = min([near, *around], key=lambda i: costs[i] + apart[i])
-        cost = costs[parent] + apart[parent]
+        parent = min([near, *around], key=lambda i: costs[i] + distance[i])
+        cost = costs[parent] + distance[parent]
         for i in around:
-            saved = costs[i] - (cost + apart[i])
+            saved = costs[i] - (cost + distance[i])
             if saved > 0.0:
                 parents[i] = len(nodes)
                 below = [i]

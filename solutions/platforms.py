@@ -200,9 +200,9 @@ def compare_engines(
     first = engine((mu**0.5, mu**0.5), lambda a, b: a * b, 0.0, steps[0])
     second = engine((mu, mu), max, 0.0, steps[1])
     rows = [np.rint(times / dt).astype(int) for dt in steps]
-    apart = second[rows[1], 0] - first[rows[0], 0]
+    difference = second[rows[1], 0] - first[rows[0], 0]
     gained = [energy(a[k[-1]]) - energy(a[0]) for a, k in ((first, rows[0]), (second, rows[1]))]
-    return apart, np.array(gained)
+    return difference, np.array(gained)
 
 
 def real_time_factor(

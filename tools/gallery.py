@@ -15,6 +15,7 @@ import click
 
 from course import CHAPTERS, charts
 from course.measure.figure import write
+from tools import settings
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
@@ -116,6 +117,7 @@ def main() -> None:
     write(README, readme())
     write(GALLERY, gallery())
     write(FILM, lambda path: path.write_bytes(readme_film()))
+    settings.store(settings.README, settings.of_readme())
     write(ROBOT, robot_picture)
     click.echo(
         f"written: the README's link, {GALLERY.relative_to(ROOT)}, {FILM.name} and {ROBOT.name}"

@@ -28,7 +28,7 @@ import course
 import course.contents
 from course.check import one_of
 from drills import cards
-from tools import form, front, plumbing
+from tools import form, front, plumbing, settings
 
 FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 
@@ -237,7 +237,11 @@ def build(source: Path) -> Path:
         nbclient.exceptions.CellExecutionError: a cell failed.
     """
     path = target(source)
-    write(run(read_source(source), path.parent), path)
+    notebook = run(read_source(source), path.parent)
+    write(notebook, path)
+    # With which settings the pictures were made, for the test that a default has not changed since.
+    if pictures := settings.of_page(notebook.cells):
+        settings.store(path.stem, pictures, path.parent)
     return path
 
 

@@ -1,14 +1,15 @@
 """Cards of a notebook: a question that is answered before anything is shown, figures to unfold.
 
-    from course.cards import figures, predict
+    from course.cards import figures, predict, unplaced
 
     predict("energy_on_a_spring")              # a question of the chapter's file, by its name
     figures(read("chatter"), "MuJoCo Euler")   # the rows that matter; the rest is folded
+    unplaced("contact")                        # claims that no notebook shows
 
 A card is HTML and Markdown without a script: a click on an option unfolds whether it is right and
-why, also in a saved notebook without a kernel. `course.cards.markup` documents its elements, ids
-and attributes, by which the site and a running notebook remember what was answered. Questions and
-vocabulary of a chapter stand in `TOPIC.toml` beside this file, so that a cell doesn't give the
+why, also in a saved notebook without a kernel. `course.derivations.markup` documents its elements,
+ids and attributes, by which the site and a running notebook remember what was answered. Questions
+and vocabulary of a chapter stand in `TOPIC.toml` beside this file, so that a cell doesn't give the
 answer away:
 
     vocabulary = ["inertia tensor", ...]    # each in bold where the chapter defines it
@@ -22,13 +23,14 @@ Fields are filled from the figures on record of `course.derivations`; a typed nu
 """
 
 import functools
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from course import CHAPTERS
 from course.cards.files import FOLDER, gate, read
-from course.cards.formula import tex
-from course.cards.markup import Answer, Shown, card, figures, folded
 from course.check import invalid
+from course.derivations.markup import Answer, Shown, card, figures, folded, tex
 from course.interview import LEVELS, filled, questions, typed_numbers
 
 __all__ = [
@@ -43,9 +45,11 @@ __all__ = [
     "folded",
     "gate",
     "interview",
+    "placed_in",
     "predict",
     "predictions",
     "tex",
+    "unplaced",
     "vocabulary",
 ]
 
@@ -213,3 +217,47 @@ def checkpoint(topic: str, **answers: str) -> Gate:
     verdict = f"{right} of {len(desired)} right: gate {'cleared' if is_open else 'closed'}"
     text = "\n".join([*plain, verdict])
     return Gate(text, "\n".join([*lines, "", f"**{verdict}**"]), is_open)
+
+
+def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:
+    """Return the claims that no notebook shows, by file and in the order of writing.
+
+    A claim is placed where a notebook has it as a card (`show`), in a fold-out (`more_claims`), or
+    asks for its formula (`answer`, `checkpoint`).
+
+    Args:
+        topic: of one chapter; "" for all.
+        folder: of the notebooks' sources; default: those of the course.
+
+    Raises:
+        ValueError: for a topic without claims, or where there are no sources.
+    """
+    from course.derivations import claims
+
+    everything = claims()
+    known = list(dict.fromkeys(item.file.partition(".")[0] for item in everything))
+    if topic and topic not in known:
+        raise ValueError(f"topic must be one of {', '.join(known)}, got {topic!r}")
+    folder = folder or Path(__file__).parents[2] / "notebooks" / "source"
+    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py"))]
+    if not texts:
+        raise ValueError(f"folder must have the notebooks' sources, got {folder}")
+    placed = {id for text in texts for id in placed_in(text)}
+    placed |= {id for name in known for id in gate(name)}
+    selected = (item for item in everything if topic in ("", item.file.partition(".")[0]))
+    return [item.id for item in selected if item.id not in placed]
+
+
+def placed_in(source: str) -> list[str]:
+    """Return the claims that a py:percent source places on its page, in order.
+
+    Args:
+        source: its text. A checkpoint's claims are in the file of its cards.
+    """
+    result = []
+    for name, call in re.findall(
+        r'^(?:\w+\.)?(show|answer|more_claims)(\(\s*"\w+"(?:,\s*"\w+")*)', source, re.M
+    ):
+        ids = re.findall(r'"(\w+)"', call)
+        result += ids if name == "more_claims" else ids[:1]
+    return result

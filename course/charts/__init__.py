@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from course.check import invalid, one_of
-from course.measure.data import document, from_json, json_text, panels_of
+from course.measure.data import FOLDER, document, from_json, json_text, panels_of
 from course.measure.figure import Panel, draw, text, write, write_picture
 from course.measure.work_precision import WorkPrecision
 
-FOLDER = Path(__file__).resolve().parent / "data"
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "charts"
 
 Experiment = Callable[..., Iterator[Panel]]

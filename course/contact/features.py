@@ -57,9 +57,9 @@ def separating_axes(
     _simple("b", b)
     qa, qb, _ = paired(a, pose_a, b, pose_b)
     edges = _edges(a, to_matrix(qa[3:])) + _edges(b, to_matrix(qb[3:]))
-    apart = qb[:3] - qa[:3]
-    across = edges if a.dim == 3 else [*edges, np.zeros_like(apart) + [[0.0], [0.0], [1.0]]]
-    best, axis = np.full(qa.shape[1], -np.inf), np.zeros_like(apart)
+    between = qb[:3] - qa[:3]
+    across = edges if a.dim == 3 else [*edges, np.zeros_like(between) + [[0.0], [0.0], [1.0]]]
+    best, axis = np.full(qa.shape[1], -np.inf), np.zeros_like(between)
     # Candidate axes: the face normals are products of edges of the same box, the rest are products
     # of an edge of each (Gottschalk, Lin and Manocha, 1996).
     for i, first in enumerate(across):
@@ -70,7 +70,7 @@ def separating_axes(
             # Parallel edges have no axis; a length of rounding size would be normalised noise.
             real = length > 1e-12 * sizes
             n = np.where(real, n / np.where(real, length, 1.0), 0.0)
-            along = np.sum(n * apart, axis=0)
+            along = np.sum(n * between, axis=0)
             reach = np.sum([np.abs(np.sum(n * edge, axis=0)) for edge in edges], axis=0)
             separation = np.where(real, np.abs(along) - reach, -np.inf)
             axis = np.where(separation > best, np.where(along < 0.0, -n, n), axis)

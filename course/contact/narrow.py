@@ -492,8 +492,8 @@ def _from_point(half, radius, radius_y, sign, dims, qx, qy, i, out, pair):
     half and radius are those of x [m]; sign is 1.0 if x is the first shape, -1.0 if the second.
     """
     rotation((qx[3, i], qx[4, i], qx[5, i], qx[6, i]), pair, _TURN)
-    apart = (qy[0, i] - qx[0, i], qy[1, i] - qx[1, i], qy[2, i] - qx[2, i])
-    p = turned_back(pair, _TURN, apart)
+    offset = (qy[0, i] - qx[0, i], qy[1, i] - qx[1, i], qy[2, i] - qx[2, i])
+    p = turned_back(pair, _TURN, offset)
     near = (
         min(max(p[0], -half[0]), half[0]),
         min(max(p[1], -half[1]), half[1]),
@@ -550,11 +550,11 @@ def measure(va, vb, halves, sizes, qa, qb, i, out, work):
         w * g - z * d - x * f + y * e,
     )
     rotation(relative, pair, _R)
-    apart = (qb[0, i] - qa[0, i], qb[1, i] - qa[1, i], qb[2, i] - qa[2, i])
+    offset = (qb[0, i] - qa[0, i], qb[1, i] - qa[1, i], qb[2, i] - qa[2, i])
     for c in range(6):
         pair[c] = halves[c]
-    pair[_P], pair[_P + 1], pair[_P + 2] = turned_back(pair, _TURN, apart)
-    pair[_SIZE] = sizes[2] + math.sqrt(dot(apart, apart))
+    pair[_P], pair[_P + 1], pair[_P + 2] = turned_back(pair, _TURN, offset)
+    pair[_SIZE] = sizes[2] + math.sqrt(dot(offset, offset))
     # GJK finds the distance of the cores; only cores that overlap need EPA.
     n, core, low, rounds, v = _gjk(va, vb, pair, s, share)
     if n < 5 and core > 40.0 * _EPS * pair[_SIZE]:

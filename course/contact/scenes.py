@@ -130,25 +130,33 @@ def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
 def march(
     scene: Scene, dt: float, steps: int, *, sweeps: int = 1000, tolerance: float = 1e-10
 ) -> tuple[Array, Array, int]:
-    """Return `run` with "pgs" as one compiled loop, started each step from the last one's impulses.
+    """Simulate as `run` with "pgs" does, in one compiled loop with a warm start.
+
+    Each step's projected Gauss-Seidel starts from the impulses of the step before. In a resting
+    stack they hardly change, so that a few sweeps a step are enough.
 
     Args:
-        scene: as for `run`.
-        dt: as for `run`.
-        steps: as for `run`.
-        sweeps: at most, a step.
-        tolerance: of a sweep's largest correction [m/s].
+        scene: bodies, contacts and the state at the start.
+        dt: step [s].
+        steps: number of steps.
+        sweeps: largest number of sweeps over all contacts in one step.
+        tolerance: a step ends once a sweep corrects no contact velocity by more [m/s].
 
     Returns:
-        (q, v) at the end, and the sweeps of all steps.
+        Positions q (nv,) and velocities v (nv,) at the end, and the sweeps of all steps together.
+
+    Raises:
+        ValueError: for an argument that is not positive.
     """
     count("steps", steps, 1)
     count("sweeps", sweeps, 1)
     positive("tolerance", tolerance, unit="m/s")
+    # A scene's Jacobian and mass are constant, so the matrices of the first step serve them all.
     first = scene.problem(dt)
     q, v = scene.q.copy(), scene.v.copy()
+    # In the order in which `_march` unpacks them.
     bounds = np.array([dt, scene.restitution, first.recovery, first.max_recovery_speed, tolerance])
-    taken = compiled(_march, _MARCH)(
+    sweeps_made = compiled(_march, _MARCH)(
         first.scaled,
         first.scale,
         first.rows,
@@ -162,15 +170,22 @@ def march(
         sweeps,
         bounds,
     )
-    return q, v, int(taken)
+    # The loop has changed q and v in place.
+    return q, v, int(sweeps_made)
 
 
 def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, sweeps, bounds):
-    """Return the loop of `march`; changes q and v in place."""
+    """Advance q and v in place by all steps of `march`; return the sweeps that this took.
+
+    With m = n d rows of contacts, d a contact: `rows` (m, nv) is the Jacobian J, `response`
+    (nv, m) is M^-1 J^T, `A` (m, m) the Delassus matrix J M^-1 J^T with rows and columns times
+    `scale` (m,): 1 for a normal row, the friction coefficient for the others. `distance` (n,) are
+    the gaps at q = 0 [m], and `acceleration` (nv,) is the one without contacts.
+    """
     dt, restitution, recovery, fastest, tolerance = bounds
     m, nv = rows.shape
     g, b, free = np.zeros(m), np.zeros(m), np.zeros(nv)
-    taken = 0
+    sweeps_made = 0
     for _ in range(steps):
         # Free velocity: gravity and other forces, without contact.
         for j in range(nv):
@@ -187,7 +202,7 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
             if i % d == 0:
                 b[i] -= least_speed(gap, b[i], before, dt, restitution, recovery, fastest)
         # Warm start: g still holds the impulses of the last step.
-        taken += sweep_until(A, b, g, d, False, sweeps, tolerance)
+        sweeps_made += sweep_until(A, b, g, d, False, sweeps, tolerance)
         # Semi-implicit Euler: the new velocity moves the position.
         for j in range(nv):
             # v = v_free + M^-1 J^T f, with f back from scaled rows.
@@ -195,7 +210,7 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
             for i in range(m):
                 v[j] += response[j, i] * scale[i] * g[i]
             q[j] += dt * v[j]
-    return taken
+    return sweeps_made
 
 
 _MARCH = numba.int64(

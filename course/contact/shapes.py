@@ -64,6 +64,18 @@ class Shape:
 
 
 def _shape(name: str, dim: int, half: tuple[float, ...] = (), radius: float = 0.0) -> Shape:
+    """Return a shape whose core is a box about its origin: a point, a segment, or the whole box.
+
+    Args:
+        name: kind of shape, as in `Shape.name`.
+        dim: 2 or 3.
+        half: half lengths of the core along x, y and z [m]; those that are omitted are 0, so ()
+            is a point and one number a segment along x.
+        radius: distance that the shape reaches beyond its core [m].
+
+    Raises:
+        ValueError: for a `dim` that is neither 2 nor 3. The callers check the sizes.
+    """
     whole = np.zeros(3)
     whole[: len(half)] = half
     return Shape(name, one_of("dim", dim, (2, 3)), np.zeros((3, 1)), whole, radius)

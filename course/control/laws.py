@@ -180,17 +180,23 @@ class Adaptive:
         estimate: ArrayLike | None = None,
         bounds: ArrayLike | None = None,
     ) -> None:
-        """Create a law that knows nothing yet, or starts from an estimate.
+        """Create a law that starts from an estimate of the parameters, by default from zeros.
 
         Args:
             arm: see above.
-            slope: how fast an error dies once s is 0 [1/s].
+            slope: decay rate of the tracking error once s is 0, where e' = -slope e [1/s].
             damping: gain of s, number, (2,) or (2, 2) [N m s/rad].
-            rate: of adaptation, a number or one for each parameter, positive.
+            rate: of adaptation, positive, a number or one for each parameter; in
+                the unit of the parameter squared per joule.
             dt: sample time [s]; 0 freezes the estimate.
-            estimate: at the start; zeros by default.
+            estimate: parameters at the start, shape (5,) or (7,).
             bounds: rows lowest and highest estimate, shape (2, 5) or (2, 7); none by default.
+
+        Raises:
+            ValueError: for a wrong shape, a gain or rate that is not positive, or bounds that are
+                out of order.
         """
+        # Inertia and damping take five parameters; gravity adds a first moment of mass a link.
         size = 7 if arm.gravity else 5
         self.arm, self._slope = arm, positive("slope", slope, unit="1/s")
         self._damping = gain("damping", damping, 2)
@@ -198,8 +204,9 @@ class Adaptive:
         self._dt = finite("dt", dt, 0.0, unit="s")
         start = np.zeros(size) if estimate is None else estimate
         self.estimate = np.array(vector("estimate", start, (size,)))
-        every = np.array([[-np.inf], [np.inf]]) * np.ones(size) if bounds is None else bounds
-        self._bounds = np.asarray(every, dtype=float)
+        # Infinite bounds stand for none, so that the projection needs no special case.
+        unbounded = np.array([[-np.inf], [np.inf]]) * np.ones(size)
+        self._bounds = np.asarray(unbounded if bounds is None else bounds, dtype=float)
         if self._bounds.shape != (2, size) or not (self._bounds[0] <= self._bounds[1]).all():
             raise invalid("bounds", bounds, f"rows of lowest and highest numbers, (2, {size})")
 

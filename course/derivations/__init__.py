@@ -8,7 +8,6 @@ algebra or by measurement. `python -m course.derivations` settles all of them an
     derivations.show("semi_implicit_limit")                  # a card for a notebook
     derivations.more_claims("verlet_frequency", "rk4_energy_factor")  # a fold-out of further ones
     derivations.answer("semi_implicit_limit", "2/omega")     # checks a learner's formula
-    derivations.unplaced("contact")                          # claims that no notebook shows
 
 How one is written (`course/derivations/rigid_body/time_step.py` holds examples):
 
@@ -79,8 +78,7 @@ from pathlib import Path
 from typing import Any
 
 from course import CHAPTERS
-from course.cards import markup
-from course.derivations import honest, records
+from course.derivations import honest, markup, records
 from course.derivations.answer import Answer, Formula, Symbol, answer_formula, equivalent, parse
 from course.derivations.result import Result, Verdict
 
@@ -102,13 +100,11 @@ __all__ = [
     "figure",
     "formula",
     "more_claims",
-    "placed_in",
     "recorded",
     "run",
     "settle",
     "show",
     "unmet",
-    "unplaced",
 ]
 
 
@@ -610,50 +606,6 @@ def _recorded_statement(item: Claim) -> str:
     needs = f" It needs {' and '.join(item.needs)}." if item.needs else ""
     run_it = f"`python -m course.derivations --id {item.id}` runs the check.{needs}"
     return f"{_stated(item.check)} {run_it}".strip()
-
-
-def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:
-    """Return the claims that no notebook shows, by file and in the order of writing.
-
-    A claim is placed where a notebook has it as a card (`show`), in a fold-out (`more_claims`), or
-    asks for its formula (`answer`, `checkpoint`).
-
-    Args:
-        topic: of one chapter; "" for all.
-        folder: of the notebooks' sources; default: those of the course.
-
-    Raises:
-        ValueError: for a topic without claims, or where there are no sources.
-    """
-    from course.cards.files import gate
-
-    everything = claims()
-    known = list(dict.fromkeys(item.file.partition(".")[0] for item in everything))
-    if topic and topic not in known:
-        raise ValueError(f"topic must be one of {', '.join(known)}, got {topic!r}")
-    folder = folder or Path(__file__).parents[2] / "notebooks" / "source"
-    texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py"))]
-    if not texts:
-        raise ValueError(f"folder must have the notebooks' sources, got {folder}")
-    placed = {id for text in texts for id in placed_in(text)}
-    placed |= {id for name in known for id in gate(name)}
-    selected = (item for item in everything if topic in ("", item.file.partition(".")[0]))
-    return [item.id for item in selected if item.id not in placed]
-
-
-def placed_in(source: str) -> list[str]:
-    """Return the claims that a py:percent source places on its page, in order.
-
-    Args:
-        source: its text. A checkpoint's claims are in the file of its cards.
-    """
-    result = []
-    for name, call in re.findall(
-        r'^(?:\w+\.)?(show|answer|more_claims)(\(\s*"\w+"(?:,\s*"\w+")*)', source, re.M
-    ):
-        ids = re.findall(r'"(\w+)"', call)
-        result += ids if name == "more_claims" else ids[:1]
-    return result
 
 
 def show(id: str) -> Block:

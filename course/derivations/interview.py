@@ -496,9 +496,9 @@ def complete_planners(result):
                 xs = [cos * a - sin * b for a, b in ends]
                 ys = [sin * a + cos * b for a, b in ends]
                 # Separating axis test of two rectangles: the wall's axes, then the grid's.
-                apart = [u.min(0) - half, -half - u.max(0), gap / 2 - (side * w).max(0)]
-                apart += [x - max(xs), min(xs) - x - cell, y - max(ys), min(ys) - y - cell]
-                free &= np.max(apart, axis=0) >= -1e-12
+                separation = [u.min(0) - half, -half - u.max(0), gap / 2 - (side * w).max(0)]
+                separation += [x - max(xs), min(xs) - x - cell, y - max(ys), min(ys) - y - cell]
+                free &= np.max(separation, axis=0) >= -1e-12
             areas, _ = label(free)
             costs = [
                 np.where(free, (u.mean(0) + s) ** 2 + w.mean(0) ** 2, 1e9) for s in (1.2, -1.2)
@@ -654,8 +654,8 @@ def loss_of_a_policy(result):
 
     result.statement = "Gradients of policies over four actions, by differences."
     result.statement_holds(fell(0.0) > 0 and fell(1.0) > 0)
-    apart = result.measure("away", np.mean([deviation(0.5) for _ in range(40)]), 0.2)
-    result.correction_holds(max(deviation(0.0) for _ in range(8)) < 1e-6, apart > 0.05)
+    away = result.measure("away", np.mean([deviation(0.5) for _ in range(40)]), 0.2)
+    result.correction_holds(max(deviation(0.0) for _ in range(8)) < 1e-6, away > 0.05)
 
 
 @claim(

@@ -28,13 +28,12 @@ def chart(path: str) -> float | str:
 
 @functools.cache
 def _data(name: str) -> Any:
-    from course.charts import FOLDER
-    from course.measure.data import from_json
+    from course.measure import data
 
-    path = FOLDER / f"{name}.json"
+    path = data.FOLDER / f"{name}.json"
     if not path.is_file():
         raise invalid("chart", name, "a chart with data (`make charts` builds them)")
-    return from_json(path.read_text(encoding="utf-8"))
+    return data.from_json(path.read_text(encoding="utf-8"))
 
 
 def _step(here: Any, step: str, data: Any, path: str) -> Any:

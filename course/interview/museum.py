@@ -354,15 +354,15 @@ def rewired(points: Array, wrong: bool) -> tuple[list[int], Array]:
 
     The wrong version does not update the branches.
     """
-    apart = np.linalg.norm(points[:, None] - points, axis=2)
+    distance = np.linalg.norm(points[:, None] - points, axis=2)
     parents, costs = [-1], np.zeros(len(points))
     for new in range(1, len(points)):
-        near = int(np.argmin(apart[new, :new]))
+        near = int(np.argmin(distance[new, :new]))
         parents.append(near)
-        costs[new] = costs[near] + apart[near, new]
+        costs[new] = costs[near] + distance[near, new]
         for node in range(1, new):
-            gain = costs[node] - costs[new] - apart[new, node]
-            if apart[new, node] < 0.4 and gain > 0.0:
+            gain = costs[node] - costs[new] - distance[new, node]
+            if distance[new, node] < 0.4 and gain > 0.0:
                 parents[node] = new
                 costs[node] -= gain
                 branch = [] if wrong else [node]

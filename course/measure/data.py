@@ -9,12 +9,16 @@ import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from course.measure.figure import REACH, Array, Panel, Series, log_values, theory_line
 from course.measure.stability import Map
+
+# Data and key figures of every chart, as they were measured last.
+FOLDER = Path(__file__).resolve().parents[1] / "charts" / "data"
 
 
 def document(panels: Sequence[Panel]) -> Any:

@@ -251,12 +251,12 @@ def arrange(figure: Figure, every: Sequence[Words]) -> None:
             note.put((x - room.x0) / room.width, (y - room.y0) / room.height, far)
 
 
-def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
+def drawn_points(ax: Axes, spacing: float = 3.0) -> Array:
     """Return points covered by the lines and markers of axes, shape (n, 2) [pixels].
 
     Args:
         ax: the axes, whose place is known.
-        apart: largest distance of two points along a line [pixels].
+        spacing: largest distance of two points along a line [pixels].
     """
     from matplotlib.collections import LineCollection
 
@@ -266,7 +266,7 @@ def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
         points = points[np.all(np.isfinite(points), axis=1)]
         # A line is sampled densely, since a note must not cover the parts between its data points.
         if line.get_linestyle() not in ("None", "none", "") and len(points) > 1:
-            points = _dense(_steps(line, points), apart)
+            points = _dense(_steps(line, points), spacing)
         result.append(points)
         if line.get_marker() not in ("None", "none", ""):
             # A marker is represented by points around its rim.
@@ -276,7 +276,7 @@ def drawn_points(ax: Axes, apart: float = 3.0) -> Array:
     for bars in ax.collections:
         if isinstance(bars, LineCollection):
             for bar in map(bars.get_transform().transform, bars.get_segments()):
-                result += [_dense(bar, apart)] if np.all(np.isfinite(bar)) else []
+                result += [_dense(bar, spacing)] if np.all(np.isfinite(bar)) else []
     points = np.concatenate(result)
     points = points[np.all(np.isfinite(points), axis=1)]
     room = ax.get_window_extent().padded(0.5)
@@ -291,11 +291,11 @@ def _steps(line: Line2D, points: Array) -> Array:
     return np.insert(points, np.arange(1, len(points)), corners, axis=0)
 
 
-def _dense(points: Array, apart: float) -> Array:
+def _dense(points: Array, spacing: float) -> Array:
     # Chebyshev length: enough samples along the longer axis.
     far = np.max(np.abs(np.diff(points, axis=0)), axis=1)
     # A line that leaves the picture may go on for ever.
-    count = np.clip(np.ceil(far / apart), 1, 2000).astype(int)
+    count = np.clip(np.ceil(far / spacing), 1, 2000).astype(int)
     at = np.concatenate([k + np.arange(n) / n for k, n in enumerate(count)] + [[len(far)]])
     index = np.arange(len(points))
     return np.column_stack([np.interp(at, index, points[:, i]) for i in (0, 1)])

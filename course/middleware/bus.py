@@ -582,23 +582,32 @@ class Node:
         on_event: Callable | None = None,
         kind: str = "subscription",
     ) -> Reader:
-        """Return a reader of a topic.
+        """Add a reader of a topic to this node, and match it with the topic's writers.
 
         Args:
             topic: name of the topic.
-            kind: type of its messages.
             function: called with each sample, once the executor comes to it; without one, samples
                 are taken by hand.
             qos: requested quality of service.
             link: network path to the reader; the default takes no time and loses nothing.
-            group: callback group that it belongs to.
-            on_event: called with each of its events.
+            group: callback group that it belongs to; the node's own by default.
+            on_event: called with each of its events, such as a deadline that was missed.
+            kind: what an executor's record calls the callback: "subscription", or "service" or
+                "client" for the hidden topics of those.
+
+        Returns:
+            The reader. A writer whose offer is weaker than `qos` is not matched, and both ends get
+            the event "incompatible".
         """
+        # The lock: in real time other threads may publish on this topic meanwhile.
         with self.bus.lock:
             reader = Reader(self, topic, qos, link, on_event)
+            # Before the first match, as a writer that keeps a history for late readers (transient
+            # local) sends it while it is matched.
             if function:
-                given, oldest = reader.given, reader.oldest
-                reader.callback = Callback(self, kind, topic, function, group, given, oldest)
+                take, oldest = reader.given, reader.oldest
+                reader.callback = Callback(self, kind, topic, function, group, take, oldest)
+            # Discovery: a reader and the writers of its topic find each other in either order.
             writers, readers = self.bus.ends.setdefault(topic, ([], []))
             readers.append(reader)
             for writer in writers:

@@ -27,7 +27,7 @@ from typing import Any
 from course.check import count, one_of
 from course.libraries import import_error
 from course.middleware.qos import QoS
-from course.middleware.transport import PATIENCE, Trip, no_answer, partner
+from course.middleware.transport import PATIENCE, Trip, elsewhere, no_answer, partner
 
 CONFIGURATION = """<CycloneDDS xmlns="https://cdds.io/config"><Domain Id="{domain}">
 <General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>
@@ -374,11 +374,14 @@ def echo(
         kind: see `payload_type`.
         patience: after which an answer is taken for lost [s].
     """
-    topics = names()
+    topics, connected = names(), elsewhere().Event()
     qos = QoS(one_of("reliability", reliability, ("reliable", "best_effort")), depth=1)
-    with neighbour(_answer, size, qos, topics[::-1], kind), participant() as member:
+    with (
+        neighbour(_answer, connected, size, qos, topics[::-1], kind),
+        participant() as member,
+    ):
         wire = Wire(member, size, qos, topics, kind)
-        until(wire.ready)
+        connect(wire, connected)
 
         def trip(payload: Any) -> Any:
             wire.send(payload)
@@ -400,9 +403,28 @@ def _in_domain(uri: str, target: Callable[..., None], *args: Any) -> None:
     target(*args)
 
 
-def _answer(size: int, qos: QoS, paths: tuple[str, str], kind: str) -> None:
+def connect(wire: Wire, connected: Any) -> None:
+    """Wait until both processes know all ends of a wire.
+
+    Each process discovers the other by itself, and a sample that arrives before its reader knows
+    the writer is dropped. So one process that knows the other is not enough.
+
+    Args:
+        wire: of this process.
+        connected: event that the other process sets once its own wire is ready.
+
+    Raises:
+        TimeoutError: one of them did not discover the other in time.
+    """
+    if not (until(wire.ready) and connected.wait(PATIENCE)):
+        raise no_answer("Cyclone DDS")
+
+
+def _answer(connected: Any, size: int, qos: QoS, paths: tuple[str, str], kind: str) -> None:
     with participant() as member:
         wire = Wire(member, size, qos, paths, kind)
+        if until(wire.ready):
+            connected.set()
         while True:
             if (payload := wire.receive(PATIENCE)) is not None:
                 wire.send(payload)

@@ -50,14 +50,21 @@ def async_vector_env(
 def wrapped(
     env_fn: Callable[[], Any], observation_size: int, action_size: int
 ) -> Callable[[], Env[Any, Any]]:
-    """Return Gymnasium's interface around a plain environment, with observations that are copies.
+    """Return a builder of Gymnasium environments around plain ones, for its vector environments.
 
     Args:
-        env_fn: builds one with `reset(seed)`, `step(action)`, as Gymnasium's return.
+        env_fn: builds a plain environment. Its `reset(seed)` and `step(action)` return what
+            Gymnasium's do; its array of observations may be one buffer that every step overwrites.
         observation_size: length of an observation.
-        action_size: length of an action.
+        action_size: length of an action; each component is in [-1, 1].
+
+    Returns:
+        A class without arguments, which `sync_vector_env` and `async_vector_env` take as `env_fn`.
+
+    Raises:
+        ImportError: if Gymnasium is missing; it says how to install it.
     """
-    _gymnasium()
+    _gymnasium()  # with the sentence on how to install it, which the plain import below lacks
     import gymnasium
     import numpy as np
 
@@ -70,6 +77,7 @@ def wrapped(
 
         def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
             observation, info = self.inner.reset(seed)
+            # A copy: the plain environment may overwrite its buffer while a learner holds on to it.
             return observation.copy(), info
 
         def step(self, action: Any) -> Any:

@@ -425,7 +425,7 @@ def plain(world: World) -> StateTest:
                 return False
         return not any(inside(x, y, ring) for ring in sides)
 
-    def apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+    def to_segment(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
         dx, dy = bx - ax, by - ay
         # Projection onto the segment, clamped to its ends.
         t = min(max(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
@@ -445,14 +445,18 @@ def plain(world: World) -> StateTest:
             angle += q[i]
             u, v = x + length * math.cos(angle), y + length * math.sin(angle)
             for cx, cy, size in round_ones:
-                if apart(cx, cy, x, y, u, v) <= size + radius:
+                if to_segment(cx, cy, x, y, u, v) <= size + radius:
                     return False
             for ring in sides:
                 # A link may lie inside a polygon without crossing a side.
                 if inside(u, v, ring):
                     return False
                 for a, b in ring:
-                    near = min(apart(*a, x, y, u, v), apart(x, y, *a, *b), apart(u, v, *a, *b))
+                    near = min(
+                        to_segment(*a, x, y, u, v),
+                        to_segment(x, y, *a, *b),
+                        to_segment(u, v, *a, *b),
+                    )
                     if near <= radius or meet((x, y), (u, v), a, b):
                         return False
             x, y = u, v

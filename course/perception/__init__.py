@@ -45,7 +45,7 @@ from course.perception.cloud import (
     ransac_plane,
     voxel_mean,
 )
-from course.perception.pose import Estimate, apart, locate, see_through, stand_in
+from course.perception.pose import Estimate, locate, pose_distance, see_through, stand_in
 from course.perception.registration import Cloud, Fit, icp, known, rigid_fit
 from course.perception.track import Tracker, averaged_error, steady_gains
 
@@ -60,7 +60,6 @@ __all__ = [
     "Sensor",
     "Shapes",
     "Tracker",
-    "apart",
     "averaged_error",
     "back_project",
     "camera_to_base",
@@ -73,6 +72,7 @@ __all__ = [
     "inverse_depth_plane",
     "known",
     "locate",
+    "pose_distance",
     "radius_search",
     "ransac_plane",
     "render",

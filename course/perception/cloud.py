@@ -432,8 +432,8 @@ def fit_plane(points: ArrayLike) -> Array:
     given, _, _ = _checked(points, 3)
     middle = given.mean(axis=1)
     # The normal is the direction of the least variance.
-    apart = given - middle[:, None]
-    values, axes = np.linalg.eigh(apart @ apart.T)
+    offsets = given - middle[:, None]
+    values, axes = np.linalg.eigh(offsets @ offsets.T)
     if values[1] <= 1e-12 * values[2]:
         # Two vanishing variances: the points lie on a line, which has no plane of its own.
         raise invalid("points", given, "points that are not all in one line")

@@ -102,7 +102,7 @@ _CUBE = np.array(
 _TURNS = from_matrix(np.moveaxis(_CUBE, 0, 2))
 
 
-def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
+def pose_distance(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
     """Return how far two poses of a part are from each other, the least over its symmetries.
 
     A box looks the same after half turns, or quarter turns where two sides are equal; a cylinder
@@ -202,7 +202,7 @@ def _yaws(part: Shapes, starts: int) -> Array:
     # A part that a turn by one degree leaves the same is round: any turn does.
     for n in (360, 4, 2):
         turned = np.concatenate((still[:3], exp(np.array([0.0, 0.0, 2.0 * math.pi / n]))))
-        if apart(part, still, turned)[1] < 1e-9:
+        if pose_distance(part, still, turned)[1] < 1e-9:
             period = 2.0 * math.pi / n
             break
     return period / starts * np.arange(1.0 if period < 0.1 else starts)
@@ -246,7 +246,7 @@ def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
         turn = exp(np.array([0.0, 0.0, 0.25 * math.pi * k]))
         q = product(from_matrix(axes @ R), turn)
         pose = np.concatenate((middle + away - to_matrix(q) @ (0.5 * (low + high)), q))
-        if all(apart(part, pose, other)[1] > _DISTINCT for other in poses):
+        if all(pose_distance(part, pose, other)[1] > _DISTINCT for other in poses):
             poses.append(pose)
     return poses
 
@@ -413,7 +413,13 @@ def pose_of(
     best = tried[0][1].pose
     turns = [exp(np.array([0.0, 0.0, 0.5 * math.pi * k])) for k in (1, 2, 3)]
     turned = [np.append(best[:3], product(best[3:], turn)) for turn in turns]
-    lay([q for q in turned if all(apart(part, q, f.pose)[1] > 0.2 * _DISTINCT for _, f in tried)])
+    lay(
+        [
+            q
+            for q in turned
+            if all(pose_distance(part, q, f.pose)[1] > 0.2 * _DISTINCT for _, f in tried)
+        ]
+    )
     (_, _, score, mask), first = tried[0]
     # All that the pose covers, also what is too near the table to be told from it.
     covered, _ = back_project(np.where(mask | cluster, z, 0.0), camera)
@@ -433,7 +439,7 @@ def pose_of(
     rival = any(
         other[2] > tried[0][0][2] - _RIVAL
         and other[0] <= _SEES_THROUGH
-        and max(np.divide(apart(part, fit.pose, one.pose), (2.0 * last, _DISTINCT))) > 1.0
+        and max(np.divide(pose_distance(part, fit.pose, one.pose), (2.0 * last, _DISTINCT))) > 1.0
         for other, one in tried[1:]
     )
     also = _of_table(*on_table, table, fit.pose) if standing else np.zeros((6, 6))

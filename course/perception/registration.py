@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -77,7 +77,7 @@ class Cloud:
         levels = max(0, int(np.ceil(np.log2(len(rows) / _LEAF))))
         order = np.arange(len(rows))
         axes, cuts = np.zeros(2**levels - 1, dtype=np.int64), np.zeros(2**levels - 1)
-        _kernels()[0](rows, order, axes, cuts)
+        _kernels().build(rows, order, axes, cuts)
         turned = np.zeros((0, 3))
         if normals is not None:
             given = vector("normals", normals, (3, len(rows)))
@@ -96,7 +96,7 @@ class Cloud:
         """
         q = np.ascontiguousarray(vector("queries", queries, (3, None), unit="m").T)
         distance, index = np.empty(len(q)), np.empty(len(q), dtype=np.int64)
-        _kernels()[1](q, self.points, self.axes, self.cuts, float(within), distance, index)
+        _kernels().query(q, self.points, self.axes, self.cuts, float(within), distance, index)
         return distance, np.where(index < 0, -1, self.order[index])
 
 
@@ -202,7 +202,7 @@ def rigid_fit(
         raise invalid("source.shape", a.shape, "at least three points that have a weight")
     R, p = np.empty((3, 3)), np.empty(3)
     rows = (np.ascontiguousarray(x.T) for x in (a, b))
-    if not _kernels()[2](*rows, np.ascontiguousarray(w), R, p):
+    if not _kernels().rotation(*rows, np.ascontiguousarray(w), R, p):
         raise invalid("source", a, "points off one line, here and in target")
     return R, p
 
@@ -278,7 +278,7 @@ def icp(
     H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(len(source), np.int64)
     room = (np.zeros(source.shape), np.zeros(len(source)), flags)
     where = (tree.points, tree.normals, tree.axes, tree.cuts, *parts)
-    _kernels()[3](source, spread, *where, R, p, gates, limits, mobile, plane, *room, H, out)
+    _kernels().icp(source, spread, *where, R, p, gates, limits, mobile, plane, *room, H, out)
     # The loop fills the lower triangle only.
     H += np.tril(H, -1).T
     result, weighted, squares, made, converged = out[:5].tolist()
@@ -579,9 +579,10 @@ def _icp(
     H,
     out,
 ):
-    """Run ICP on R and p in place; for each point: closest, weight, flag 1 matched, 2 left out.
+    """Run ICP on R and p in place; for each point: closest, weight, flag 1 matched, 2 rejected.
 
     out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
+    `_kernels` says what the arguments are.
     """
     steps, tolerance, edge = len(gates) - 1, limits[0], limits[1]
     nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
@@ -750,37 +751,51 @@ def _icp(
             stage = 1
 
 
+class _Kernels(NamedTuple):
+    """The compiled loops of this file.
+
+    Attributes:
+        build: `_build`, sorts points into a k-d tree in place.
+        query: `_query`, fills in distance and number of the nearest point to each query.
+        rotation: `_rotation`, the best rigid motion of weighted pairs; False where none is unique.
+        icp: `_icp`, the whole registration from a start.
+    """
+
+    build: Any
+    query: Any
+    rotation: Any
+    icp: Any
+
+
 @functools.cache
-def _kernels() -> tuple[Any, ...]:
-    """Return tree, queries, rigid fit and the loop, compiled."""
+def _kernels() -> _Kernels:
+    """Return the loops compiled, once a process.
+
+    The signatures are explicit, so that the machine code is stored for the next process
+    (`course.compiled`). All arrays are C-contiguous, with one point a row.
+    """
+    # A k-d tree as the loops take it: points (N, 3) in its order, normals (N, 3) or (0, 3), and of
+    # its inner nodes the axis and the coordinate of the cut.
     tree = (MATRIX, MATRIX, _INDICES, VECTOR)
-    return (
-        compiled(_build, types.void(MATRIX, _INDICES, _INDICES, VECTOR)),
-        compiled(_query, types.void(MATRIX, MATRIX, _INDICES, VECTOR, float64, VECTOR, _INDICES)),
-        compiled(_rotation, numba.boolean(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)),
-        compiled(
-            _icp,
-            types.void(
-                MATRIX,
-                VECTOR,
-                *tree,
-                _INDICES,
-                MATRIX,
-                _CUBE,
-                MATRIX,
-                MATRIX,
-                VECTOR,
-                VECTOR,
-                VECTOR,
-                _FLAGS,
-                int64,
-                MATRIX,
-                VECTOR,
-                _INDICES,
-                MATRIX,
-                VECTOR,
-            ),
+    # Shapes: kind, sizes (n, 3), rotation (n, 3, 3) and position (n, 3) of each; no row beside a
+    # cloud, as the tree has none beside shapes.
+    parts = (_INDICES, MATRIX, _CUBE, MATRIX)
+    # The pose, which starts as the guess and ends as the result: R (3, 3) and p (3,).
+    pose = (MATRIX, VECTOR)
+    # Gate of each step; tolerance and the width of a blind edge; which of the six directions may
+    # move; 1 for point-to-plane.
+    rules = (VECTOR, VECTOR, _FLAGS, int64)
+    # Filled for each point: match (N, 3), weight, flag. Then H (6, 6) and the six figures of `out`.
+    results = (MATRIX, VECTOR, _INDICES, MATRIX, VECTOR)
+    # The first two arguments of `_icp` are the points and their standard deviations.
+    measured = (MATRIX, VECTOR)
+    return _Kernels(
+        build=compiled(_build, types.void(MATRIX, _INDICES, _INDICES, VECTOR)),
+        query=compiled(
+            _query, types.void(MATRIX, MATRIX, _INDICES, VECTOR, float64, VECTOR, _INDICES)
         ),
+        rotation=compiled(_rotation, numba.boolean(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)),
+        icp=compiled(_icp, types.void(*measured, *tree, *parts, *pose, *rules, *results)),
     )
 
 

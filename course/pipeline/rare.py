@@ -61,14 +61,14 @@ def _interval(share: float, n: float) -> tuple[float, float]:
     return min(max(low, 0.0), share), max(min(high, 1.0), share)
 
 
-def _estimate(weights: Array, runs: int, unbiased: int, mean: Array, width: Array) -> Rare:
+def _estimate(weights: Array, runs: int, plain_runs: int, mean: Array, width: Array) -> Rare:
     """Return the estimate from the weights of the counted runs, 0 for a success.
 
     Args:
         weights: of the counted runs.
         runs: severities evaluated in all.
-        unbiased: runs among them that were sampled as the world samples them. Only they say how
-            rare a failure is that no run has met.
+        plain_runs: runs among them that were sampled from the true distribution. Only they say
+            how rare a failure is that no run has met.
         mean: of the proposal.
         width: of the proposal, standard deviations.
     """
@@ -77,7 +77,7 @@ def _estimate(weights: Array, runs: int, unbiased: int, mean: Array, width: Arra
     error = math.sqrt(max(square / n - share * share, 0.0) / n)
     # A sample without spread says nothing of its error; Wilson's interval does.
     if share in (0.0, 1.0) or error == 0.0:
-        low, high = _interval(share, unbiased)
+        low, high = _interval(share, plain_runs)
         error = (high - low) / _TWO_SIGMA
     else:
         # The number of plain runs with the same standard error enters Wilson's formula.
@@ -119,17 +119,29 @@ def cross_entropy(
 ) -> Rare:
     """Return the share of failures under disturbances that are standard normal.
 
+    The proposal is a normal distribution with independent components, at first the standard one.
+    Each round fits it to the worst runs of the round, its elites (Rubinstein and Kroese, 2004). The
+    runs after the last round are counted, each with the weight density / proposal (importance
+    sampling), so that the expected share is right whatever the proposal is.
+
     Args:
-        severity: disturbances (size, N) -> how bad each run was, above 0 a failure.
-        size: how many disturbances.
-        rng: all random numbers.
-        rounds: of the search.
-        each: runs in a round of the search.
+        severity: disturbances, shape (size, N), in standard deviations -> how bad each of the N
+            runs was, shape (N,), in any unit; above 0 it is a failure.
+        size: number of disturbances in a run.
+        rng: source of all random numbers.
+        rounds: number of rounds of the search; 0 is plain sampling.
+        each: runs in a round of the search, at least 10.
         last: runs that are counted.
-        elite: share of a round that the proposal is fitted to, by weight.
-        least: width below which no disturbance's proposal may fall.
-        defence: share of the runs that is drawn as plain sampling would, in the search and in the
-            count; a weight is then below 1 / defence, so no failure can be missing much.
+        elite: share of a round that counts as elites, 0.001 to 1. Once failures are more than
+            that, all of them are elites.
+        least: lower bound on the proposal's width [standard deviations of the disturbance].
+        defence: share of the runs that is drawn from the true distribution instead of the
+            proposal, 0 to 1, in the search and in the count. The runs then come from a defensive
+            mixture (Hesterberg, 1995), and no weight exceeds 1 / defence: a failure that the
+            proposal makes unlikely can't dominate the answer. 0 switches it off.
+
+    Returns:
+        The estimate; `runs` counts the search as well.
 
     Raises:
         ValueError: for a severity that is NaN, or an argument outside of its range.
@@ -137,9 +149,10 @@ def cross_entropy(
     finite("elite", elite, 1e-3, 1.0)
     share = finite("defence", defence, 0.0, 1.0)
     mean, width = np.zeros(size), np.ones(size)
-    # The first round is sampled as the world samples it, and so is the defence of the last.
-    unbiased = count("each", each, 10) if count("rounds", rounds) else count("last", last, 1)
-    unbiased += round(share * last) if rounds else 0
+    # Runs that are certain to come from the true distribution: the first round, before the proposal
+    # has moved, and the expected defence of the count. They bound the share where no run fails.
+    plain_runs = count("each", each, 10) if count("rounds", rounds) else count("last", last, 1)
+    plain_runs += round(share * last) if rounds else 0
 
     def drawn(n: int) -> tuple[Array, Array]:
         # Defensive mixture (Hesterberg, 1995): a share is sampled from the true distribution, so
@@ -164,4 +177,4 @@ def cross_entropy(
         width = np.maximum(spread, max(least, 1e-3))
     x, weight = drawn(count("last", last, 1))
     failed = _severities(severity, x) > 0.0
-    return _estimate(weight * failed, rounds * each + last, unbiased, mean, width)
+    return _estimate(weight * failed, rounds * each + last, plain_runs, mean, width)

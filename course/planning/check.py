@@ -220,7 +220,7 @@ def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
 
     Complex arrays that broadcast, as in `_to_segments`.
     """
-    apart = np.minimum(
+    distance = np.minimum(
         np.minimum(_to_segments(p, u, v), _to_segments(q, u, v)),
         np.minimum(_to_segments(u, p, q), _to_segments(v, p, q)),
     )
@@ -233,7 +233,7 @@ def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
         s = ((u - p) * np.conj(side)).imag / area
         t = ((u - p) * np.conj(along)).imag / area
     crossing = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
-    return np.where(crossing, 0.0, apart)
+    return np.where(crossing, 0.0, distance)
 
 
 def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
@@ -248,15 +248,17 @@ def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
         least = np.full(tips.shape, np.inf)
         for obstacle, radius in obstacles:
             if radius > 0.0:
-                apart = _to_segments(obstacle, bases, tips) - radius
+                distance = _to_segments(obstacle, bases, tips) - radius
             else:
                 ends = np.roll(obstacle, -1)
-                apart = _between(bases[..., None], tips[..., None], obstacle, ends).min(axis=-1)
+                distance = _between(bases[..., None], tips[..., None], obstacle, ends).min(axis=-1)
                 deep = _depth(tips.ravel(), obstacle).reshape(tips.shape)
                 # A link that just touches a side, at distance 0, counts as a collision: the offset
                 # takes it below -`TOLERANCE`.
-                apart = np.where(deep > 0.0, -deep, apart - 2.0 * TOLERANCE * (apart == 0.0))
-            least = np.minimum(least, apart - thick[:, None])
+                distance = np.where(
+                    deep > 0.0, -deep, distance - 2.0 * TOLERANCE * (distance == 0.0)
+                )
+            least = np.minimum(least, distance - thick[:, None])
         return least
 
     reach = np.cumsum(lengths[::-1])[::-1]  # from each joint to the tip

@@ -59,7 +59,9 @@ BLOCKED, UNKNOWN, FREE, AGAIN = -1, 0, 1, 2
 # Further counts: nodes and edges of the roadmap; nodes of the two trees that grow onto it, and the
 # places where they hang on it.
 NODES, EDGES, TREES, HOOKS = 4, 5, 6, 8
-# Numbers that a loop is told. NEAREST neighbours of a node, 0 for as many as PRM* takes.
+# Slots of the settings of a loop, an array of floats. NEAREST: neighbours of a node, 0 for as many
+# as PRM* takes. MIX: share of the states that come from SAMPLER, the rest is uniform; SPREAD: of
+# its pairs of neighbours. LAZY, STOP: flags, see `_grow`. STEP, NEAR: of `_attach` only.
 NEAREST, SAMPLER, MIX, SPREAD, LAZY, STOP, STEP, NEAR = range(8)
 LIST = 10  # nodes of the roadmap that an end tries to be joined to by a straight edge
 

@@ -60,8 +60,8 @@ def discs(seed: int = 0, count: int = 40) -> Scene:
     """Return discs of 0.3 to 0.9 m wherever they fall, but not on the start or the goal."""
     rng = np.random.default_rng(seed)
     rows = np.column_stack((rng.uniform(0, 10, (count, 2)), rng.uniform(0.3, 0.9, count)))
-    apart = np.minimum(*(np.linalg.norm(rows[:, :2] - p, axis=1) for p in (START, GOAL)))
-    return Scene("discs", plane(SQUARE, rows[apart > rows[:, 2] + 0.1]), START, GOAL, 1.0)
+    distance = np.minimum(*(np.linalg.norm(rows[:, :2] - p, axis=1) for p in (START, GOAL)))
+    return Scene("discs", plane(SQUARE, rows[distance > rows[:, 2] + 0.1]), START, GOAL, 1.0)
 
 
 def arm() -> Scene:

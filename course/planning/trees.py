@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -55,7 +55,7 @@ Array = NDArray[np.float64]
 
 # Further counts, of both trees where there are two: nodes, those in the k-d tree; the node at the
 # goal, or where the trees meet; how many states of the goal were drawn; nodes on the way from there
-# back to the root, whose numbers are in room[1] and room[2].
+# back to the root, whose settings are in room[1] and room[2].
 NODES, DONE, LAST, ROOTS, WAY = 4, 6, 8, 10, 11
 # Of a chain of RRT-Connect that is not at its end: the node that it goes on from, plus one (0 where
 # there is none); the node of the other tree that it goes to; the side whose turn it was.
@@ -64,8 +64,46 @@ CHAIN, MEETING, TURN = 13, 14, 15
 LONGEST = 1000
 # What a loop ends with: the chunk is done, a path is found, the arrays are full.
 GO_ON, FOUND, FULL = 0, 1, 2
-# Numbers that a loop is told.
-STEP, BIAS, SAMPLER, MIX, SPREAD, STAR, INFORMED, SHORTEST = range(8)
+
+
+class Settings(NamedTuple):
+    """Parameters of a loop: the options of the caller, and what RRT* computes from the world.
+
+    Attributes:
+        step: longest edge [units of the states].
+        goal_bias: share of the targets that are drawn from the goal, 0 to 1; RRT-Connect has none.
+        sampler: number of the sampler, a value of `SAMPLERS`, or `LISTED` for given states.
+        mix: share of the other targets that come from that sampler, 0 to 1; the rest is uniform.
+        spread: standard deviation of the samplers that draw a pair of neighbours [units].
+        gamma: factor of RRT*'s radius, gamma (log m / m)^(1/n) [units]; 0 is plain RRT.
+        informed: whether RRT* draws its targets in the ellipsoid once there is a path.
+        shortest: straight distance from start to goal, the informed one's lower bound [units].
+    """
+
+    step: float
+    goal_bias: float
+    sampler: int
+    mix: float
+    spread: float
+    gamma: float
+    informed: bool
+    shortest: float
+
+
+# The same record as the compiled loop's argument.
+SETTINGS = types.NamedTuple(
+    (
+        types.float64,
+        types.float64,
+        types.int64,
+        types.float64,
+        types.float64,
+        types.float64,
+        types.boolean,
+        types.float64,
+    ),
+    Settings,
+)
 
 
 @register_jitable
@@ -171,15 +209,15 @@ def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
 
 
 @register_jitable
-def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, out):
+def _target(state_free, obstacles, body, bounds, settings, frame, counts, rng, out):
     """Draw a state from the sampler, or for the share that is not mixed in, from everywhere.
 
     Listed states are the last rows of the frame; after them comes uniform too.
     """
-    kind = int(numbers[SAMPLER])
+    kind = settings.sampler
     # A share of uniform targets preserves probabilistic completeness, which a biased sampler alone
     # may lose.
-    if numbers[MIX] < 1.0 and rng.random() >= numbers[MIX]:
+    if settings.mix < 1.0 and rng.random() >= settings.mix:
         kind = UNIFORM
     if kind == LISTED:
         row = out.size + 2 + counts[DRAWN]
@@ -188,7 +226,7 @@ def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, ou
             out[:] = frame[row]
             return
         kind = UNIFORM
-    spread, shift = numbers[SPREAD], frame[0]
+    spread, shift = settings.spread, frame[0]
     draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, out)
 
 
@@ -200,7 +238,7 @@ def _grow(
     body,
     bounds,
     goal,
-    numbers,
+    settings,
     frame,
     nodes,
     parents,
@@ -212,7 +250,7 @@ def _grow(
     rng,
     samples,
 ):
-    """Grow one tree from the start: RRT, and with numbers[STAR] RRT*, which goes on after a path.
+    """Grow one tree from the start: RRT, and with a gamma RRT*, which goes on after a path.
 
     It returns a code: why it stopped.
 
@@ -221,7 +259,7 @@ def _grow(
     -1 before.
     """
     n = bounds.shape[1]
-    step, star = numbers[STEP], numbers[STAR] > 0.0
+    step, star = settings.step, settings.gamma > 0.0
     target, new, joint = np.empty(n), np.empty(n), np.empty(n)
     tree, parent_of, link, cost = nodes[0], parents[0], links[0], costs[0]
     stack, result, known, goals = room[0], room[1], room[2], room[3]
@@ -232,14 +270,14 @@ def _grow(
         counts[SAMPLES] += 1
         # SampleFree: a goal state with the bias, else the informed set once there is a path.
         best = cost[counts[LAST]] if counts[LAST] >= 0 else np.inf
-        if numbers[BIAS] > 0.0 and rng.random() < numbers[BIAS]:
+        if settings.goal_bias > 0.0 and rng.random() < settings.goal_bias:
             uniform(goal[0], goal[1], rng, target)
         elif not (
-            numbers[INFORMED] > 0.0
+            settings.informed
             and best < np.inf
-            and _ellipsoid(frame[1], frame[2:], numbers[SHORTEST], best, bounds, rng, target)
+            and _ellipsoid(frame[1], frame[2:], settings.shortest, best, bounds, rng, target)
         ):
-            _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, target)
+            _target(state_free, obstacles, body, bounds, settings, frame, counts, rng, target)
         # Nearest and Steer: extend the nearest node by at most a step.
         near = _near(nodes, links, counts, 0, target, stack, gaps)
         length = _steer(tree[near], target, step, new)
@@ -254,7 +292,7 @@ def _grow(
         if star:  # the parent is the neighbour through which the way is shortest
             # Near: the ball shrinks with log m / m, so that each new node has O(log m) neighbours.
             count = counts[NODES] + 1
-            radius = min(step, numbers[STAR] * (math.log(count) / count) ** (1.0 / n))
+            radius = min(step, settings.gamma * (math.log(count) / count) ** (1.0 / n))
             hits = within(tree, link, counts[NODES], counts[DONE], new, radius, stack, result)
             for k in range(hits):
                 gaps[k] = math.sqrt(squared(tree[result[k]], new))
@@ -319,7 +357,7 @@ def _connect(
     body,
     bounds,
     goal,
-    numbers,
+    settings,
     frame,
     nodes,
     parents,
@@ -339,7 +377,7 @@ def _connect(
     of `_grow`.
     """
     n = bounds.shape[1]
-    step = numbers[STEP]
+    step = settings.step
     target, new, here = np.empty(n), np.empty(n), np.empty(n)
     stack = room[0]
     region = False
@@ -363,7 +401,7 @@ def _connect(
                 uniform(goal[0], goal[1], rng, target)
                 if state_free(obstacles, body, target):
                     _add(nodes, parents, links, costs, counts, 1, target, -1, 0.0)
-            _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, target)
+            _target(state_free, obstacles, body, bounds, settings, frame, counts, rng, target)
             # Extend: one step of this tree towards the sample.
             at = _near(nodes, links, counts, side, target, stack, gaps)
             for k in range(n):  # a copy costs less than a view
@@ -438,7 +476,7 @@ def _run(
     body,
     bounds,
     goal,
-    numbers,
+    settings,
     frame,
     nodes,
     parents,
@@ -468,7 +506,7 @@ def _run(
             body,
             bounds,
             goal,
-            numbers,
+            settings,
             frame,
             nodes,
             parents,
@@ -488,7 +526,7 @@ def _run(
             body,
             bounds,
             goal,
-            numbers,
+            settings,
             frame,
             nodes,
             parents,
@@ -513,14 +551,27 @@ def _run(
 
 @functools.cache
 def _kernel() -> Any:
+    """Return `_run` compiled, with one signature for every world, robot and method."""
     ints, whole = [types.Array(numba.int64, k, "C") for k in range(1, 4)], types.int64
+    # The world's two functions and the generator come as addresses, so another world compiles
+    # nothing. Obstacles, body, bounds and goal follow.
     world = (types.uintp,) * 3 + (MATRIX,) * 4
-    arrays = (VECTOR, MATRIX, CUBE, ints[1], ints[2], MATRIX, ints[1], VECTOR, ints[0])
+    # In the order of the arguments: settings, frame; nodes, parents, links and costs of the trees;
+    # room, gaps, counts.
+    arrays = (SETTINGS, MATRIX, CUBE, ints[1], ints[2], MATRIX, ints[1], VECTOR, ints[0])
     return compiled(_run, whole(*world, *arrays, whole))
 
 
-def _options(query: Query) -> tuple[Array, Array]:
-    """Return the loop's numbers from the caller's options, and the listed targets as rows."""
+def _options(query: Query) -> tuple[Settings, Array]:
+    """Take the options of a tree out of the query, checked.
+
+    Returns:
+        The settings of the loop, without what only RRT* needs, and the targets of a sampler that
+        is a list of states, shape (n of them, dim); no row for a sampler with a name.
+
+    Raises:
+        ValueError: for an option out of its range, a state out of bounds, or an unknown option.
+    """
     world, options = query.world, query.options
     sampler = options.pop("sampler", "uniform")
     listed = np.empty((world.dim, 0))
@@ -531,26 +582,32 @@ def _options(query: Query) -> tuple[Array, Array]:
         listed = vector("sampler", sampler, (world.dim, None))
         if not ((listed.T >= world.bounds[0]) & (listed.T <= world.bounds[1])).all():
             raise invalid("sampler", sampler, "states within the bounds of the world")
-    numbers = np.array(
-        [
-            number(query, "step", 0.2 * world.extent, POSITIVE),
-            0.0 if query.method == "rrt_connect" else number(query, "goal_bias", 0.05, 0.0, 1.0),
-            kind,
-            number(query, "mix", 1.0, 0.0, 1.0),
-            number(query, "spread", 0.05 * world.extent, POSITIVE),
-            0.0,
-            0.0,
-            0.0,
-        ]
+    settings = Settings(
+        step=number(query, "step", 0.2 * world.extent, POSITIVE),
+        # A few targets at the goal itself pull the tree there. Many would make it push against
+        # whatever stands between (LaValle, 2006, sec. 5.5.3). The second tree of RRT-Connect does
+        # this job, so it takes no bias.
+        goal_bias=0.0
+        if query.method == "rrt_connect"
+        else number(query, "goal_bias", 0.05, 0.0, 1.0),
+        sampler=kind,
+        # Below 1, the remaining targets are uniform: a biased sampler alone may never reach some
+        # part of the free space.
+        mix=number(query, "mix", 1.0, 0.0, 1.0),
+        spread=number(query, "spread", 0.05 * world.extent, POSITIVE),
+        gamma=0.0,
+        informed=False,
+        shortest=0.0,
     )
     if kind == SAMPLERS["halton"] and world.dim > len(PRIMES):
         raise invalid("sampler", sampler, f"up to {len(PRIMES)} dimensions")
+    # Each option that was read has been removed, so what remains has no meaning here.
     if options:
         raise unknown_options(query)
-    return numbers, listed.T
+    return settings, listed.T
 
 
-def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
+def _search(query: Query, settings: Settings, frame: Array, *roots: Array) -> Plan:
     """Grow one tree or two, chunk by chunk, until there is a path or the budget is spent."""
     world, counts, budget = query.world, query.counts, query.budget
     samples, seconds = budget.samples, budget.seconds
@@ -559,9 +616,9 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
     for side in range(sides):
         arrays[0][side, 0] = roots[side]
     kernel, timed, rng = _kernel(), seconds < math.inf, address_of(query.rng)
-    tables = (world.obstacles, world.body, world.bounds, query.goal, numbers, frame)
+    tables = (world.obstacles, world.body, world.bounds, query.goal, settings, frame)
     # The clock is read only between chunks, so with a time limit the first chunks are small.
-    chunk, star, history, best = 4 if timed else 64, numbers[STAR] > 0.0, [], math.inf
+    chunk, star, history, best = 4 if timed else 64, settings.gamma > 0.0, [], math.inf
     code, done, now = GO_ON, 0, 0.0
     while code != FOUND and done < samples and now < seconds:
         code = kernel(*world.addresses, rng, *tables, *arrays, counts, min(chunk, samples - done))
@@ -621,8 +678,10 @@ def _chain(parents: NDArray[np.int64], last: int) -> list[int]:
     return chain
 
 
-def _frame(query: Query, numbers: Array, listed: Array) -> Array:
-    """Return the rows that the samplers need, shape (n + 2 + listed, n).
+def _frame(query: Query, settings: Settings, listed: Array) -> tuple[Settings, Array]:
+    """Return the settings with the shortest distance, and the rows that the samplers need.
+
+    The rows have the shape (n + 2 + listed, n).
 
     Row 0 is the random shift of Halton's sequence. Row 1 is the centre of the informed ellipsoid,
     and the next n rows are its axes: an orthogonal matrix whose first column points from start to
@@ -631,20 +690,20 @@ def _frame(query: Query, numbers: Array, listed: Array) -> Array:
     n = query.world.dim
     frame = np.zeros((n + 2 + len(listed), n))
     frame[n + 2 :] = listed
-    if numbers[SAMPLER] == SAMPLERS["halton"]:
+    if settings.sampler == SAMPLERS["halton"]:
         frame[0] = query.rng.random(n)
-    if numbers[INFORMED]:
+    if settings.informed:
         along = query.goal[0] - query.start
-        numbers[SHORTEST] = np.linalg.norm(along)
+        settings = settings._replace(shortest=float(np.linalg.norm(along)))
         # Householder reflection of the first axis to the direction of the goal, up to its sign,
         # which does not matter to an ellipsoid. Equal signs in the pivot avoid cancellation.
-        mirror = along / numbers[SHORTEST]
+        mirror = along / settings.shortest
         frame[1] = 0.5 * (query.start + query.goal[0])
         frame[2 : n + 2] = np.eye(n)
         sign = -1.0 if mirror[0] < 0.0 else 1.0
         mirror[0] += sign
         frame[2 : n + 2] -= 2.0 * np.outer(mirror, mirror) / (mirror @ mirror)
-    return frame
+    return settings, frame
 
 
 def rrt(query: Query) -> Plan:
@@ -652,8 +711,8 @@ def rrt(query: Query) -> Plan:
 
     In a world of discs this is the drill's RRT: the same draws give the same tree.
     """
-    numbers, listed = _options(query)
-    return _search(query, numbers, _frame(query, numbers, listed), query.start)
+    settings, listed = _options(query)
+    return _search(query, *_frame(query, settings, listed), query.start)
 
 
 def rrt_star(query: Query) -> Plan:
@@ -669,26 +728,28 @@ def rrt_star(query: Query) -> Plan:
     of 1 / n (Solovey et al., 2020). That this one converges too is measured.
     The informed one draws in the ellipsoid that can shorten the best path.
     """
-    numbers, listed = _options(query)
+    settings, listed = _options(query)
     n = query.world.dim
     # Volume of the unit ball in n dimensions.
     ball = math.pi ** (n / 2) / math.gamma(n / 2 + 1)
     volume = float(np.prod(query.world.bounds[1] - query.world.bounds[0]))
-    numbers[STAR] = 1.1 * (2.0 * (1.0 + 1.0 / n) * volume / ball) ** (1.0 / n)
-    numbers[INFORMED] = query.method == "informed_rrt_star"
-    if numbers[INFORMED] and not query.one_goal:
+    settings = settings._replace(
+        gamma=1.1 * (2.0 * (1.0 + 1.0 / n) * volume / ball) ** (1.0 / n),
+        informed=query.method == "informed_rrt_star",
+    )
+    if settings.informed and not query.one_goal:
         raise invalid("goal", "a region", f"a state, for {query.method}")
-    return _search(query, numbers, _frame(query, numbers, listed), query.start)
+    return _search(query, *_frame(query, settings, listed), query.start)
 
 
 def rrt_connect(query: Query) -> Plan:
     """Grow two trees, from the start and from the goal, until they meet; there is no goal bias."""
-    numbers, listed = _options(query)
+    settings, listed = _options(query)
     root = query.goal_root()
     if root is None:
         return query.answer(GOAL_BLOCKED)
     query.counts[ROOTS] = not query.one_goal
-    return _search(query, numbers, _frame(query, numbers, listed), query.start, root)
+    return _search(query, *_frame(query, settings, listed), query.start, root)
 
 
 METHODS.update(rrt=rrt, rrt_connect=rrt_connect, rrt_star=rrt_star, informed_rrt_star=rrt_star)

@@ -54,8 +54,8 @@ class Log:
         sent = t if self.sent is None else vector("sent", self.sent, (t.size - 1,), unit="s")
         # Even spacing, and commands on the clock of the measurements: else a delay would look like
         # physics.
-        apart, other = np.diff(t) - np.median(np.diff(t)), sent[: t.size - 1] - t[:-1]
-        for name, values, deviation in (("times", t[1:], apart), ("sent", sent, other)):
+        jitter, other = np.diff(t) - np.median(np.diff(t)), sent[: t.size - 1] - t[:-1]
+        for name, values, deviation in (("times", t[1:], jitter), ("sent", sent, other)):
             i = int(np.argmax(np.abs(deviation)))
             if abs(deviation[i]) > 0.01 * self.dt:
                 raise invalid(

@@ -141,8 +141,8 @@ def trials(
         # Paired trials: only discordant ones count (McNemar, 1947).
         both = finite("together", together, max(0.0, p + q - 1.0), min(p, q))
         # Share of discordant trials, in which only one of the two succeeds.
-        apart = p + q - 2.0 * both
-        root = a * math.sqrt(apart) + b * math.sqrt(apart - d * d)
+        discordant = p + q - 2.0 * both
+        root = a * math.sqrt(discordant) + b * math.sqrt(discordant - d * d)
     return math.ceil((root / d) ** 2)
 
 

@@ -409,13 +409,20 @@ def _ends(edge):
 
 @register_jitable
 def _graph(pen, state, controls):
-    """Nodes, and edges as wide as the rate is high; those of the chosen node are lit."""
+    """Draw the graph of nodes and edges: what a tool such as rqt_graph shows of a running system.
+
+    An edge is as wide as its rate is high, those of the chosen node are lit, and a topic whose
+    policies do not match is red and says why.
+    """
     chosen = controls["node"]
+    # Edges first, so that the boxes cover their ends.
     for k in range(len(_EDGES)):
         x0, y0, x1, y1 = _ends(k)
         rate, service = _rate(state, controls, k), k >= _FIRST_SERVICE
         lit = _EDGES[k, 0] == chosen or _EDGES[k, 1] == chosen
+        # Rates go from 0.1 Hz to 1 kHz, hence a logarithm.
         width = 1.0 + 1.2 * math.log10(1.0 + rate)
+        # Only topics have policies that can fail to match (request-offered); services have none.
         silent = k < len(TOPICS) and verdict(controls, k) > 0
         ink = draw.RED if silent else (_SERVICE if service else _TOPIC)
         draw.arrow(pen, x0, y0, x1, y1, ink, width, 8.0 + width, 1.0 if lit or silent else 0.35)
@@ -434,6 +441,8 @@ def _graph(pen, state, controls):
                 0.0,
                 1.0,
             )
+    # Boxes with the names of the nodes. The controller, node 3, is outlined in red: the only one
+    # whose deadline is hard.
     for k in range(len(_AT)):
         x, y = _AT[k]
         edge = draw.RED if k == 3 else (draw.INK if k == chosen else draw.GREY)

@@ -157,7 +157,7 @@ def process_image(values, pieces):
             spread = np.array([math.sqrt(C[:3].sum()), math.sqrt(C[5])])
             place, turn = (back @ (best.p - table[:3]))[:2], math.atan2(along[1], along[0])
             result[k] = (
-                *chapter.apart(part, poses[number], best.pose),
+                *chapter.pose_distance(part, poses[number], best.pose),
                 # An infinite deviation means that nothing constrains this direction.
                 *np.where(spread < math.inf, spread, -1.0),
                 best.see_through,

@@ -277,12 +277,12 @@ def frame(pen, state, controls):
     draw.reading(pen, _COST, COSTS[scene, fair, at], 1, _TIMES, away)
     # The largest distance between the ends of any two simulators: how far they disagree.
     ends = PATHS[scene, step, fair, :, -1]
-    apart = 0.0
+    distance = 0.0
     for a in range(ENGINES):
         for b in range(a):
-            apart = max(apart, math.hypot(ends[a, 0] - ends[b, 0], ends[a, 1] - ends[b, 1]))
+            distance = max(distance, math.hypot(ends[a, 0] - ends[b, 0], ends[a, 1] - ends[b, 1]))
     unit = 1.0 if scene >= TOWER else 1e3
-    draw.reading(pen, _APART, unit * apart, 2, _PLACES + scene)
+    draw.reading(pen, _APART, unit * distance, 2, _PLACES + scene)
     draw.reading(pen, _AREA, area(RADAR[at, order, 1]), 2, _S, away)
 
 

@@ -2,6 +2,8 @@
 
 import io
 import os
+import select
+import signal
 import sys
 
 from drills import terminal
@@ -22,4 +24,30 @@ def read_line(prompt: str = "") -> str:
     """
     if sys.stdout in terminal.LEFT:
         raise EOFError
-    return input(prompt)
+    if os.name != "posix" or not sys.stdin.isatty():
+        return input(prompt)
+    terminal.write(prompt)
+    wait_for_line()
+    return input()
+
+
+def wait_for_line() -> None:
+    """Wait until the terminal has a line, or its end, so that `input` returns at once.
+
+    `input` writes its prompt and reads, and looks for signals only afterwards: a Ctrl-C that comes
+    between the two waits for the next line. Here every signal is also written to a pipe, and
+    `select` waits for the terminal and for the pipe.
+
+    Raises:
+        KeyboardInterrupt: on Ctrl-C, whenever it comes.
+    """
+    receiver, sender = os.pipe()
+    os.set_blocking(sender, False)
+    before = signal.set_wakeup_fd(sender, warn_on_full_buffer=False)
+    try:
+        while sys.stdin not in select.select([sys.stdin, receiver], [], [])[0]:
+            os.read(receiver, 1024)  # a signal whose handler did not raise
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(receiver)
+        os.close(sender)

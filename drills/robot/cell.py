@@ -72,6 +72,7 @@ class World(NamedTuple):
         motor: factor from the commanded torque to the motor's.
         bias: offset of both encoders [rad].
         noise: standard deviation of an encoder's reading [rad].
+        transition: speed at which dry friction is tanh(1) of its full size [rad/s].
     """
 
     lengths: tuple[float, float]
@@ -83,6 +84,7 @@ class World(NamedTuple):
     motor: float = 1.0
     bias: float = 0.0
     noise: float = 0.0
+    transition: float = 0.01
 
 
 class Task(NamedTuple):
@@ -190,9 +192,8 @@ def acceleration(
     spin = bend * math.sin(q2)
     outer = gravity * second * math.cos(q1 + q2)
     inner = gravity * first * math.cos(q1)
-    # Dry friction, smooth within 10 mrad/s.
-    drag1 = world.damping[0] * v1 + world.coulomb[0] * math.tanh(100.0 * v1)
-    drag2 = world.damping[1] * v2 + world.coulomb[1] * math.tanh(100.0 * v2)
+    drag1 = world.damping[0] * v1 + world.coulomb[0] * math.tanh(v1 / world.transition)
+    drag2 = world.damping[1] * v2 + world.coulomb[1] * math.tanh(v2 / world.transition)
     f1 = float(tau[0]) + spin * (2.0 * v1 * v2 + v2 * v2) - inner - outer - drag1
     f2 = float(tau[1]) - spin * v1 * v1 - outer - drag2
     scale = m11 * m22 - m12 * m12

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from course import kinematics, perception, planning
 from course.compiled import MATRIX, VECTOR, loop
 from course.contact.models import pgs_sweep
+from course.control import friction_compensation
 from course.control import lqr as regulator
 from course.control.tracking import two_link_torque
 from course.kinematics import TwoLink
@@ -137,9 +138,9 @@ def _nearest(points, model, index):
         for k in range(model.shape[1]):
             x, y = points[0, i] - model[0, k], points[1, i] - model[1, k]
             z = points[2, i] - model[2, k]
-            apart = x * x + y * y + z * z
-            if apart < best:
-                best, index[i] = apart, k
+            square = x * x + y * y + z * z
+            if square < best:
+                best, index[i] = square, k
 
 
 _nearest_loop = loop(_nearest, numba.void(MATRIX, MATRIX, _INDICES))
@@ -200,14 +201,30 @@ def _law(model, reference, kp, kd, q1, q2, v1, v2):
     return two_link_torque(model, 0, q1, q2, v1, v2, a1, a2)
 
 
-def _drive(model, body, coulomb, motor, gains, limits, tick, references, noise, state, queue, out):
+@register_jitable
+def _friction(friction, joint, v):
+    """Return friction of a joint; rows: dry [N m], viscous [N m s/rad], transition [rad/s]."""
+    return friction[0, joint] * math.tanh(v / friction[2, joint]) + friction[1, joint] * v
+
+
+@register_jitable
+def _torques(model, known, reference, gains, q1, q2, v1, v2):
+    """Return computed torques and those against the `known` friction at the reference's rates."""
+    u1, u2 = _law(model, reference, gains[0], gains[1], q1, q2, v1, v2)
+    u1 += _friction(known, 0, reference[1, 0])
+    return u1, u2 + _friction(known, 1, reference[1, 1])
+
+
+def _drive(
+    model, known, body, dry, motor, gains, limits, tick, references, noise, state, queue, out
+):
     """Play the ticks of a motion; `state` is (q, v) in columns, `queue` torques on their way."""
     q, v = state[:2].copy(), state[2:].copy()
     params = body.copy()
     late = queue.shape[0]
     for i in range(references.shape[0]):
         q1, q2 = q[0, 0] + noise[i, 0], q[1, 0] + noise[i, 1]
-        u1, u2 = _law(model, references[i], gains[0], gains[1], q1, q2, v[0, 0], v[1, 0])
+        u1, u2 = _torques(model, known, references[i], gains, q1, q2, v[0, 0], v[1, 0])
         u1 = min(max(u1, -limits[0]), limits[0])
         u2 = min(max(u2, -limits[1]), limits[1])
         # The oldest torque of the queue takes effect.
@@ -215,8 +232,9 @@ def _drive(model, body, coulomb, motor, gains, limits, tick, references, noise, 
             w1, w2 = queue[i % late, 0], queue[i % late, 1]
             queue[i % late, 0], queue[i % late, 1] = u1, u2
             u1, u2 = w1, w2
-        params[11, 0] = motor * u1 - coulomb[0] * math.tanh(100.0 * v[0, 0])
-        params[12, 0] = motor * u2 - coulomb[1] * math.tanh(100.0 * v[1, 0])
+        # Viscous friction is in the arm's own equations.
+        params[11, 0] = motor * u1 - _friction(dry, 0, v[0, 0])
+        params[12, 0] = motor * u2 - _friction(dry, 1, v[1, 0])
         params[13, 0], params[14, 0] = v[0, 0], v[1, 0]
         q, v = velocity_verlet(q, v, _frozen, tick, params)
         out[i, 0], out[i, 1] = q[0, 0], q[1, 0]
@@ -228,7 +246,8 @@ _drive_loop = loop(
     numba.void(
         MATRIX,
         MATRIX,
-        VECTOR,
+        MATRIX,
+        MATRIX,
         numba.float64,
         MATRIX,
         VECTOR,
@@ -242,13 +261,18 @@ _drive_loop = loop(
 )
 
 
-def _command(model, gains, references, out):
+def _command(model, known, gains, references, out):
     for i in range(references.shape[0]):
         r = references[i]
-        out[i, 0], out[i, 1] = _law(model, r, gains[0], gains[1], r[0, 0], r[0, 1], 0.1, 0.1)
+        out[i, 0], out[i, 1] = _torques(model, known, r, gains, r[0, 0], r[0, 1], 0.1, 0.1)
 
 
-_command_loop = loop(_command, numba.void(MATRIX, MATRIX, _CUBE, MATRIX))
+_command_loop = loop(_command, numba.void(MATRIX, MATRIX, MATRIX, _CUBE, MATRIX))
+
+
+def _rows(coulomb: Any, viscous: Any, transition: float) -> Array:
+    """Return the friction of two joints as `_friction` reads it, shape (3, 2)."""
+    return np.array((coulomb, viscous, (transition, transition)))
 
 
 @functools.cache
@@ -265,13 +289,14 @@ def _share_of_the_law() -> float:
     model = _column(cell.lengths, cell.masses, (0.0, 0.0), 0.0, cell.gravity)
     references, out = np.zeros((_TICKS, 3, 2)), np.empty((_TICKS, 2))
     gains, limits, nothing = np.ones((2, 2)), np.array(cell.torques), np.zeros((0, 2))
-    friction, state, noise = np.zeros(2), np.zeros((4, 1)), np.zeros((_TICKS, 2))
+    known = _rows(cell.coulomb, cell.viscous, cell.transition)
+    state, noise = np.zeros((4, 1)), np.zeros((_TICKS, 2))
     for _ in range(2):
         begun = time.perf_counter()
-        _command_loop(model, gains, references, out)
+        _command_loop(model, known, gains, references, out)
         law = time.perf_counter()
         _drive_loop(
-            model, model, friction, 1.0, gains, limits, cell.tick, references, noise, state,
+            model, known, model, known, 1.0, gains, limits, cell.tick, references, noise, state,
             nothing, out,
         )  # fmt: skip
         end = time.perf_counter()
@@ -281,7 +306,9 @@ def _share_of_the_law() -> float:
 def drive(
     arm: Arm, references: Array, noise: Array, out: Array
 ) -> tuple[Array, Array, list[Array], dict[str, float]]:
-    """Play the ticks of a motion in one compiled loop: computed torque and velocity Verlet.
+    """Play the ticks of a motion in one compiled loop.
+
+    Control is computed torque with friction compensation, physics is velocity Verlet.
 
     Args:
         arm: at its start; it is not changed.
@@ -296,13 +323,14 @@ def drive(
     cell, world = arm.cell, arm.world
     model = _column(cell.lengths, cell.masses, (0.0, 0.0), 0.0, cell.gravity)
     body = _column(world.lengths, world.masses, world.damping, world.payload, cell.gravity)
+    known = _rows(cell.coulomb, cell.viscous, cell.transition)
+    dry = _rows(world.coulomb, (0.0, 0.0), world.transition)
     state = np.concatenate((arm.q, arm.v))[:, None]
     queue = np.array(arm.queue).reshape(len(arm.queue), 2)
     begun = time.perf_counter()
     _drive_loop(
-        model, body, np.array(world.coulomb), world.motor, np.array((arm.kp, arm.kd)),
-        np.array(cell.torques), cell.tick, np.ascontiguousarray(references), noise, state, queue,
-        out,
+        model, known, body, dry, world.motor, np.array((arm.kp, arm.kd)), np.array(cell.torques),
+        cell.tick, np.ascontiguousarray(references), noise, state, queue, out,
     )  # fmt: skip
     spent = time.perf_counter() - begun
     if len(queue):
@@ -523,6 +551,11 @@ def rnea_planar(
     return np.array(two_link_torque(model, 0, *q.tolist(), *v.tolist(), *a.tolist()))
 
 
+def friction_torque(v: Array, coulomb: Array, viscous: Array, transition: float) -> Array:
+    """Return torques against friction with `course.control.friction_compensation`."""
+    return friction_compensation(v, coulomb, viscous, transition)
+
+
 def _slide(position, velocity, gravity, mu, dt, steps):
     """Step a block on a plane with one contact, solved by projected Gauss-Seidel."""
     # Rows: along the normal, then the tangent, scaled by the friction coefficient.
@@ -574,9 +607,10 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "computed_torque": computed_torque,
     "lqr": lqr,
     "rnea_planar": rnea_planar,
+    "friction_torque": friction_torque,
     "contact_step": contact_step,
 }
-DRIVEN = ("computed_torque", "rnea_planar", "verlet")
+DRIVEN = ("computed_torque", "rnea_planar", "friction_torque", "verlet")
 
 
 def engine_of(parts: list[Part]) -> Engine:

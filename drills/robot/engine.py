@@ -37,8 +37,8 @@ def on_a_face(points: Array, model: Array, faces: Array, crease: float) -> NDArr
         faces: number of the face of each model point, from 0, shape (k,).
         crease: by how much farther the second nearest face must be [m].
     """
-    apart = _squares(points, model)
-    each = np.sqrt(np.stack([apart[:, faces == face].min(axis=1) for face in range(5)]))
+    squares = _squares(points, model)
+    each = np.sqrt(np.stack([squares[:, faces == face].min(axis=1) for face in range(5)]))
     each.sort(axis=0)
     return np.asarray(each[1] - each[0] > crease)
 

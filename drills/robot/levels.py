@@ -64,5 +64,15 @@ def level(number: int) -> Level:
 
 
 def exact_world(cell: Cell = CELL) -> World:
-    """Return an arm that is as the robot's programs believe."""
-    return World(cell.lengths, cell.masses)
+    """Return an arm that is as the robot's programs believe, with friction in its joints.
+
+    Friction belongs to this arm alone. Chapter 11's arm has none, so that its figures and
+    recordings stay what they are.
+    """
+    return World(
+        cell.lengths,
+        cell.masses,
+        damping=cell.viscous,
+        coulomb=cell.coulomb,
+        transition=cell.transition,
+    )

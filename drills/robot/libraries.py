@@ -194,6 +194,41 @@ def rnea_planar(lengths, masses, q, v, a, gravity):
     return pinocchio.rnea(model, data, q, v, a).copy()
 """
     },
+    "friction_torque": {
+        "mujoco": """
+import mujoco
+import numpy as np
+
+MODELS = {}
+
+
+def model_of(coulomb, viscous, transition):
+    key = (*coulomb, *viscous, transition)
+    if key not in MODELS:
+        # MuJoCo's frictionloss is linear up to a speed and constant above. At a solver impedance of
+        # 0.9 and a mass of 1 the slope is 10 times the damping in solreffriction.
+        joints = "".join(
+            f'<body><joint type="slide" axis="1 0 0" frictionloss="{dry!r}" damping="{wet!r}" '
+            f'solimpfriction="0.9 0.9 0.001 0.5 2" solreffriction="0 {-0.1 * dry / transition!r}"/>'
+            '<geom size="0.1" mass="1" contype="0" conaffinity="0"/></body>'
+            for dry, wet in zip(coulomb.tolist(), viscous.tolist())
+        )
+        model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><option gravity="0 0 0"/><worldbody>{joints}</worldbody></mujoco>'
+        )
+        MODELS.clear()
+        MODELS[key] = model, mujoco.MjData(model)
+    return MODELS[key]
+
+
+def friction_torque(v, coulomb, viscous, transition):
+    model, data = model_of(coulomb, viscous, transition)
+    data.qvel[:], data.qacc[:] = v, 0.0
+    # Inverse dynamics at a constant speed: all of the force goes against friction.
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse.copy()
+"""
+    },
     "plane_ransac": {
         "open3d": _OPEN3D
         + """

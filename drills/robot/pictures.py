@@ -9,6 +9,13 @@ import numpy as np
 
 from drills import workspace
 from drills.robot import state, tables
+from drills.robot.arguments import (
+    level_option,
+    output_option,
+    parts_options,
+    seed_option,
+    tasks_option,
+)
 from drills.robot.holders import chosen
 from drills.robot.levels import level
 from drills.robot.play import play
@@ -19,10 +26,8 @@ from drills.workspace import Misuse
 
 
 @click.command()
-@click.option(
-    "--level", "number", type=click.IntRange(1, HIDDEN - 1), help="Else the last that ran."
-)
-@click.option("-o", "--output", metavar="PNG", help="Where to write the chart.")
+@level_option(HIDDEN - 1, "the last that ran")
+@output_option("PNG", "chart")
 @options
 @body
 def history(session: Session, number: int | None, output: str | None) -> int:
@@ -69,12 +74,11 @@ def history(session: Session, number: int | None, output: str | None) -> int:
 
 
 @click.command("film")
-@click.option("--level", "number", type=click.IntRange(1, HIDDEN - 1), help="Else the next one.")
-@click.option("--tasks", type=click.IntRange(1, 200), default=20, show_default=True)
-@click.option("--part", "choices", multiple=True, metavar="SLOT=WHO", help="As for run.")
-@click.option("--own", multiple=True, metavar="FUNCTION=FILE", help="As for run.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
-@click.option("-o", "--output", metavar="HTML", help="Where to write the animation.")
+@level_option(HIDDEN - 1, "the first that is not passed")
+@tasks_option(1, 200, 20)
+@parts_options
+@seed_option
+@output_option("HTML", "animation")
 @options
 @body
 def film_(

@@ -122,10 +122,10 @@ def dbscan(args: Args, labels: Any) -> str:
     points, eps, least = args
     if labels.size != points.shape[1]:
         return f"one label for each point: {labels.size} labels, {points.shape[1]} points"
-    apart = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
-    if np.any(np.abs(apart - eps) < 1e-9):
+    distance = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
+    if np.any(np.abs(distance - eps) < 1e-9):
         return ""
-    near = apart <= eps
+    near = distance <= eps
     core = near.sum(axis=1) >= least
     # Connected components of the core points: the smallest number spreads.
     number = np.arange(core.size)
@@ -155,17 +155,34 @@ def dbscan(args: Args, labels: Any) -> str:
 
 
 def dbscan_rule(args: Args, labels: Any) -> str:
-    """Check the exercise's rules as well: border points join the nearest, clusters are in order."""
+    """Check the definition of DBSCAN, and the two rules by which the exercise makes it unique.
+
+    The definition (Ester et al., 1996) leaves two choices open: the cluster of a border point that
+    several clusters reach, and the numbers of the clusters. The exercise demands the cluster of the
+    nearest core point, and numbers from 0 in the order of each cluster's first core point.
+
+    Args:
+        args: points (3, N) [m], radius eps [m], and how many points within it, itself included,
+            make a core point.
+        labels: the answer, (N,): number of the cluster, -1 for noise.
+
+    Returns:
+        The sentence on the first broken promise; nothing if there is none, or if rounding decides.
+    """
     points, eps, least = args
     wrong = dbscan(args, labels)
-    apart = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
-    if wrong or np.any(np.abs(apart - eps) < 1e-9):
+    distance = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
+    # At a distance of eps to within rounding, a correct answer may count the point in or out.
+    if wrong or np.any(np.abs(distance - eps) < 1e-9):
         return wrong
-    near = apart <= eps
+    near = distance <= eps
     core = near.sum(axis=1) >= least
     border = ~core & (near & core[None, :]).any(axis=1)
-    nearest = np.where(near & core[None, :], apart, np.inf).argmin(axis=1)
-    if np.any(labels[border] != labels[nearest[border]]):
+    # Two core points may be equally near, such as on a grid: then either label is right.
+    reach = np.where(near & core[None, :], distance, np.inf)
+    nearest = reach <= reach.min(axis=1, keepdims=True, initial=np.inf) + 1e-9
+    allowed = (nearest & (labels[:, None] == labels[None, :])).any(axis=1)
+    if np.any(border & ~allowed):
         return "a border point has the label of the nearest core point: one has not"
     clusters, first = np.unique(labels[core], return_index=True)
     if clusters.tolist() != list(range(len(clusters))) or np.any(np.diff(first) < 0):
@@ -210,12 +227,12 @@ def point_to_plane_step(args: Args, result: Any) -> str:
     wrong = _rotation(R)
     if wrong:
         return wrong
-    apart = np.linalg.norm(points[:, :, None] - model[:, None, :], axis=0)
-    order = np.partition(apart, 1, axis=1)
-    match = apart.argmin(axis=1)
+    distance = np.linalg.norm(points[:, :, None] - model[:, None, :], axis=0)
+    order = np.partition(distance, 1, axis=1)
+    match = distance.argmin(axis=1)
     if np.any(order[:, 1] - order[:, 0] < 1e-9):
         # Two model points are as near: both are right where their normals agree.
-        alike = np.isclose(apart, order[:, :1], atol=1e-9)
+        alike = np.isclose(distance, order[:, :1], atol=1e-9)
         if any(np.ptp(normals[:, row], axis=1).max() > 1e-9 for row in alike):
             return ""
     n, gap = normals[:, match], np.sum(normals[:, match] * (model[:, match] - points), axis=0)
@@ -544,6 +561,57 @@ def rnea_planar(args: Args, tau: Any) -> str:
     return _beyond("the torques cause the accelerations", wrong, 1e-7)
 
 
+def friction_torque(args: Args, tau: Any) -> str:
+    """Check what cancels friction, whatever the curve of its transition: direction and limits."""
+    v, coulomb, viscous, transition = args
+    # Along the motion: what is left without viscous friction cancels Coulomb friction.
+    direction, ratio = np.sign(v), np.abs(v) / transition
+    along = direction * tau
+    dry = along - viscous * np.abs(v)
+    # A concave curve with the slope 1 in the origin, which is tanh(1) at the transition speed.
+    most = np.minimum(ratio, 1.0)
+    least = np.maximum(math.tanh(1.0) * most, ratio * (1.0 - ratio**2 / 3.0))
+    least = np.where(ratio >= 6.0, 1.0 - 2e-5, least)
+    slack = 1e-9 * (1.0 + coulomb)
+    return _first(
+        _beyond("a joint at rest needs no torque", _largest(np.abs(tau[v == 0.0])), 1e-9, "N m"),
+        _beyond(
+            "the torque acts along with the motion, against friction",
+            _largest(-along[v != 0.0]),
+            1e-9,
+            "N m",
+        ),
+        _beyond(
+            "without viscous friction, at most Coulomb friction remains",
+            _largest(dry - coulomb * most - slack),
+            0.0,
+            "N m",
+        ),
+        _beyond(
+            "viscous friction and Coulomb friction are both cancelled",
+            _largest(coulomb * least - dry - slack),
+            0.0,
+            "N m",
+        ),
+    )
+
+
+def _largest(values: Array) -> float:
+    return float(np.max(values, initial=0.0))
+
+
+def friction_torque_rule(args: Args, tau: Any) -> str:
+    """Check the exercise's curve as well: tanh, written with an exponential."""
+    v, coulomb, viscous, transition = args
+    wrong = friction_torque(args, tau)
+    if wrong:
+        return wrong
+    fading = np.exp(-2.0 * np.abs(v) / transition)
+    dry = coulomb * (1.0 - fading) / (1.0 + fading)
+    away = np.abs(np.sign(v) * tau - dry - viscous * np.abs(v))
+    return _beyond("Coulomb friction times tanh(v / transition)", _largest(away), 1e-9, "N m")
+
+
 def contact_step(args: Args, result: Any) -> str:
     """Check the fall, the landing and the slide of a point by their closed forms."""
     position, velocity, slope, mu, dt, steps = args
@@ -653,6 +721,7 @@ PROMISES: dict[str, Promise] = {
     "computed_torque": computed_torque,
     "lqr": lqr,
     "rnea_planar": rnea_planar,
+    "friction_torque": friction_torque,
     "contact_step": contact_step,
     "verlet": verlet,
 }
@@ -661,6 +730,7 @@ RULES: dict[str, Promise] = {
     "plane_ransac": plane_ransac_rule,
     "rrt_connect": rrt_connect_rule,
     "shortcut": shortcut_rule,
+    "friction_torque": friction_torque_rule,
     "contact_step": contact_step_rule,
     "dbscan": dbscan_rule,
     "verlet": verlet_rule,

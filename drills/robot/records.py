@@ -24,6 +24,9 @@ class Cell(NamedTuple):
         tilt: of the table [rad]; the arm moves parallel to it.
         width: half the width of a link [m].
         torques: limit of each joint [N m].
+        coulomb: dry friction of each joint [N m].
+        viscous: friction of each joint per speed [N m s/rad].
+        transition: speed at which dry friction is tanh(1) = 76 % of its full size [rad/s].
         rates: limit of each joint in a plan [rad/s].
         accelerations: the same [rad/s^2].
         home: joint angles at the start [rad].
@@ -50,6 +53,9 @@ class Cell(NamedTuple):
     tilt: float = 0.35
     width: float = 0.03
     torques: tuple[float, float] = (60.0, 25.0)
+    coulomb: tuple[float, float] = (1.0, 0.25)
+    viscous: tuple[float, float] = (0.5, 0.1)
+    transition: float = 0.05
     rates: tuple[float, float] = (2.0, 2.5)
     accelerations: tuple[float, float] = (6.0, 8.0)
     home: tuple[float, float] = (-1.2, 1.8)
@@ -297,7 +303,7 @@ class Stages(NamedTuple):
         correct: Correction -> step of the joints, shape (2,) [rad].
         plan: Route -> Motion.
         gains: period [s] -> (kp, kd), each shape (2,).
-        control: Command -> torques, shape (2,) [N m].
+        control: Command -> torques, shape (2,) [N m]; those against friction included.
         move: Tick -> (q, v), each shape (2,).
         release: Release -> position at rest, shape (2,) [m].
     """

@@ -11,6 +11,7 @@ import numpy as np
 
 from drills import progress
 from drills.robot import chapters, hidden, inside, report, state, tables
+from drills.robot.arguments import level_option, parts_options, seed_option, tasks_option
 from drills.robot.cell import Level, World
 from drills.robot.chapters import GAP
 from drills.robot.holders import chosen, course_part, digest_of, library_part, stage_holders
@@ -23,18 +24,14 @@ from drills.robot.store import Stored
 from drills.session import RIGHT, WRONG, Session, body, options
 
 LIBRARIES = "libraries"  # the holder of a robot with a library's part wherever there is one
-LEVEL = click.IntRange(1, len(LEVELS))
+FIRST_NOT_PASSED = "the first that is not passed"
 
 
 @click.command()
-@click.option("--level", "number", type=LEVEL, help="1 to 6; else the first that is not passed.")
-@click.option("--tasks", type=click.IntRange(1, 5000), default=TASKS, show_default=True)
-@click.option("--part", "choices", multiple=True, metavar="SLOT=WHO", help="Who holds a slot or a "
-              "stage: yours, course, or a library.")  # fmt: skip
-@click.option(
-    "--own", multiple=True, metavar="FUNCTION=FILE", help="A stage's function of your own."
-)
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@level_option(len(LEVELS), FIRST_NOT_PASSED)
+@tasks_option(1, 5000, TASKS)
+@parts_options
+@seed_option
 @click.option(
     "--twin",
     "--sim2real",
@@ -272,11 +269,9 @@ def _remember(session: Session, entry: dict[str, Any], passed: bool, number: int
 
 @click.command()
 @click.option("--chapter", type=click.IntRange(1, 11), required=True, help="Its number.")
-@click.option(
-    "--level", "number", type=click.IntRange(1, HIDDEN - 1), help="Else the first not passed."
-)
-@click.option("--tasks", type=click.IntRange(2, 200), default=chapters.TASKS, show_default=True)
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@level_option(HIDDEN - 1, FIRST_NOT_PASSED)
+@tasks_option(2, 200, chapters.TASKS)
+@seed_option
 @options
 @body
 def compare(session: Session, chapter: int, number: int | None, tasks: int, seed: int) -> int:

@@ -52,6 +52,8 @@ SLOTS = (
          ((2,),), 97),
     Slot("lqr", "control", "lqr", "gains of the joint loops", ((1, 2),)),
     Slot("rnea_planar", "control", "rnea_planar", "torques that hold the arm", ((2,),), 53),
+    Slot("friction_torque", "control", "friction_torque", "torques against joint friction",
+         ((2,),), 23),
     Slot("contact_step", "physics", "contact_step", "the released part on the table",
          ((2,), (2,))),
     Slot("verlet", "physics", "verlet_step", "moves the arm by one tick", ((2,), (2,), (2,)), 97),

@@ -196,16 +196,23 @@ def build(cell: Cell, bench: Bench, engine: Engine = PLAIN) -> Stages:
         return np.full(2, K[0, 0]), np.full(2, K[0, 1])
 
     lengths, masses = np.array(cell.lengths), np.array(cell.masses)
+    coulomb, viscous = np.array(cell.coulomb), np.array(cell.viscous)
     gravity = cell.gravity
 
     def control(command: Command) -> Array:
         q, v, reference, kp, kd, hold = command
+        # Feed-forward at the rates of the reference: near rest, the sign of a measured rate
+        # changes with every disturbance, and the torque with it.
+        friction = bench.call(
+            "friction_torque", reference[1].copy(), coulomb, viscous, cell.transition
+        )
         if not hold:
             arguments = (lengths, masses, gravity, q, v, reference, kp, kd)
-            return np.asarray(bench.call("computed_torque", *arguments))
+            return np.asarray(bench.call("computed_torque", *arguments) + friction)
         # Inverse dynamics of the acceleration that brings the arm back to rest where it was.
         back = kp * (reference[0] - q) - kd * v
-        return np.asarray(bench.call("rnea_planar", lengths, masses, q, v, back, gravity))
+        torque = bench.call("rnea_planar", lengths, masses, q, v, back, gravity)
+        return np.asarray(torque + friction)
 
     def move(tick: Tick) -> tuple[Array, Array]:
         q, v, acceleration, step = tick

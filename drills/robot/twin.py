@@ -16,7 +16,8 @@ def imperfect_world(gap: float, cell: Cell = CELL, delay: float = DELAY) -> Worl
 
     `course.sim_to_real.real` moves all parameters along one direction: heavier links, an unknown
     payload, viscous and dry friction, a weak motor, and encoders with an offset and noise. The
-    second joint has half the dry friction of the first, as there.
+    second joint has half the dry friction of the first, as there. All of this friction adds to the
+    one that the programs know of.
 
     Args:
         gap: 0 for an arm as believed but for the damping of chapter 8's arm, up to 1.25.
@@ -33,14 +34,17 @@ def imperfect_world(gap: float, cell: Cell = CELL, delay: float = DELAY) -> Worl
     )  # fmt: skip
     m1, m2 = cell.masses
     c1, c2 = ARM.damping
+    d1, d2 = cell.viscous
+    f1, f2 = cell.coulomb
     return World(
         cell.lengths,
         (mass * m1, mass * m2),
-        damping=(viscous * c1, viscous * c2),
-        coulomb=(coulomb, 0.5 * coulomb),
+        damping=(d1 + viscous * c1, d2 + viscous * c2),
+        coulomb=(f1 + coulomb, f2 + 0.5 * coulomb),
         delay=round(late / cell.tick),
         payload=payload,
         motor=motor,
         bias=bias,
         noise=noise,
+        transition=cell.transition,
     )

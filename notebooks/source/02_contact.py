@@ -34,8 +34,8 @@ simulation("touch")
 #
 # Some cards show a statement, which you judge: true, false, or true only under a condition. Many are about
 # **MuJoCo**, a widely used free simulator. `python -m course.derivations 2` reruns all checks of this page. The code
-# is the package `course.contact`; it calls the step `dt`, which the text calls $h$. The times above omit folded claims
-# and the interview. Section 8 has six exercises:
+# is the package `course.contact`; it calls the step `dt`, which the text calls $h$. The times above include neither the
+# fold-outs *More claims about this* nor section 10. Section 8 has six exercises:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -238,11 +238,11 @@ predict("smaller_step_at_a_wall")
 # %%
 simulation("touch", "Tunnelling")
 # %% [markdown]
-# A shorter step cures the first kind of tunnelling, and so does computing the **time of impact**: the moment at which
-# two moving shapes first touch. For two balls that is the root of a quadratic. For other convex shapes there is
-# **conservative advancement** (Mirtich 1996). The shapes cannot meet sooner than their distance divided by an upper
-# bound on their approach speed. So advance time by that much, measure the distance again, and repeat until the
-# distance is within a tolerance.
+# A shorter step raises the speed at which the first kind of tunnelling begins. Computing the **time of impact**, the
+# moment at which two moving shapes first touch, removes it. For two balls at constant speed that is the root of a
+# quadratic. For other convex shapes there is **conservative advancement** (Mirtich 1996). The shapes cannot meet sooner
+# than their distance divided by an upper bound on their approach speed. So advance time by that much, measure the
+# distance again, and repeat until the distance is within a tolerance.
 #
 # The second kind hardly depends on the step, as long as the step is short compared with the contact's **time
 # constant**, roughly the time in which a soft contact pushes bodies apart (section 2 defines it). You need a stiffer
@@ -265,8 +265,9 @@ more_claims("circles_once_a_step", "soft_wall")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and only at one moment. GJK, and
-# MuJoCo with its meshes, see only the convex hull of a shape. (Other engines test meshes triangle by triangle.)
+# **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and (without a time of impact) only at
+# one moment. GJK, and MuJoCo with its meshes, see only the convex hull of a shape. (Other engines test meshes triangle
+# by triangle.)
 #
 # </div>
 # %% [markdown]
@@ -480,8 +481,9 @@ answer("potential_of_contact", "k*c")
 # %% [markdown]
 # ### From the Jacobian to the Delassus matrix
 #
-# Now solve for a contact force. Impacts make velocities jump, so forces can be infinite for an instant. Simulators
-# therefore compute **impulses**, force times time, for one step of length $h$. Four ingredients are needed:
+# Now solve for a contact force. Impacts make velocities jump, so forces can be infinite for an instant. Most simulators
+# of rigid contact therefore compute **impulses**, force times time, for one step of length $h$. Four ingredients are
+# needed:
 #
 # * $M$, the mass matrix, and $v$, the velocity of all bodies stacked into one vector;
 # * $v_f$, the **free velocity**: what $v$ would be after the step if there were no contact;
@@ -666,11 +668,12 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # 1. Normal: change the impulse so that $u_n$ would vanish, and project it: $p_n \leftarrow \max(0,\; p_n -
 #    u_n/A_{nn})$.
 # 2. Tangents: compute both velocities again, and change both impulses against them, $p_t \leftarrow p_t - u_t/a$. Use
-#    one number $a$ for both rows. It must not be smaller than the larger eigenvalue of their $2\times2$ block of $A$.
+#    one number $a$ for both rows. The larger eigenvalue of their $2\times2$ block of $A$ is a safe choice.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# Once a sweep changes nothing more, shortening $p_t - u_t/a$ returns $p_t$. So both have the same direction, and
-# $u_t$ points straight against $p_t$. If each row were divided by its own $A_{ii}$, friction would point elsewhere.
+# Once a sweep changes nothing more, shortening $p_t - u_t/a$ returns $p_t$. So at a sliding contact $p_t - u_t/a$ and
+# $p_t$ have the same direction, and $u_t$ points straight against $p_t$. If each row were divided by its own $A_{ii}$,
+# friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -696,9 +699,8 @@ simulation("sweeps")
 # %%
 predict("heavy_on_light")
 # %% [markdown]
-# Started from zero, the number of sweeps grows in proportion to the mass ratio. For a tower of equal boxes it grows
-# with the square of the number of boxes. A warm start spreads this work over many steps; once a pile is at rest, it
-# then needs few sweeps per step:
+# Started from zero, the number of sweeps of two bodies grows in proportion to the mass ratio, and that of a tower does
+# so at large ratios. For a tower of equal boxes it grows with the square of the number of boxes:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
@@ -721,8 +723,7 @@ predict("heavy_on_light")
 #
 # </details>
 #
-# Each iteration solves a linear system. On this chapter's stacks a few are enough at any mass ratio.
-# Elsewhere it may need more, or fail.
+# Each iteration solves a linear system. On this chapter's stacks a few are enough. Elsewhere it may need more, or fail.
 #
 # How far did a solver get? The **residual** is the largest violation of the contact law, as a velocity. (One step of
 # 2 ms; iterations of different methods do not cost the same.)
@@ -772,11 +773,11 @@ for dt in (1e-2, 1e-3, 1e-4):
 # position update and then deleted, so it never becomes kinetic energy. After $n$ steps the depth is
 # $(1-\beta)^n\,\delta$.
 #
-# **ERP and CFM** are ODE's two parameters, and many engines have adopted them. **ERP** (error reduction parameter) is
-# the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force $f$, the bodies may go on
-# approaching at the speed CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$) $p$, so CFM$/h$ is added to
-# the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and therefore
-# stable at every step:
+# **ERP and CFM** come from the engine ODE (Open Dynamics Engine); many others have adopted them. **ERP** (error
+# reduction parameter) is the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force
+# $f$, the bodies may go on approaching at the speed CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$)
+# $p$, so CFM$/h$ is added to the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated
+# implicitly and therefore stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -899,7 +900,8 @@ show("mujoco_is_convex_and_unique")
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k = 1/(d_1 T \zeta)^2$ and $b = 2/(d_1 T)$, where
 #   $d_1$ is the largest $d$. So the spring's $\omega$ is about $1/(\zeta T)$. The default (0.02 s, 1) gives a
-#   critically damped spring that settles in about a tenth of a second.
+#   critically damped spring that settles in about a tenth of a second. MuJoCo raises $T$ to at least two steps, so a
+#   harder contact needs a shorter step.
 # * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. The width is the depth
 #   from which $d$ no longer rises. By default $d$ rises from 0.9 to 0.95 over the first millimetre.
 # * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction yields less than the normal
@@ -972,9 +974,9 @@ for label, changed in (
     theirs = mujoco_contact.block(queried, 0.2).run(500)[1][0]
     print(f"{label:<22} {1e3 * ours:7.4f} mm/s, in MuJoCo {1e3 * theirs:7.4f} mm/s")
 # %% [markdown]
-# The compliance $R$ has a second consequence. It is scaled with $\hat A$, for a light body on the ground about one
-# over its mass. So this contact is as soft as suits the light body's own weight. Put a heavy body on top, and the
-# contact has to carry both: the light body sinks into the ground.
+# The compliance $R$ has a second consequence. It is proportional to $\hat A$, which for a body on the ground is about
+# one over its mass. So every single body sinks equally deep under its own weight. Put a heavy body on a light one, and
+# the soft contact below the light body has to carry both: it sinks into the ground.
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
@@ -1034,7 +1036,7 @@ more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
 # ## 3 · Design: contact in the simulation loop
 #
-# All of the above runs once per physics step, usually every 0.5 to 5 ms:
+# All of the above runs once per physics step, usually every 0.5 to 10 ms:
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.5), layout="constrained")
 stages = ("broad phase", "filters", "narrow phase", "constraints", "solver", "integration")
@@ -1145,15 +1147,15 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# We compare the models on four scenes; the last table adds a fifth, how deep a table's four legs sink (1 mm). *Where
+# We compare the models on four scenes; the last table adds a fifth. *Where
 # does a block stop* (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid?
 # *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1
-# mm)? *How far does a held glass slip* (1 mm)?
+# mm)? *How far does a held glass slip* (1 mm)? The fifth: *how deep do the four legs of a table sink* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
-# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross
-# at the upper edge is a failed run. The *pick*, circled, is the cheapest run within the tolerance (dotted). Drag the
-# tolerance and switch methods on:
+# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
+# the upper edge is a failed run; its horizontal position has no meaning. The *pick*, circled, is the cheapest run
+# within the tolerance (dotted). Drag the tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1198,16 +1200,16 @@ print(f"error of yours at 1 ms: {1e3 * mine.curves[-1].points[-1].error:.1f} mm"
 TradeOff(mine)
 # %% [markdown]
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
-# centimetres at every step. (The bodies still move then, and are deeper than in the card of section 2, at rest.) A
-# **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance. As its step gets
-# shorter, the penalty's error rises to its own depth, $mg/k$ with both masses:
+# centimetres at every step, with 100 kg on 1 kg. (The bodies still move then, and are deeper than in the card of
+# section 2, at rest.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance.
+# With shorter steps, the error of the penalty method grows up to $mg/k$, the depth at which its spring carries both
+# masses:
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
-# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. (How much faster it creeps
-# with the pyramid depends on this margin.) At long steps it creeps
-# faster; at short steps the speed no longer depends on the step. Hardened, it creeps too, but stays within the
-# tolerance except at the longest steps.
+# A held glass, with a quarter more friction than it needs. By default it creeps in MuJoCo. The speed does not depend on
+# the step until the step exceeds half the time constant; then MuJoCo softens the contact. Hardened, it creeps too, but
+# stays within the tolerance except at the longest steps.
 #
 # ![How far a held glass slips, error against cost](../docs/charts/contact_glass.png)
 #
@@ -1258,7 +1260,7 @@ more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# The scenes above support this list, except for arms, games and many worlds, which are our opinion.
+# The scenes above support the third and the fourth item; the others are our opinion.
 #
 # * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light
@@ -1312,9 +1314,9 @@ for mu in (1.0, 2.0):
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
-# pulling: clip the force at zero. If it is positive, look for a margin (a distance at which the contact already acts),
-# for adhesion that somebody set, or for a second contact. If it is zero and the bodies still stick, something else
-# holds them: a joint, a weld, a controller, or friction that was computed from an old or wrong normal force.
+# pulling: clip the force at zero. If it is positive, something else presses the bodies together: adhesion that somebody
+# set, or a second contact. If it is zero and the bodies still stick, something else holds them: a joint, a weld, a
+# controller, or friction that was computed from an old or wrong normal force.
 #
 # </div>
 #
@@ -1328,8 +1330,8 @@ show("nconmax_helps")
 # **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
 # divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a
 # pyramid (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 it slides: squeeze more, raise
-# the friction, or use a cone instead of a pyramid. Far below 1 it creeps: raise impratio or shorten the time
-# constant. If it moves in jerks, contacts come and go: look at the manifold.
+# the friction, or use a cone instead of a pyramid. Far below 1 it creeps: use elliptic cones and raise impratio, or
+# shorten the time constant. If it moves in jerks, contacts come and go: look at the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
@@ -1359,8 +1361,6 @@ more_claims("mujoco_timer")
 # what is wrong, often why. In a terminal, run `drills start aabb` and `drills check aabb`.
 #
 # ### Two axis-aligned boxes
-#
-# Write it for any number of dimensions.
 # %%
 card("aabb")
 
@@ -1384,8 +1384,6 @@ def aabb_contact(a, b):
 check(aabb_contact)
 # %% [markdown]
 # ### Two circles
-#
-# Handle any distance between the centres, including zero.
 # %%
 card("circle_contact")
 
@@ -1442,8 +1440,7 @@ check(impact_time)
 # ### A Gauss-Seidel sweep with friction
 #
 # A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*, onto
-# its nearest point. Repeated until nothing changes, this sweep solves the convex relaxation; that of section 2 solves
-# Coulomb's law, but may not converge.
+# its nearest point.
 # %%
 card("pgs_sweep")
 
@@ -1471,8 +1468,7 @@ check(pgs_sweep)
 # %% [markdown]
 # ### Silent-bug hunt: a block on a slope
 #
-# Nothing crashes, the motion looks plausible, and one thing is wrong. Find an experiment whose result you know
-# without a program.
+# Nothing crashes, the motion looks plausible, and one thing is wrong.
 # %%
 card("contact_step")
 

@@ -1592,7 +1592,7 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# There are eight graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
+# There are ten graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
 # function in a separate process on new random cases. It reports what is right and what is wrong. Where it recognises
 # the mistake, it also says why.
 #
@@ -1645,6 +1645,27 @@ def computed_torque(lengths, masses, gravity, q, v, reference, kp, kd):
 
 
 check(computed_torque)
+
+# %% [markdown]
+# ### Friction compensation
+#
+# Computed torque cancels inertia and gravity, not the friction of gears and bearings. A **friction compensation** adds
+# the torque that friction takes, in the direction of the motion. It is a feedforward: it uses the rate of the
+# reference, because the sign of a measured rate chatters at rest. A smooth transition replaces the jump of Coulomb
+# friction at zero.
+
+# %%
+card("friction_torque")
+
+
+# %%
+def friction_torque(v, coulomb, viscous, transition):
+    """Return the torques that motors add so that they cancel the friction of their joints."""
+    # Viscous friction alone.
+    return np.asarray(viscous) * np.asarray(v)
+
+
+check(friction_torque)
 
 # %% [markdown]
 # ### The LQR gain

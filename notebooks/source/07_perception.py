@@ -1075,7 +1075,7 @@ for name, message, standing in (
         result = locate(
             take_image(shared, seed, part), EYE, shared, BOX, table=message, standing=standing
         )[0]
-        deviation.append(perception.apart(BOX, part.poses[:, 0], result.pose))
+        deviation.append(perception.pose_distance(BOX, part.poses[:, 0], result.pose))
         verdicts.append(result.status)
     shift, turn = np.sqrt(np.mean(np.square(deviation), axis=0))
     result = f"{verdicts.count('found')} of 12 found"
@@ -1746,7 +1746,7 @@ images, right = [yaw_net.picture(EYE, noisy, TABLE, rng) for _ in range(100)], 0
 for depth, true in images:
     start = np.array([yaw_net.turn_of(true, plane)])
     result, _, _ = learned.laid(depth, noisy, lambda _, start=start: start)
-    shift, turn = perception.apart(yaw_net.L_PART, true, result)
+    shift, turn = perception.pose_distance(yaw_net.L_PART, true, result)
     right += shift < 0.002 and turn < np.radians(2.0)
 print(f"start at the true turn, noise x 3.75: {right / len(images):.2f} right")
 

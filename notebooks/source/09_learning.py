@@ -308,8 +308,8 @@ plt.show()
 # </details>
 #
 # A second view of GAE: the *n-step estimate* adds up the first $n$ errors, each multiplied by its power of $\gamma$.
-# The values in between cancel. What is left is $n$ real rewards, then $\gamma^n V(s_{t+n})$, minus $V(s_t)$. **The
-# critic is trained** by squared error towards $A_t + V(s_t)$, its own better estimate of the return.
+# The values in between cancel. What is left is $n$ discounted rewards, then $\gamma^n V(s_{t+n})$, minus $V(s_t)$.
+# **The critic is trained** by squared error towards $A_t + V(s_t)$, its own better estimate of the return.
 
 # %%
 show("lambda_mixes")
@@ -334,11 +334,10 @@ source(
 
 # %% [markdown]
 # What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
-# error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation),
-# and $\lambda$ shifts weight from one to the other. The lower right plot judges $A_t + V(s_t)$, the estimated return.
-# ($A_t$ contains $-V(s_t)$, and so the critic's error in the present state. That error is the same for all actions,
-# so it does not change which one looks best. Adding $V(s_t)$ removes it from the plot.) Double the critic's error,
-# and the best $\lambda$ grows:
+# error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
+# $\lambda$ shifts weight from one to the other. The lower right plot judges $A_t + V(s_t)$, the estimated return. (If
+# the critic is wrong about the present state, $A_t$ is wrong by the same amount for every action. That does no harm, so
+# the plot removes it by adding $V(s_t)$.) Double the critic's error, and the best $\lambda$ grows:
 
 # %%
 simulation("gae_weights")
@@ -352,10 +351,11 @@ simulation("gae_weights")
 #
 # $$\rho = \frac{\pi_{\text{new}}(a \mid s)}{\pi_{\text{old}}(a \mid s)} .$$
 #
-# It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled. As
-# long as all ratios are 1, the gradient of the average of $\rho A$ equals the policy gradient. After the first gradient
-# step, though, $\rho A$ alone would push the ratio of a good action up without end: a larger ratio is always better.
-# PPO maximises the **clipped objective** instead:
+# It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled. The
+# derivative of $\rho$ with respect to the weights is $\rho$ times that of $\log\pi$. So as long as all ratios are 1,
+# the gradient of the average of $\rho A$ is the policy gradient. After the first gradient step, though, $\rho A$ alone
+# would push the ratio of a good action up without end: a larger ratio is always better. PPO maximises the **clipped
+# objective** instead:
 #
 # $$L = \mathbb{E}\big[\min\big(\rho A,\ \mathrm{clip}(\rho,\,1-\varepsilon,\,1+\varepsilon)\,A\big)\big] .$$
 #
@@ -429,8 +429,8 @@ show("clip_keeps")
 #
 # The price is more gradient steps for each environment step. Also, $Q(s, a)$ is trained towards $r + \gamma Q(s', a')$,
 # where $a'$ is what the *current* policy would do in the next state $s'$. Perhaps no stored step shows what $a'$ leads
-# to. Then a $Q(s', a')$ that is too large stays so until the policy tries $a'$, and for good if the data are fixed.
-# Both methods therefore train two critics and use the smaller value.
+# to. If the critic overestimates $Q(s', a')$, then, hardly anything corrects it before the policy has tried $a'$. Both
+# methods therefore train two critics and use the smaller value.
 #
 # The chart shows SAC and PPO from the library Stable-Baselines3, paid for coming closer (the potential of section 2).
 # Every learner is judged by the prize alone, whatever reward it was trained with. With 2,048 steps per batch PPO has
@@ -636,10 +636,10 @@ simulation("cloning_drift")
 # %% [markdown]
 # ![Cost over length, limit of the square law, three closed loops, circle task](../docs/charts/compounding.png)
 #
-# The upper left panel shows the two cases above. The upper right one compares the square law with the true number.
-# (It uses $\tfrac12\varepsilon T(T+1)$, the better form for short tasks.) The colour says by how much the square law
-# exceeds the true number: purple by less than 10 %, orange by more. Along the black line, which is computed exactly,
-# the excess is 10 %. For tasks of more than ten steps this is the line $\varepsilon T = 0.3$.
+# The upper left panel shows the two cases above. The upper right one compares the square law with the true number. (It
+# uses $\tfrac12\varepsilon T(T+1)$, the better form for short tasks.) The colour says by how much the square law
+# exceeds the true number: purple by less than 10 %, orange by more. Along the black line the excess is 10 %. For tasks
+# of more than ten steps this is the line $\varepsilon T = 0.3$.
 #
 # The lower left panel shows three closed loops, and the lower right one the *circle task*, in which a point follows a
 # circle and errors die out. (There, clone and DAgger, explained below, have equally many labels.)
@@ -818,9 +818,9 @@ show("cloning_averages")
 #
 # When the policy acts there is no action to encode, so $z$ is drawn from a standard normal distribution. The second
 # term, a KL divergence with a chosen weight $\beta$, makes the codes of the training data look like such draws. ACT
-# (Action Chunking with Transformers) is such an autoencoder, with transformers (a network type for sequences) as
-# encoder and decoder. When it runs, it sets $z = 0$, so a state then has exactly one chunk. We did not run ACT. Our
-# numbers for $z = 0$ are those of a small autoencoder with a code of one number.
+# (Action Chunking with Transformers) is such an autoencoder, but with absolute errors and transformers (a network type
+# for sequences) as encoder and decoder. When it runs, it sets $z = 0$, so a state then has exactly one chunk. We did
+# not run ACT. Our numbers for $z = 0$ are those of a small autoencoder with a code of one number.
 #
 # The other two heads start from random noise and turn it into an action gradually. **Denoising diffusion** learns to
 # remove noise step by step. **Flow matching** learns a velocity that carries noise to data. The picture shows 40 runs
@@ -874,7 +874,8 @@ more_claims("code_of_zero")
 #
 # </details>
 #
-# Always run the nearest demonstration as a baseline.
+# Always run the nearest demonstration as a baseline. It wins here because 100 demonstrations cover a state of few
+# numbers; for camera images no such distance is known.
 #
 # ### Denoising and flows, step by step
 #
@@ -1060,8 +1061,8 @@ more_claims("pauses")
 #
 # ### One table, its numbers tested
 #
-# Each number in the table was measured, and a test of the course checks that they agree. The numbers in ACT's line
-# are those of our small autoencoder and, for pauses, of replaying the nearest demonstration.
+# Each number in the table was measured in this chapter. The numbers in ACT's line are those of our small autoencoder
+# and, for pauses, of replaying the nearest demonstration.
 
 # %% tags=["hide-code"]
 f = figure
@@ -1072,26 +1073,26 @@ methods = (
      f"sparse rewards: chance succeeds in {f('sparse_chance', 'measured'):.1%} of the episodes",
      f("two_gains", "share") > 0.8 and f("sparse_chance", "measured") < 0.05),
     ("cloning", "an expert, and a closed loop in which errors die out", "labels that cover the states",
-     f"trains in seconds; with a mixture head {passed['mixture']:.0%} pass the two-route task",
+     f"with a mixture head {passed['mixture']:.0%} pass the two-route task",
      f"with the squared error {passed['mean']:.1%} pass; a perfect fit can be unstable (radius "
      f"{f('perfect_fit', 'copy'):.2f})",
      passed["mean"] < 0.05 < passed["mixture"] and f("perfect_fit", "copy") > 1.0),
     ("DAgger", "an expert who can be asked in any state", "labels in the learner's own states",
      f"repairs drift: radius {f('dagger_fixes_drift', 'mended'):.2f}, if something takes the learner off the line",
-     f"changes nothing without noise ({f('dagger_fixes_drift', 'quiet'):.2f}); "
+     f"changes nothing if its rounds never leave the demonstrated line ({f('dagger_fixes_drift', 'quiet'):.2f}); "
      "hurts a network that is trained too briefly",
      f("dagger_fixes_drift", "mended") < 1.0 < f("dagger_fixes_drift", "quiet")
      and f("dagger_needs_room", "short_dagger") > f("dagger_needs_room", "short_clone")),
     ("diffusion, flow matching", "several modes, actions with many components",
      "demonstrations that contain every mode",
      f"holds both modes: {passed['diffusion']:.0%} and {passed['flow']:.0%} pass",
-     f"about ten evaluations per chunk; diffusion leads {f('diffusion_between', 'ten'):.0%} of its first chunks "
-     "into the obstacle; drifted on the regulator like the linear clone",
+     f"about ten evaluations per chunk; our small network leads {f('diffusion_between', 'ten'):.0%} of its first "
+     "chunks into the obstacle; drifted on the regulator like the linear clone",
      min(passed["diffusion"], passed["flow"]) > 0.7 and f("diffusion_mends_drift", "lost") > 0.9),
-    ("ACT", "long smooth motions, demonstrators who pause", "the same demonstrations",
+    ("ACT", "long smooth motions, demonstrators who pause", "demonstrations that contain every mode",
      f"executing more steps than a pause lasts gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
      f"{f('pauses', 'stuck'):.0%})",
-     f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; a whole chunk reacts late",
+     f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; long chunks react late",
      f("pauses", "through") == 0.0 and passed["autoencoder, z = 0"] < passed["autoencoder"]
      and f("react_less", "eight") < f("react_less", "two")),
 )  # fmt: skip
@@ -1121,8 +1122,8 @@ table(
 # The left panel changes one detail at a time on the usual task (80,000 environment steps). The right panel shows four
 # tasks, each made so that one detail matters: first the complete PPO, then, with a dash, PPO without that detail.
 #
-# On the usual task three changes break the learner: $\lambda = 0$, a single epoch per batch, and only four hidden
-# units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. So do
+# On the usual task three changes prevent learning within these steps: $\lambda = 0$, a single epoch per batch, and only
+# four hidden units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. So do
 # observations that are not normalised (rescaled to mean 0 and standard deviation 1); three seeds do not show which of
 # these two costs more. No other detail cost as much as a tenth. With three seeds, we could have missed such a cost.
 #
@@ -1140,9 +1141,9 @@ show("own_normaliser")
 # %% [markdown]
 # ### Many seeds, many machines
 #
-# Two seeds of one learner can differ more than two methods do, so the curves of this chapter have a band over several
-# seeds. `sweep` calls a function once for each of many sets of arguments. Its argument `executor` takes any pool of
-# workers, so it can run on several processors or machines.
+# Two seeds of one learner can differ more than two methods do (the chart of SAC and PPO in section 1 shows it), so the
+# curves of this chapter have a band over several seeds. `sweep` calls a function once for each of many sets of
+# arguments. Its argument `executor` takes any pool of workers, so it can run on several processors or machines.
 
 
 # %% tags=["show-code"]
@@ -1168,8 +1169,8 @@ table(("gain", "seed", "mean return"),
 #
 # Some tutorials on PPO show a network with a Gaussian head, an update with the clipped loss over a few epochs, and a
 # reward. The clipped loss is usually right. But the old log-probabilities have to be stored as plain numbers
-# (`detach`). Otherwise PyTorch differentiates through them again, and stops in the second epoch with "Trying to
-# backward through the graph a second time".
+# (`detach`). Otherwise PyTorch, the library that computes the gradients, treats them as functions of the weights too.
+# At the second gradient step it stops with "Trying to backward through the graph a second time".
 #
 # Even then such code is an update and not a training loop. Nothing acts, nothing computes advantages, there is no
 # critic, and the bonus inside the disc is paid at every step there. The missing parts are the ones where errors hide.
@@ -1192,7 +1193,7 @@ print("mean actions for 64 observations:", report.policy(train.reset(seed=5)[0])
 source(learning.clipped_objective, "free = ratio")
 
 # %% [markdown]
-# Invalid input is rejected by name (the first argument of `gae` is called `rewards`):
+# An error message names the invalid argument:
 
 # %% tags=["show-code"]
 zeros = np.zeros(2)
@@ -1341,10 +1342,11 @@ table(("divergence per iteration [nats], borders from one seed", "runs of the ot
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Training does not converge.* Test the *task* before the learner. What do random actions earn, what
-# does a hand-written law earn, and what is the optimum? If chance never succeeds, no detail of PPO helps: add a
-# potential, or start closer to the goal. If the hand-written law earns less than standing still, the reward or the law
-# is wrong. Does the policy observe what it needs, the goal and the velocity? Only then look at the learner: divergence
-# per iteration, loss of the critic, at least five seeds.
+# does a hand-written law earn, and what is the optimum? If chance never succeeds, PPO has nothing to learn from: add a
+# potential, start closer to the goal, or let random actions reach farther by holding them for longer. If the
+# hand-written law earns less than standing still, the reward or the law is wrong. Does the policy observe what it
+# needs, the goal and the velocity? Only then look at the learner: divergence per iteration, loss of the critic, at
+# least five seeds.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1380,8 +1382,8 @@ predict("curve_at_one")
 
 # %% [markdown]
 # Each policy is broken on purpose. One pushes only if the goal lies at least 0.1 m to its right, the other only if it
-# lies at most 0.5 m to its left. Otherwise they are optimal, so geometry says how many of all starts they solve. The
-# third column counts one episode in each of 128 environments, whose starts happen to be hard ones. The last column
+# lies no more than 0.5 m to its left. When they push, they act optimally, so geometry says how many starts they solve.
+# The third column counts one episode in each of 128 environments, whose starts happen to be hard ones. The last column
 # takes the first 128 episodes that finish.
 
 # %% tags=["hide-code"]
@@ -1643,8 +1645,8 @@ your_robot(9)
 #
 # A chunk could help because it keeps one mode, because it makes fewer decisions, or because its later actions are
 # based on an *older* observation: a single disturbance then cannot change the decision at once. Only the last
-# explanation can be isolated here. A delayed policy acts at every step, but on the observation from one or three steps
-# ago.
+# explanation can be isolated here. At each step, a delayed policy takes the chunk that was predicted one or three steps
+# ago, and executes its action for the present step.
 #
 # The table compares chunks with delays on three tasks: the two routes, with the mixture; the unstable regulator,
 # trained with and without disturbances; and a third task, in which each step brings a new random situation. The plot

@@ -53,7 +53,7 @@ ticks()
 # %% [markdown]
 # ## Your robot
 #
-# Nineteen of the exercises are parts of one robot. It finds a part with a depth camera, picks it up, and puts it into
+# Twenty of the exercises are parts of one robot. It finds a part with a depth camera, picks it up, and puts it into
 # its slot without touching a post.
 #
 # ![The arm at the start, at the grip and at the release of one task](../docs/robot.png)

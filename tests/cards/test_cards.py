@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from course import cards, derivations
-from course.cards.formula import tex
+from course.derivations.typeset import tex
 from tools import form
 
 TOPICS = sorted(path.stem for path in cards.FOLDER.glob("*.toml"))
@@ -120,19 +120,19 @@ def test_claims_that_no_notebook_shows_are_listed(tmp_path):
         '# show("quaternion_has_no_lock")\n'
     )
     placed = ["top_condition", "wobble_comes_from_the_term", "renormalising_repairs"]
-    assert derivations.placed_in((tmp_path / "01_x.py").read_text()) == [
+    assert cards.placed_in((tmp_path / "01_x.py").read_text()) == [
         *placed,
         "semi_implicit_limit",
     ]
-    missing = derivations.unplaced("rigid_body", tmp_path)
+    missing = cards.unplaced("rigid_body", tmp_path)
     everything = [item.id for item in derivations.claims(1)]
     claims = {*placed, "semi_implicit_limit", *cards.gate("rigid_body")}
     assert missing == [id for id in everything if id not in claims]
     assert "quaternion_has_no_lock" in missing
     with pytest.raises(ValueError, match="topic must be one of"):
-        derivations.unplaced("cooking")
+        cards.unplaced("cooking")
     with pytest.raises(ValueError, match="sources"):
-        derivations.unplaced("rigid_body", tmp_path / "none")
+        cards.unplaced("rigid_body", tmp_path / "none")
 
 
 def test_a_claim_is_short_as_text():

@@ -87,9 +87,9 @@ def test_a_scene_has_the_contacts_of_its_pairs(margin):
     for i in range(40):
         for j in range(i + 1, 40):
             if shapes[i].name != "plane" or shapes[j].name != "plane":
-                apart = contact.distance(shapes[i], poses[:, i], shapes[j], poses[:, j])
-                if apart.distance <= margin:
-                    expected.append((i, j, apart.distance))
+                measured = contact.distance(shapes[i], poses[:, i], shapes[j], poses[:, j])
+                if measured.distance <= margin:
+                    expected.append((i, j, measured.distance))
     pairs = sorted({(int(i), int(j)) for i, j in result.bodies.T})
     assert pairs == [(i, j) for i, j, _ in expected]
     assert list(map(tuple, result.bodies.T.tolist())) == sorted(
@@ -154,13 +154,13 @@ def test_nothing_touches_before_the_time_of_impact(first, second):
     assert 30 < (hit & free).sum() < free.sum()
     assert result.converged.all()
 
-    def apart(t):
+    def distance_at(t):
         return contact.distance(a, moved(pose_a, v, t), b, moved(pose_b, w, t)).distance
 
     until = np.where(hit, result.time, 1.0)
     for share in np.linspace(0.0, 0.999, 60):
-        assert (apart(share * until)[free] > 0.0).all()
-    assert np.abs(apart(until)[hit & free] - near / 2.0).max() <= near / 2.0
+        assert (distance_at(share * until)[free] > 0.0).all()
+    assert np.abs(distance_at(until)[hit & free] - near / 2.0).max() <= near / 2.0
 
 
 def test_a_turning_square_meets_the_floor_with_its_corner():

@@ -25,8 +25,8 @@ HALF = math.sqrt(0.5)
 def check_points(a, pose_a, b, pose_b, result):
     """The points lie on the surfaces, and are as far apart as the distance says."""
     size = a.size + b.size
-    apart = result.point_b - result.point_a
-    assert np.abs(apart - result.distance * result.normal).max() < 1e-13 * size
+    between = result.point_b - result.point_a
+    assert np.abs(between - result.distance * result.normal).max() < 1e-13 * size
     assert np.abs(np.linalg.norm(result.normal, axis=0) - 1.0).max() < 1e-13
     point = contact.points(np.zeros((a.dim, 1)))
     for shape, pose, place in ((a, pose_a, result.point_a), (b, pose_b, result.point_b)):

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
-from scipy.special import softmax
+from scipy.special import expit, softmax
 
 from course import control, kinematics
 from course.control.sampled import delay_limit
@@ -313,3 +313,34 @@ def test_pd_gains_place_the_poles(seed):
         pole = np.linalg.eigvals(np.array([[0.0, 1.0], [-kp / J, -(kd + c) / J]]))[0]
         assert abs(pole) == pytest.approx(2.0 * math.pi * f)
         assert -pole.real / abs(pole) == pytest.approx(zeta)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_friction_torque_is_scipy_s_logistic_function_and_the_course_s_law(seed):
+    """tanh(x) = 2 expit(2 x) - 1."""
+    rng = np.random.default_rng(seed)
+    coulomb, viscous = rng.uniform(0.0, 3.0, (2, 6))
+    width = rng.uniform(0.01, 0.5)
+    for scale in (0.1, 1.0, 1e4):
+        v = scale * width * rng.normal(size=6)
+        expected = coulomb * (2.0 * expit(2.0 * v / width) - 1.0) + viscous * v
+        result = solutions.friction_torque(v, coulomb, viscous, width)
+        np.testing.assert_allclose(result, expected, atol=1e-12 * (1.0 + np.abs(expected).max()))
+        law = control.friction_compensation(v, coulomb, viscous, width)
+        np.testing.assert_allclose(result, law, rtol=1e-13, atol=1e-15)
+    abrupt = solutions.friction_torque([2, 0, -2], [1, 1, 1], [0, 5, 2], 0)
+    np.testing.assert_array_equal(abrupt, [1.0, 0.0, -5.0])
+
+
+def test_friction_torque_takes_the_friction_out_of_a_joint():
+    """A joint with it, pushed by it, turns at a constant rate; without it, it slows down."""
+    dt, inertia, friction = 1e-3, 0.5, (np.array([2.0]), np.array([0.7]), 0.05)
+    for start in (1.5, 0.03, -0.8):
+        free, braked = np.array([start]), np.array([start])
+        for _ in range(200):
+            law = friction[0] * np.tanh(free / friction[2]) + friction[1] * free
+            free = free + dt / inertia * (solutions.friction_torque(free, *friction) - law)
+            law = friction[0] * np.tanh(braked / friction[2]) + friction[1] * braked
+            braked = braked - dt / inertia * law
+        assert free[0] == pytest.approx(start, rel=1e-12)
+        assert abs(braked[0]) < 0.6 * abs(start)

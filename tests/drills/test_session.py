@@ -18,6 +18,7 @@ from drills import terminal
 from drills.cli import cli
 from tests.drills.place import (
     COMMANDS,
+    ENDLESS,
     RIGHT,
     SCRIPT,
     VALIDATOR,
@@ -136,8 +137,6 @@ def test_ascii_keeps_the_meaning() -> None:
 
 # --- Being stopped --------------------------------------------------------------------------------
 
-ENDLESS = "def verlet_step(q, v, a, acceleration, dt):\n    while True:\n        pass\n"
-
 
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
@@ -147,13 +146,10 @@ def test_a_stopped_check_leaves_nothing_behind(place: Place, number: int, code: 
     place.run("check", "verlet")
     before = (place.work / "progress.json").read_bytes()
     place.answer(ENDLESS)
+    place.watch_scratch()
     process = place.popen("check", "verlet", "--json")
-    deadline = time.monotonic() + 120
-    while not (running := descendants(process.pid)) and time.monotonic() < deadline:
-        time.sleep(0.05)
+    running = place.wait_for_answer(process)
     assert running
-    time.sleep(0.4)
-    running |= descendants(process.pid)
     process.send_signal(number)
     out, err = process.communicate(timeout=120)
     assert process.returncode == code
@@ -166,11 +162,13 @@ def test_a_stopped_check_leaves_nothing_behind(place: Place, number: int, code: 
     assert (place.work / "progress.json").read_bytes() == before
 
 
-def test_ctrl_c_ends_a_proof_at_once(place: Place) -> None:
+@pytest.mark.parametrize("processes", [1, 2, 3, 5])
+def test_ctrl_c_ends_a_proof_at_once(place: Place, processes: int) -> None:
+    """Also while its workers start: they must neither die with a traceback nor be left over."""
     process = place.popen("verify", "--seeds", "50", start_new_session=True)
     deadline = time.monotonic() + 120
-    while len(running := descendants(process.pid)) < 5 and time.monotonic() < deadline:
-        time.sleep(0.1)
+    while len(running := descendants(process.pid)) < processes and time.monotonic() < deadline:
+        time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     _out, err = process.communicate(timeout=120)
     assert process.returncode == 130

@@ -14,6 +14,7 @@ import pty
 import re
 import select
 import signal
+import sys
 import termios
 import time
 from pathlib import Path
@@ -24,7 +25,7 @@ import pytest
 from course.interview import rehearsal, scenarios
 from drills import cards as catalogue
 from drills.interview import rehearse
-from tests.drills.place import Place, a_place, descendants
+from tests.drills.place import ENDLESS, Place, a_place
 
 __all__ = ["a_place"]
 
@@ -55,6 +56,7 @@ class Terminal:
             start_new_session=True,
             preexec_fn=take_terminal,
         )
+        self.name = os.ttyname(theirs)
         os.close(theirs)
         self.text = ""
         self.seen = 0
@@ -83,6 +85,14 @@ class Terminal:
         """Type."""
         os.write(self.ours, text.encode())
 
+    def waiting(self) -> int:
+        """Return how many bytes of typed lines the command has not read."""
+        handle = os.open(self.name, os.O_RDWR | os.O_NOCTTY)
+        try:
+            return int.from_bytes(fcntl.ioctl(handle, termios.FIONREAD, bytes(4)), sys.byteorder)
+        finally:
+            os.close(handle)
+
     def end(self, how: str) -> None:
         """End it, and see that it ended as it should."""
         if how == "kill":
@@ -90,13 +100,8 @@ class Terminal:
         else:
             self.type("\x03")
         deadline = time.monotonic() + PATIENCE
-        # Python loses an interrupt that comes within a destructor: a person presses the keys again.
-        again = time.monotonic() + 15.0
         while self.process.poll() is None and time.monotonic() < deadline:
             self.read(0.1)
-            if how != "kill" and time.monotonic() > again:
-                self.type("\x03")
-                again += 15.0
         while self.read(0.0) and select.select([self.ours], [], [], 0.0)[0]:
             pass
         os.close(self.ours)
@@ -238,20 +243,20 @@ def test_probes_of_a_scenario_are_kept(place: Place, end: str) -> None:
 @pytest.mark.parametrize("phase", ["asked", "grading"])
 def test_the_answer_to_a_drill_is_kept(place: Place, end: str, phase: str) -> None:
     waiting(place, "drill/fk3", "coding")
+    place.watch_scratch()
     terminal = Terminal(place, "interview", "--resume")
     terminal.until("A blank line grades it")
     path = place.work / "interview" / "fk3.py"
-    text = "def fk3(lengths, thetas):\n    while True:\n        pass\n"
-    path.write_text(text, encoding="utf-8")
+    path.write_text(ENDLESS, encoding="utf-8")
     children: set[int] = set()
     if phase == "grading":
         terminal.type("\n")
-        children = grading(terminal)
+        children = place.wait_for_answer(terminal.process)
     terminal.end(end)
     whole(place)
     nobody_left(children)
     (entry,) = reopened(place).items
-    assert path.read_text("utf-8") == text
+    assert path.read_text("utf-8") == ENDLESS
     assert entry.attempts == [] and entry.answered and not entry.done
 
 
@@ -274,16 +279,25 @@ def test_debugging_that_ends_leaves_nothing_behind(place: Place, end: str, phase
     assert len(again["findings"]) == 1
 
 
-# --- Check --------------------------------------------------------------------------------------
+def test_an_interrupt_that_comes_with_the_prompt_is_not_lost(place: Place) -> None:
+    """Ctrl-S stops the output, so Ctrl-C comes while the prompt is written, before the reading.
 
-
-def grading(terminal: Terminal) -> set[int]:
-    """Wait until the answer runs in its own process; return the processes below the command."""
+    `input` loses it: the signal ends the writing, and nothing looks for signals before the reading.
+    """
+    terminal = Terminal(place, "debug", "touch", "--seed", "5")
+    terminal.until("leave it open")
+    terminal.until(">")
+    terminal.type("\x13")  # Ctrl-S
+    terminal.type("\n")  # an empty line, which is answered by the next prompt and nothing else
+    # Once the line is taken, the process sleeps only in writing the prompt.
     deadline = time.monotonic() + PATIENCE
-    while not (children := descendants(terminal.process.pid)):
-        assert time.monotonic() < deadline and terminal.read(0.02), terminal.text
-    time.sleep(0.2)
-    return children | descendants(terminal.process.pid)
+    while terminal.waiting() or state(terminal.process.pid) != "S":
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    terminal.end("ctrl-c")
+
+
+# --- Check --------------------------------------------------------------------------------------
 
 
 def nobody_left(children: set[int]) -> None:
@@ -306,12 +320,12 @@ def test_a_check_that_ends_counts_nothing_and_loses_nothing(place: Place, end: s
     place.answer(catalogue.card("verlet").solution_text())
     assert place.run("check", "verlet").code == 0
     before = whole(place)["progress.json"]
-    endless = "while True:\n    pass\n"
-    path = place.answer(endless, "fk3")
+    path = place.answer(ENDLESS, "fk3")
+    place.watch_scratch()
     terminal = Terminal(place, "check", "fk3")
-    children = grading(terminal)
+    children = place.wait_for_answer(terminal.process)
     terminal.end(end)
     nobody_left(children)
     assert whole(place)["progress.json"]["exercises"] == before["exercises"]
-    assert path.read_text("utf-8") == endless
+    assert path.read_text("utf-8") == ENDLESS
     assert place.run("check", "verlet").code == 0

@@ -13,9 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course import CHAPTERS, charts, derivations
+from course import CHAPTERS, derivations
 from course.derivations import records
 from course.interview import chart_data, fields, tables, typed_numbers
+from course.measure import data
 from tests.budget import examples
 
 SOURCES = Path(__file__).parents[2] / "notebooks" / "source"
@@ -34,7 +35,7 @@ DOI, ARXIV = re.compile(r"10\.\d{4,9}/\S+"), re.compile(r"\d{4}\.\d{4,5}")
 
 def _chart(monkeypatch, tmp_path, document: dict) -> None:
     (tmp_path / "made.json").write_text(json.dumps(document), encoding="utf-8")
-    monkeypatch.setattr(charts, "FOLDER", tmp_path)
+    monkeypatch.setattr(data, "FOLDER", tmp_path)
     chart_data._data.cache_clear()
 
 

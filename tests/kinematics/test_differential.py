@@ -164,8 +164,8 @@ def test_the_library_solves_the_same_program(name):
             twist = pose_error(target, tip(ARM, q)) / dt
             bounds = velocity_bounds(ARM, q, fastest, dt)
             v, active, _ = bounded_velocity(jacobian(ARM, q), twist, *bounds, damping)
-            apart = np.abs(tracker.velocity(q, target) - v).max()
-            assert apart < 20.0 * step * np.linalg.norm(twist)
+            difference = np.abs(tracker.velocity(q, target) - v).max()
+            assert difference < 20.0 * step * np.linalg.norm(twist)
             limited += int(active.any())
     assert limited > 20
 

@@ -99,8 +99,8 @@ def test_a_diffusion_ends_in_the_distribution_it_began_from(eta):
         assert end[side].mean() == pytest.approx(centre, abs=0.02)
         assert end[side].std() == pytest.approx(0.2, rel=0.06)
     fixed = np.zeros((20, 1))
-    apart = np.ptp(denoise(made.clean, fixed, 20, rng, eta))
-    assert (apart > 0.1) if eta else (apart == 0.0)  # DDIM draws nothing on the way
+    spread = np.ptp(denoise(made.clean, fixed, 20, rng, eta))
+    assert (spread > 0.1) if eta else (spread == 0.0)  # DDIM draws nothing on the way
 
 
 # --- trained --------------------------------------------------------------------------------------

@@ -107,9 +107,9 @@ def test_the_probe_sees_a_core_that_is_shared(monkeypatch):
 
 
 def test_clocks():
-    # A sleep takes wall time and no processor time.
+    # A sleep takes wall time, at least what it is to take, and hardly any processor time.
     assert timing.calls(time.sleep, 5e-3)(3) >= 15e-3
-    assert timing.calls(time.sleep, 5e-3, clock=time.process_time)(3) < 10e-3
+    assert timing.calls(time.sleep, 0.1, clock=time.process_time)(3) < 0.5 * 0.3
     counted: list[int] = []
     assert timing.batches(counted.append)(7) >= 0.0
     assert counted == [7]

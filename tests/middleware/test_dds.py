@@ -3,6 +3,7 @@
 import importlib.util
 import os
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -99,13 +100,26 @@ def test_what_time_does():
     assert [row for row in rows if not row.agree] == []
 
 
-def test_missed_deadlines_are_counted_at_both_ends():
-    """floor(gap / deadline) each, as far as the machine let the gaps be what they should."""
-    for gap in (0.03, 0.07):
-        result = qos_matrix.missed(0.05, gap, 4)
-        assert result.least <= result.offered <= result.at_most
-        assert result.least <= result.requested <= result.at_most
-    assert result.least >= 4
+@pytest.mark.parametrize("deadlines", [0.5, 1.5, 2.5])
+def test_missed_deadlines_are_counted_at_both_ends(deadlines: float):
+    """floor(gap / deadline) in each gap, in a run in which no gap became longer than it should."""
+    result = qos_matrix.missed_undisturbed(0.05, 0.05 * deadlines, 4)
+    assert result.possible, result
+    assert not result.disturbed, f"the machine stalled in each run: {result}"
+    assert result.offered == result.requested == 4 * int(deadlines)
+
+
+@pytest.mark.parametrize("per_event", [0.1, 1.5, 2.0])
+def test_a_wrong_count_of_missed_deadlines_is_not_taken_for_a_disturbed_run(monkeypatch, per_event):
+    """Deadlines per event: as if both ends had agreed on another one."""
+    policies = cyclonedds.policies
+
+    def of_another(qos, *settings):
+        return policies(replace(qos, deadline=per_event * qos.deadline), *settings)
+
+    monkeypatch.setattr(cyclonedds, "policies", of_another)
+    result = qos_matrix.missed_undisturbed(0.05, 0.125, 2, tries=3)
+    assert not result.possible or result.disturbed
 
 
 @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])

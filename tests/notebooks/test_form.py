@@ -84,7 +84,7 @@ def test_what_needs_a_kernel_is_not_on_the_site(name: str) -> None:
 
 
 def test_every_claim_of_the_course_stands_on_a_page() -> None:
-    missing = {chapter: derivations.unplaced(chapter.topic) for chapter in CHAPTERS}
+    missing = {chapter: cards.unplaced(chapter.topic) for chapter in CHAPTERS}
     assert [
         f'put more_claims("{id}") into the source of the notebook, then '
         f"python -m tools.notebooks {chapter.number:02d}_{chapter.topic}"
@@ -153,7 +153,7 @@ def test_a_checkpoint_is_not_answered_on_its_page(name: str) -> None:
     source = "\n".join(cell.source for cell in BUILT[name].cells)
     page = "\n".join([source, *visible_text(name)]).replace(" ", "")
     for claim in cards.gate(CHAPTER[name]):
-        assert claim not in derivations.placed_in(source)
+        assert claim not in cards.placed_in(source)
         assert derivations.formula(claim).expression.replace(" ", "") not in page
 
 

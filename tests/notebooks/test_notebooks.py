@@ -70,7 +70,11 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, bytes, bytes]:
         patch.setenv("EXPECTED_PYTHON", sys.executable)
         patch.setattr(painter, "film", lambda model: model.title.encode())
         builds = [notebooks.build(source).read_bytes() for _ in range(2)]
-    assert sorted(path.name for path in folder.iterdir()) == ["07_example.ipynb", "source"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "07_example.ipynb",
+        "settings.json",
+        "source",
+    ]
     return SOURCE, builds[0], builds[1]
 
 

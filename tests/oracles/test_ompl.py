@@ -19,8 +19,8 @@ EMPTY = np.zeros((0, 3))
 def clutter() -> np.ndarray:
     rng = np.random.default_rng(3)
     discs = np.column_stack((rng.uniform(1.5, 8.5, (30, 2)), rng.uniform(0.3, 0.7, 30)))
-    apart = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (START, GOAL)))
-    return discs[apart > 1.0]
+    distance = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (START, GOAL)))
+    return discs[distance > 1.0]
 
 
 def wall(gap: bool) -> np.ndarray:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from course.kinematics.chain import compose, invert
 from course.perception.calibrate import camera_to_base, hand_eye, target_error
 from course.perception.camera import shape
-from course.perception.pose import apart
+from course.perception.pose import pose_distance
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
 from tests.budget import examples
 
@@ -58,7 +58,7 @@ def test_hand_eye_is_exact_with_two_axes(seed, size):
     rng = np.random.default_rng(seed)
     X = np.concatenate((0.1 * rng.standard_normal(3), exp(rng.standard_normal(3))))
     result = hand_eye(*motions(rng, X, 8, size))
-    shift, _ = apart(shape("box", 1.0, 2.0, 3.0), X, result.pose)
+    shift, _ = pose_distance(shape("box", 1.0, 2.0, 3.0), X, result.pose)
     assert (
         shift < 1e-11 / size
         and np.linalg.norm(to_matrix(X[3:]) - to_matrix(result.pose[3:])) < 1e-11
@@ -97,7 +97,9 @@ def test_small_turns_cost_accuracy():
             A, B = motions(rng, X, 10, size, noise=1e-3)
             deviation.append(hand_eye(A, B, tolerance=1e-6).pose)
         errors.append(
-            np.sqrt(np.mean([apart(shape("box", 1, 2, 3), X, x)[1] ** 2 for x in deviation]))
+            np.sqrt(
+                np.mean([pose_distance(shape("box", 1, 2, 3), X, x)[1] ** 2 for x in deviation])
+            )
         )
     assert 6.0 < errors[0] / errors[1] < 16.0
 

@@ -107,8 +107,8 @@ def same_partition(a: np.ndarray, b: np.ndarray) -> bool:
 def check_dbscan(points, eps, least):
     """Labels and core points as the definition says them, from all distances."""
     labels, core = dbscan(points, eps, least)
-    apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
-    near = apart <= eps
+    distance = np.linalg.norm(points[:, :, None] - points[:, None], axis=0)
+    near = distance <= eps
     assert np.array_equal(core, near.sum(axis=0) >= least)
     _, expected = joined(near[np.ix_(core, core)])
     assert same_partition(labels[core], expected)
@@ -117,7 +117,7 @@ def check_dbscan(points, eps, least):
     border = ~core & (near & core).any(axis=1)
     assert np.array_equal(labels >= 0, core | border)
     for i in np.flatnonzero(border):
-        reach = np.where(core, apart[i], np.inf)
+        reach = np.where(core, distance[i], np.inf)
         assert labels[i] in labels[np.flatnonzero(reach <= reach.min() * (1.0 + 1e-12))]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from course.kinematics.chain import compose
-from course.perception import STEREO, apart, locate, render, sense, shape, together
+from course.perception import STEREO, locate, pose_distance, render, sense, shape, together
 from course.perception.outline import border, contour, rows
 from course.rigid_body.quaternion import conjugate, exp, log, product, rotate
 from tests.perception.part_images import BOX, CAMERA, CYLINDER, SENSOR, SPHERE
@@ -105,7 +105,7 @@ def test_a_lone_part_is_found_from_above_with_an_honest_covariance(tilt, sensor)
         depth, pose, _ = from_above(BOX, BOX, rng, tilt, sensor)
         (result,) = locate(depth, CAMERA, sensor, BOX)
         hits += result.status == "found"
-        assert result.unobserved == () and apart(BOX, pose, result.pose)[0] < 1e-3
+        assert result.unobserved == () and pose_distance(BOX, pose, result.pose)[0] < 1e-3
         e, some = six(result, pose), [0, 1, 5]
         C = result.covariance[np.ix_(some, some)]
         squares.append(e[some] @ np.linalg.solve(C, e[some]) / 3.0)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course.perception.camera import Sensor, render, sense, shape, together
-from course.perception.pose import STANDING, _extent, apart, locate, see_through, stand_in
+from course.perception.pose import STANDING, _extent, locate, pose_distance, see_through, stand_in
 from course.perception.registration import DIRECTIONS
 from course.rigid_body.quaternion import exp, to_matrix
 from tests.budget import examples
@@ -49,7 +49,7 @@ def test_parts_are_found_and_the_covariance_holds(part):
         assert result.status == "found" and not {"x", "y"} & set(result.unobserved)
         assert result.see_through < 0.05 and result.agrees > 0.9
         observed = np.isfinite(np.diag(result.covariance))
-        shift, angle = apart(part, pose, result.pose)
+        shift, angle = pose_distance(part, pose, result.pose)
         assert shift < 3e-3 and angle < np.radians(2.0)
         # In the frame of the found one, so that a symmetric answer counts as the same.
         near = [turned(pose, 0, 0, k * np.pi / 2) for k in range(4)]
@@ -67,7 +67,7 @@ def test_anyhow_in_space():
     for k in range(4):
         shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.09, 0.4 + k)], roll=0.3)
         (result, *_) = locate(picture(shapes, rng), CAMERA, SENSOR, BOX, standing=False)
-        shift, angle = apart(BOX, pose, result.pose)
+        shift, angle = pose_distance(BOX, pose, result.pose)
         assert result.status == "found"  # at the last only the outline tells x
         assert shift < 1e-3 and angle < np.radians(0.5)
 
@@ -93,7 +93,7 @@ def test_half_out_of_the_picture_is_not_found():
         for result in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
             assert result.status in ("cut", "refuted") and result.matched > 0.95
             assert result.residual < 1.5e-3
-            worst = max(worst, apart(BOX, pose, result.pose)[0])
+            worst = max(worst, pose_distance(BOX, pose, result.pose)[0])
     assert worst > 0.02
 
 
@@ -106,7 +106,7 @@ def test_a_nearly_square_box_is_not_found_a_quarter_turn_off(starts):
         part = shape("box", 0.05, side, 0.03)
         shapes, (pose,) = on_table([(part, 0.0, 0.0, 0.03, rng.uniform(-3.0, 3.0))])
         (result,) = locate(picture(shapes, rng), CAMERA, SENSOR, part, starts=starts)
-        right = apart(part, pose, result.pose)[1] < np.radians(2.0)
+        right = pose_distance(part, pose, result.pose)[1] < np.radians(2.0)
         assert result.status == "ambiguous" or (result.status == "found" and right)
         statuses.add(result.status)
     assert statuses == {"found", "ambiguous"}
@@ -117,7 +117,7 @@ def test_another_part_is_refuted_and_a_table_is_empty():
     cube = shape("box", 0.03, 0.03, 0.03)
     shapes, (pose, _) = on_table([(BOX, -0.12, 0.0, 0.03, 1.2), (cube, 0.15, 0.0, 0.03, 0.3)])
     first, second = locate(picture(shapes, rng), CAMERA, SENSOR, BOX)
-    assert first.status == "found" and apart(BOX, pose, first.pose)[0] < 1e-3
+    assert first.status == "found" and pose_distance(BOX, pose, first.pose)[0] < 1e-3
     assert second.status == "refuted" and second.see_through > 0.3
     assert locate(picture(on_table([])[0], rng), CAMERA, SENSOR, BOX) == []
 
@@ -145,7 +145,9 @@ def test_a_part_within_a_block_is_not_found(other):
         shapes, poses = on_table(far_end)
         for result in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
             assert result.status in ("ambiguous", "refuted") and result.agrees < 0.9
-            worst = max(worst, min(apart(BOX, p, result.pose)[0] for p in poses) * result.agrees)
+            worst = max(
+                worst, min(pose_distance(BOX, p, result.pose)[0] for p in poses) * result.agrees
+            )
     assert worst > 5e-3
 
 
@@ -154,7 +156,7 @@ def test_a_wrong_scale_is_seen_by_no_test_inside():
     shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.03, 0.6)])
     (result,) = locate(1.01 * picture(shapes, rng), CAMERA, SENSOR, BOX)
     assert result.status == "found" and result.see_through < 0.012
-    assert apart(BOX, pose, result.pose)[0] > 5e-3 > 50.0 * np.sqrt(result.covariance[0, 0])
+    assert pose_distance(BOX, pose, result.pose)[0] > 5e-3 > 50.0 * np.sqrt(result.covariance[0, 0])
 
 
 def test_a_scale_that_moves_the_outline_by_pixels_is_not_found():
@@ -174,8 +176,10 @@ def test_the_normal_of_the_table_may_point_either_way():
     up = to_matrix(TABLE[3:])[:, 2]
     plane = np.append(up, -up @ TABLE[:3])
     one, other = (locate(depth, CAMERA, SENSOR, BOX, table=s * plane) for s in (1.0, -1.0))
-    assert max(apart(BOX, one[0].pose, other[0].pose)) < 1e-12 and len(one) == len(other) == 1
-    assert apart(BOX, pose, one[0].pose)[0] < 1e-3
+    assert (
+        max(pose_distance(BOX, one[0].pose, other[0].pose)) < 1e-12 and len(one) == len(other) == 1
+    )
+    assert pose_distance(BOX, pose, one[0].pose)[0] < 1e-3
 
 
 def test_pixels_without_a_measurement_may_be_nan_or_infinite():
@@ -195,14 +199,14 @@ def test_symmetric_poses_are_no_distance_apart(seed, part):
     rng = np.random.default_rng(seed)
     pose = np.concatenate((rng.standard_normal(3), exp(rng.standard_normal(3))))
     same = {"box": (0, 0, np.pi), "cylinder": (0, 0, 0.7), "sphere": (1, 2, 0.3)}[part.kinds[0]]
-    assert apart(part, pose, turned(pose, *same))[1] < 1e-7
-    assert apart(part, pose, turned(pose, np.pi, 0.0, 0.0))[1] < 1e-7
-    quarter = apart(part, pose, turned(pose, 0, 0, 0.5 * np.pi))[1]
+    assert pose_distance(part, pose, turned(pose, *same))[1] < 1e-7
+    assert pose_distance(part, pose, turned(pose, np.pi, 0.0, 0.0))[1] < 1e-7
+    quarter = pose_distance(part, pose, turned(pose, 0, 0, 0.5 * np.pi))[1]
     assert abs(quarter - (0.5 * np.pi if part is BOX else 0.0)) < 1e-7
-    tilt = apart(part, pose, turned(pose, 0.2, 0, 0))[1]
+    tilt = pose_distance(part, pose, turned(pose, 0.2, 0, 0))[1]
     assert abs(tilt - (0.0 if part is SPHERE else 0.2)) < 1e-7
     several = together([part, part])
-    assert abs(apart(several, pose, turned(pose, 0, 0, 3.0))[1] - 3.0) < 1e-7
+    assert abs(pose_distance(several, pose, turned(pose, 0, 0, 3.0))[1] - 3.0) < 1e-7
 
 
 @pytest.mark.slow

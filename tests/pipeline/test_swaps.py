@@ -44,10 +44,13 @@ def paired(name, settings, seeds):
 )
 def test_a_library_in_one_place_gives_the_same_success_and_error(name, at_most, seeds):
     law = "computed_torque" if "Pinocchio" in name else "pd"
-    one, other, apart = paired(name, Settings(law=law), range(seeds))
+    one, other, difference = paired(name, Settings(law=law), range(seeds))
     assert np.array_equal(successes(one), successes(other)) and successes(one).mean() > 0.5
     # Another path is another way to the same end, which the arm is still settling at.
-    assert np.abs(apart).max() < at_most and abs(apart.mean()) <= band(apart) + at_most / 20.0
+    assert (
+        np.abs(difference).max() < at_most
+        and abs(difference.mean()) <= band(difference) + at_most / 20.0
+    )
 
 
 @pytest.mark.prove
@@ -62,9 +65,9 @@ def test_a_library_in_one_place_gives_the_same_success_and_error(name, at_most, 
 def test_a_library_that_sees_gives_the_same_within_the_band(name, at_most, seeds):
     """Open3D's fit is off by less than 1 mm and scatters by 2 mm: so little does the end differ."""
     settings = Settings(frame=0.2, law="computed_torque", drift=(0.02, 0.02))
-    one, other, apart = paired(name, settings, range(seeds))
+    one, other, difference = paired(name, settings, range(seeds))
     assert successes(one).all() and successes(other).all()
-    assert abs(apart.mean()) <= band(apart) + 1e-9 and np.abs(apart).max() < at_most
+    assert abs(difference.mean()) <= band(difference) + 1e-9 and np.abs(difference).max() < at_most
 
 
 def test_both_find_the_part_and_neither_finds_what_is_hidden():
@@ -88,10 +91,10 @@ def test_both_find_the_part_and_neither_finds_what_is_hidden():
 
 def test_motions_meet_mujocos_as_the_step_goes_to_zero():
     """Both are of first order; MuJoCo takes the damping implicitly, which is all that differs."""
-    apart = []
+    difference = []
     for step in (2e-3, 1e-3, 5e-4, 2.5e-4):
         settings = Settings(noise=0.0, latency=0.02, physics=step, control=step)
         ours, theirs = (run(SHORT, settings, s) for s in (Stages(), Stages(move=libraries.move)))
-        apart.append(np.abs(ours.log[:, Q:V] - theirs.log[:, Q:V]).max())
-    ratios = np.array(apart[:-1]) / apart[1:]
-    assert np.all((1.8 < ratios) & (ratios < 2.2)) and 0.0 < apart[-1] < 1e-3
+        difference.append(np.abs(ours.log[:, Q:V] - theirs.log[:, Q:V]).max())
+    ratios = np.array(difference[:-1]) / difference[1:]
+    assert np.all((1.8 < ratios) & (ratios < 2.2)) and 0.0 < difference[-1] < 1e-3

@@ -45,9 +45,9 @@ def test_ours_and_ompl_take_as_many_samples() -> None:
     *counts, roadmaps = charts.stored("sample_counts")
     for panel, seeds in zip(counts, (500, 500, 100), strict=True):
         for ours, other in zip(panel.series[::2], panel.series[1::2], strict=True):
-            apart = np.abs(np.asarray(ours.y) - other.y).max()
+            difference = np.abs(np.asarray(ours.y) - other.y).max()
             assert ours.label.split(",")[0] == other.label.split(",")[0]
-            assert apart < 1.63 * np.sqrt(2.0 / seeds)
+            assert difference < 1.63 * np.sqrt(2.0 / seeds)
             assert ours.y[-1] == other.y[-1] == 1.0
     for ours, other in zip(roadmaps.series[::2], roadmaps.series[1::2], strict=True):
         assert np.all(np.asarray(ours.low) <= other.high)

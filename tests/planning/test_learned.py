@@ -44,8 +44,8 @@ def test_a_world_of_slits_has_a_picture_and_its_answers_go_in_equal_steps() -> N
         assert np.median(steps) == pytest.approx(steps.max()) and not np.any(steps == 0.0)
         assert all(edge_free(scene.world, q, q) for q in path.T)
         some = chart.searched(scene, 50, rng)
-        apart = np.linalg.norm(some[:, :, None] - path[:, None], axis=0).min(axis=1)
-        assert np.median(apart) < 1.0
+        distance = np.linalg.norm(some[:, :, None] - path[:, None], axis=0).min(axis=1)
+        assert np.median(distance) < 1.0
 
 
 def test_states_are_drawn_by_their_colours() -> None:

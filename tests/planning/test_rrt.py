@@ -32,8 +32,8 @@ disc = st.tuples(coordinate, coordinate, st.floats(0.0, 5.0))
 def clutter(seed: int, count: int = 25) -> np.ndarray:
     rng = np.random.default_rng(seed)
     discs = np.column_stack((rng.uniform(0, 10, (count, 2)), rng.uniform(0.2, 0.8, count)))
-    apart = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (START, GOAL)))
-    return discs[apart > discs[:, 2]]
+    distance = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (START, GOAL)))
+    return discs[distance > discs[:, 2]]
 
 
 # --- The exact judge ------------------------------------------------------------------------------
@@ -162,10 +162,10 @@ def test_the_tree_is_the_one_that_its_targets_ask_for(seed: int, step: float) ->
     )
     grown, last = [START], 0
     for target in samples:
-        apart = [math.dist(node, target) for node in grown]
-        near = min(range(len(grown)), key=apart.__getitem__)
-        direction = np.divide(target - grown[near], apart[near])
-        new = target if apart[near] <= step else grown[near] + step * direction
+        distance = [math.dist(node, target) for node in grown]
+        near = min(range(len(grown)), key=distance.__getitem__)
+        direction = np.divide(target - grown[near], distance[near])
+        new = target if distance[near] <= step else grown[near] + step * direction
         if clearances(grown[near], new, discs).min(initial=1.0) <= 0.0:
             continue
         grown.append(new)

@@ -38,8 +38,8 @@ def rngs():
 
 def clutter(rng, count=25):
     discs = np.column_stack((rng.uniform(0, 10, (count, 2)), rng.uniform(0.2, 0.9, count)))
-    apart = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (scenes.START, scenes.GOAL)))
-    return discs[apart > discs[:, 2] + 0.1]
+    distance = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (scenes.START, scenes.GOAL)))
+    return discs[distance > discs[:, 2] + 0.1]
 
 
 def length(path):

@@ -106,8 +106,8 @@ def test_rrt_is_the_drill(seed: int, step: float) -> None:
     rng = np.random.default_rng(seed)
     discs = np.column_stack((rng.uniform(0, 10, (25, 2)), rng.uniform(0.2, 0.8, 25)))
     start, goal, bounds = scenes.START, scenes.GOAL, scenes.SQUARE
-    apart = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (start, goal)))
-    discs = discs[apart > discs[:, 2]]
+    distance = np.minimum(*(np.hypot(*(discs[:, :2] - p).T) for p in (start, goal)))
+    discs = discs[distance > discs[:, 2]]
     path, nodes, parents, samples = drills.rrt(
         start, goal, discs, bounds, step, 400, np.random.default_rng(seed)
     )
@@ -302,12 +302,12 @@ def test_the_tree_of_neighbours_finds_what_looking_at_all_finds(n) -> None:
         done = entered(nodes, links, count, done)
         assert done in (0, count)
         for q in [*rng.uniform(-0.2, 1.2, (40, n)), nodes[60]]:
-            apart = ((nodes[:count] - q) ** 2).sum(axis=1)
+            squares = ((nodes[:count] - q) ** 2).sum(axis=1)
             for hung in {0, done}:
                 at = nearest(nodes, links, count, hung, q, stack, gaps)
-                assert apart[at] == pytest.approx(apart.min(), rel=1e-12)
+                assert squares[at] == pytest.approx(squares.min(), rel=1e-12)
                 hits = within(nodes, links, count, hung, q, 0.3, stack, result)
-                assert set(result[:hits]) == set(np.flatnonzero(apart <= 0.09))
+                assert set(result[:hits]) == set(np.flatnonzero(squares <= 0.09))
     assert done == 2500
 
 

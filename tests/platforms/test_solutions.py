@@ -230,8 +230,8 @@ def test_the_fair_comparison_is_the_closed_form_of_the_scheme(mu, block, plank, 
     times = 0.004 * np.arange(1, 200)
     slide = times[times < 0.95 * stuck]
     args = mu, [block, plank], place, speed, steps
-    apart, gained = solutions.compare_engines(*args, slide)
-    np.testing.assert_allclose(apart, -0.5 * slowing * slide * (steps[1] - steps[0]), atol=1e-10)
+    distance, gained = solutions.compare_engines(*args, slide)
+    np.testing.assert_allclose(distance, -0.5 * slowing * slide * (steps[1] - steps[0]), atol=1e-10)
     t, pushed = slide[-1], block / plank * slowing * slide[-1]
     energy = (block * (speed - slowing * t) ** 2 + plank * pushed**2 - block * speed**2) / 2.0
     np.testing.assert_allclose(gained, [energy, energy], rtol=1e-9)

@@ -277,7 +277,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "On the slope, along an edge of the pyramid, all models are good.": lambda r: all(
         _hits(r, "incline", "")
     ),
-    "By default a light body in MuJoCo sinks by centimetres under a heavy one, with any solver.": (
+    "By default 1 kg in MuJoCo sinks by centimetres under 100 kg, with any solver.": (
         lambda r: min(_error(r, "heavy", f"MuJoCo {s}, {c}") for s, c, _ in SOLVERS) > 0.01
     ),
     "Hardened, MuJoCo bears the heavy body and holds the glass, each within its tolerance.": (
@@ -290,7 +290,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Where a body is light, penalty contact fails at this step.": lambda r: (
         math.isinf(_error(r, "heavy", "penalty")) and math.isinf(_error(r, "glass", "penalty"))
     ),
-    "By default a held glass creeps in MuJoCo, about three times as fast with the pyramid.": (
+    "By default a held glass creeps in MuJoCo, about three times as far with the pyramid.": (
         lambda r: (
             not any(_hits(r, "glass", "elliptic", "pyramidal", "soft model"))
             and 2.5
@@ -301,7 +301,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Rigid models keep a table's legs still; with soft ones they sink, within the tolerance.": (
         lambda r: all(_hits(r, "legs", "")) and _error(r, "legs", NEWTON) > 1e-5
     ),
-    "Our soft model errs like MuJoCo's. On legs it errs more: MuJoCo's A-hat is smaller there.": (
+    "Our soft model errs like MuJoCo's. On legs it errs more: there MuJoCo's A-hat is smaller.": (
         lambda r: all(
             ratio > 2.0 if s == "legs" else abs(ratio - 1.0) < 1e-6
             for s in QUESTIONS

@@ -295,7 +295,7 @@ def _beside_scipy(
     names = ("regulator", "SciPy's Riccati", "box", "SciPy's BVLS")
     spent: dict[str, list[float]] = {name: [] for name in names}
     ratios: dict[str, list[str]] = {names[1]: [], names[3]: []}
-    worst, apart = np.zeros(2), 0.0
+    worst, difference = np.zeros(2), 0.0
     for n in sizes:
         for _ in range(systems // len(sizes)):
             system = drawn(rng, n)
@@ -310,7 +310,7 @@ def _beside_scipy(
             functools.partial(box_qp, H, g, -0.3, 0.3),
             functools.partial(lsq_linear, M, b, (-0.3, 0.3), method="bvls", tol=1e-15),
         )
-        apart = max(apart, float(np.abs(runs[2]().x - runs[3]().x).max()))
+        difference = max(difference, float(np.abs(runs[2]().x - runs[3]().x).max()))
         samplers = [calls(run, clock=clock) for run in runs]
         for name, result in zip(names, interleaved(samplers, repeats=repeats), strict=True):
             spent[name].append(1e6 * result.median)
@@ -324,6 +324,6 @@ def _beside_scipy(
     ]
     panel.notes += [
         f"largest residual of {systems} Riccati equations {worst[0]:.0e}, SciPy's {worst[1]:.0e}",
-        f"boxes: largest difference {apart:.0e}",
+        f"boxes: largest difference {difference:.0e}",
     ]
     return panel

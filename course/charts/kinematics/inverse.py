@@ -283,8 +283,8 @@ def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) ->
 def covered(curve: Array, result: Array, near: float = 0.3) -> float:
     """Return the share of the curve (3, M) within `near` [rad] of a posture (3, K), per joint."""
     # Angles are compared modulo a full turn, by the worst joint.
-    apart = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - result[:, None]))))
-    return float((apart.max(axis=0).min(axis=1) < near).mean())
+    distance = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - result[:, None]))))
+    return float((distance.max(axis=0).min(axis=1) < near).mean())
 
 
 @chart

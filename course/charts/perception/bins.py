@@ -14,7 +14,7 @@ from course.charts.perception.poses import BOX, EYE, SENSOR, TABLE, turned_by
 from course.charts.perception.precision import box_surface, on_table
 from course.kinematics.chain import compose, invert
 from course.measure.figure import Panel, Series
-from course.perception import Cloud, apart, icp, locate, render, sense, shape, together
+from course.perception import Cloud, icp, locate, pose_distance, render, sense, shape, together
 from course.perception.camera import Array
 from course.rigid_body.quaternion import exp, rotate
 
@@ -245,7 +245,7 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
                 true = compose(_back(TABLE)[:, None], pose[:, None])[:, 0]
                 far, angle = float(np.linalg.norm(base[:3] - true[:3])), math.nan
                 if np.isfinite(result[3:]).all():
-                    angle = apart(BOX, true, base)[1]
+                    angle = pose_distance(BOX, true, base)[1]
                 deviation.setdefault((name, cause), []).append((far, angle))
             (first, *_) = locate(depth, EYE, SENSOR, BOX)
             report.setdefault(cause, []).append((first.status, first.agrees))

@@ -11,7 +11,7 @@ from course.charts.perception.poses import EYE, SENSOR, TABLE
 from course.kinematics.chain import turn_to
 from course.measure.figure import Panel, Series
 from course.measure.work_precision import machine
-from course.perception import Sensor, apart, icp, see_through, shape, together, yaw_net
+from course.perception import Sensor, icp, pose_distance, see_through, shape, together, yaw_net
 from course.perception.camera import Array
 from course.perception.pose import STANDING, standing_at, verdict
 from course.rigid_body.quaternion import conjugate, rotate
@@ -121,7 +121,7 @@ def learned_start(
             rows = []
             for depth, pose in looks:
                 result, seconds, through = laid(depth, sensor, method)
-                far, turn = apart(yaw_net.L_PART, pose, result)
+                far, turn = pose_distance(yaw_net.L_PART, pose, result)
                 rows.append((far < 2e-3 and turn < math.radians(2.0), seconds, through, turn))
             right, seconds, through, turn = np.array(rows).T
             share.append(float(right.mean()))
@@ -161,7 +161,7 @@ def learned_start(
     for _ in range(pictures):
         depth, pose = yaw_net.picture(EYE, SENSOR, TABLE, rng, MIRRORED)
         result, _, through = laid(depth, SENSOR, known["network"])
-        other.append((math.degrees(apart(yaw_net.L_PART, pose, result)[1]), through))
+        other.append((math.degrees(pose_distance(yaw_net.L_PART, pose, result)[1]), through))
     x, y = np.array(other).T
     shows.notes.append(f"a mirrored part: refuted in {np.mean(y > 0.1):.2f} of the pictures")
     shows.series.append(Series("mirrored part", x, y, style=""))

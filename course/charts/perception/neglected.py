@@ -129,7 +129,7 @@ def change(view: Look) -> float:
     for seed, at in enumerate(zip(YAWS, ASIDE, strict=True)):
         pictures = (f(scene(*at), seed) for f in (plain, view))
         places = [perception.locate(picture, EYE, SENSOR, BOX)[0] for picture in pictures]
-        far.append(perception.apart(BOX, places[0].pose, places[1].pose)[0])
+        far.append(perception.pose_distance(BOX, places[0].pose, places[1].pose)[0])
     return float(np.sqrt(np.mean(np.square(far))))
 
 

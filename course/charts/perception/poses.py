@@ -199,7 +199,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
             scene = perception.together([shape("plane").moved(TABLE), BOX.moved(pose)])
             depth = scale * sense(render(scene, EYE)[0], EYE, SENSOR, rng)
             for one in perception.locate(depth, EYE, SENSOR, BOX)[:1]:
-                deviation = perception.apart(BOX, pose, one.pose)[0]
+                deviation = perception.pose_distance(BOX, pose, one.pose)[0]
                 result.setdefault(name, []).append((deviation, one.residual, one.see_through))
             if name == "right":
                 # A quarter turn: a wrong pose that fits the visible faces.
@@ -207,7 +207,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
                 points, _ = perception.back_project(render(BOX.moved(pose), EYE)[0], EYE)
                 fit = icp(points, BOX, wrong, gate=0.03, free=("x", "y"))
                 through = perception.see_through(depth, EYE, SENSOR, BOX.moved(fit.pose))
-                turned = perception.apart(BOX, pose, fit.pose)
+                turned = perception.pose_distance(BOX, pose, fit.pose)
                 reach = float(np.hypot(turned[0], 0.08 * turned[1]))
                 result.setdefault("quarter turn", []).append((reach, fit.residual, through))
     text = (

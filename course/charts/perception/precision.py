@@ -291,7 +291,7 @@ def frame_speed(pictures: int = 25) -> Iterator[Panel]:
         whole.append(time.process_time() - begin)
         for name, poses in answers.items():
             for pose in true:
-                near = [perception.apart(BOX, pose, one) for one in poses]
+                near = [perception.pose_distance(BOX, pose, one) for one in poses]
                 far = min(near, default=(np.inf, np.inf))
                 # Right: within 2 mm and 2 degrees of a true box.
                 right[name] += int(far[0] < 2e-3 and far[1] < math.radians(2.0))

@@ -91,10 +91,14 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
         (theirs, slow), (ours, fast) = (timed(settings_for(name), one, some) for one in pair)
         # The same seeds on both sides: differences of pairs, not of means.
         work = paired(successes(ours), successes(theirs))
-        apart = 1e3 * (np.array([a.distance for a in theirs]) - [b.distance for b in ours])
+        difference = 1e3 * (np.array([a.distance for a in theirs]) - [b.distance for b in ours])
         # 95 % half-width of a mean difference by Student's t.
-        half = student.ppf(0.975, apart.size - 1) * apart.std(ddof=1) / math.sqrt(apart.size)
-        error = (apart.mean(), apart.mean() - half, apart.mean() + half)
+        half = (
+            student.ppf(0.975, difference.size - 1)
+            * difference.std(ddof=1)
+            / math.sqrt(difference.size)
+        )
+        error = (difference.mean(), difference.mean() - half, difference.mean() + half)
         note = (
             f"{name}: success {successes(theirs).mean():.2f} against "
             f"{successes(ours).mean():.2f} of {len(ours)}, error {error[0]:+.3g} "

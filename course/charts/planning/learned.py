@@ -50,14 +50,14 @@ def searched(scene: Scene, count: int, rng: np.random.Generator) -> Array:
     free = picture(scene)[0].astype(bool)
     number = np.arange(free.size).reshape(free.shape)
     rows = []
-    for i, j, apart in ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2))):
+    for i, j, distance in ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2))):
         a = number[: CELLS - i, max(0, -j) : CELLS - max(0, j)]
         b = number[i:, max(0, j) : CELLS + min(0, j)]
         # Eight-connected grid of free cells.
         both = free.ravel()[a] & free.ravel()[b]
-        rows.append(np.array([a[both], b[both], np.full(both.sum(), apart)]))
-    a, b, apart = np.hstack(rows)
-    graph = sparse.coo_matrix((apart, (a.astype(int), b.astype(int))), (free.size,) * 2).tocsr()
+        rows.append(np.array([a[both], b[both], np.full(both.sum(), distance)]))
+    a, b, distance = np.hstack(rows)
+    graph = sparse.coo_matrix((distance, (a.astype(int), b.astype(int))), (free.size,) * 2).tocsr()
     low, high = scene.world.bounds
     ends = [(CELLS * (q - low) / (high - low)).astype(int) for q in (scene.start, scene.goal)]
     begin, at = (int(number[tuple(np.minimum(end, CELLS - 1))]) for end in ends)

@@ -74,8 +74,8 @@ def two_link_mass_matrix(result):
         (a, b, c, d), state = draw[:4], draw[4:].reshape(3, 2)
         arm = TwoLink(lengths=(c, d), masses=(a, b), damping=(0.0, 0.0), gravity=9.81)
         tau, matrix = numeric(a, b, c, d, 9.81, *draw[4:])
-        apart = np.abs(np.ravel(tau) - arm.inverse_dynamics(*state)).max()
-        return max(float(apart), float(np.abs(matrix - arm.mass_matrix(state[0])).max()))
+        difference = np.abs(np.ravel(tau) - arm.inverse_dynamics(*state)).max()
+        return max(float(difference), float(np.abs(matrix - arm.mass_matrix(state[0])).max()))
 
     lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
     masses = result.input("m1_kg", 1.0), result.input("m2_kg", 0.8)

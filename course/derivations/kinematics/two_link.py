@@ -55,17 +55,17 @@ def fk_is_a_product(result):
             factors.append(np.vstack([rows, [0, 0, 0, 1]]))
         return np.linalg.multi_dot(factors[::-1] if backwards else factors)[:3, 3]
 
-    joints, apart, deviation = result.input("joints", 7), [], []
+    joints, distances, deviation = result.input("joints", 7), [], []
     for k in range(60):
         arm = random_chain(joints, result.rng, tree=k % 2 == 1)
         q = result.rng.uniform(-3, 3, joints)
         other = tip(arm, q)[:3]
         deviation.append(np.abs(product(arm, q, False) - other).max())
-        apart.append(np.linalg.norm(product(arm, q, True) - other))
-    result.measure("reversed_m", np.median(apart), 1e-3)
+        distances.append(np.linalg.norm(product(arm, q, True) - other))
+    result.measure("reversed_m", np.median(distances), 1e-3)
     result.statement = "60 random chains and trees with both kinds of joints, as 4 x 4 matrices."
     result.statement_holds(max(deviation) < 1e-12)
-    result.correction_holds(min(apart[::2]) > 1e-3, max(deviation) < 1e-12)
+    result.correction_holds(min(distances[::2]) > 1e-3, max(deviation) < 1e-12)
 
 
 @claim(
@@ -293,8 +293,8 @@ def number_of_solutions(result):
         q = two_link_ik(lengths, target).q
         other = [bool(np.linalg.norm(planar_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
         # Two branches that coincide count once.
-        apart = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
-        return other.count(True) if apart else int(other[0])
+        differ = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
+        return other.count(True) if differ else int(other[0])
 
     def free(links: int) -> float:
         """Return the dimension of the answers around a random posture that places the tip."""

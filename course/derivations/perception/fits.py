@@ -37,6 +37,15 @@ def kabsch_without_determinant(result):
             best = best and np.linalg.det(R) > 0.999 and np.linalg.norm(R @ c - d) < least + 1e-7
         return mirrored / runs, best
 
+    def mirrored(thick, count, axes, runs=20_000):
+        """Return the share of mirror images where points are so thin along these axes."""
+        size = np.where(np.isin(np.arange(3), axes), 0.1 * thick, 1.0)[:, None]
+        a = result.rng.uniform(-1.7, 1.7, (runs, 3, count)) * size
+        b = a + 0.1 * result.rng.normal(size=a.shape)
+        c, d = (x - x.mean(axis=2, keepdims=True) for x in (a, b))
+        # U V^T is a mirror image if the covariance has a negative determinant.
+        return np.mean(np.linalg.det(d @ c.transpose(0, 2, 1)) < 0)
+
     flat = result.measure("flat", fits(result.input("thin", 0.1), 400)[0], 0.15)
     least = result.input("least", 2)
     draws = result.rng.uniform(0, 1, (2, 10))
@@ -44,8 +53,10 @@ def kabsch_without_determinant(result):
     result.statement_holds(
         flat == 0,
         only_if="the points are a dozen or more, and their thinnest spread is "
-        "{least:.0f} times the noise or more",
-        inside=[fits(least * (1 + x), 25, int(12 + 20 * x))[0] == 0 for x in draws[0]],
+        "{least:.0f} times the noise or more; less than one fit in a thousand is mirrored then",
+        inside=[mirrored(least * (1 + x), int(12 + 20 * x), 2, 2000) < 1e-3 for x in draws[0]]
+        # At the edge of the condition: a flat plate, a rod and a ball.
+        + [mirrored(least, 12, axes) < 1e-3 for axes in ([2], [1, 2], [0, 1, 2])],
         outside=[
             *(fits(0.1 * least * x)[0] == 0 for x in draws[1]),
             *(fits(least * (1 + x), 25, 4)[0] == 0 for x in draws[1]),
@@ -100,7 +111,7 @@ def own_points_come_home(result):
 def picture_to_picture(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
     from course.kinematics.chain import compose
-    from course.perception import Cloud, apart, back_project, icp, render, sense
+    from course.perception import Cloud, back_project, icp, pose_distance, render, sense
 
     pictures = int(result.input("pictures", 32))
     first = image_of(BOX, 0.0, 0.5, result.rng)[1]
@@ -114,7 +125,7 @@ def picture_to_picture(result):
             step = icp(cloud, Cloud.of(before), method="point", gate=0.01).pose
             pairs = compose(step[:, None], pairs[:, None])[:, 0]
         before = cloud
-        deviation.append([1000 * apart(BOX, true, pose)[0] for pose in (pairs, model)])
+        deviation.append([1000 * pose_distance(BOX, true, pose)[0] for pose in (pairs, model)])
     last = result.measure("pairs_mm", deviation[-1][0], 0.1)
     worst = result.measure("model_mm", max(row[1] for row in deviation[1:]), 0.3)
     result.statement = "A box that moves by 1 mm and 0.5 degrees from picture to picture."
@@ -138,14 +149,16 @@ def picture_to_picture(result):
 def not_looked_through_is_right(result):
     from course.charts.perception.bins import picture_of
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
-    from course.perception import apart, locate, shape
+    from course.perception import locate, pose_distance, shape
 
     def first(cause, yaw):
         """Return the error to the nearer of part and twin, and the judgements of the pose."""
         depth, _, pose = picture_of(cause, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
         beside = turned_by(pose, 0.0, 0.1 * (cause != "as it is"), 0.0, 0.0, 0.0, 0.0)
-        near = 1000 * min(apart(BOX, pose, one.pose)[0], apart(BOX, beside, one.pose)[0])
+        near = 1000 * min(
+            pose_distance(BOX, pose, one.pose)[0], pose_distance(BOX, beside, one.pose)[0]
+        )
         return near, one.see_through, one.agrees, one.status == "found", *one.unobserved[:1]
 
     twins, alone = (
@@ -186,15 +199,15 @@ def not_looked_through_is_right(result):
 )
 def spread_of_symmetric_poses(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR
-    from course.perception import apart, locate, shape, together
+    from course.perception import locate, pose_distance, shape, together
 
     alone = together([BOX, shape("sphere", 0.001)])  # of several shapes no symmetry is assumed
     turns, raw, report = [], [], []
     for yaw in result.rng.uniform(-3, 3, 10):
         depth, pose = image_of(BOX, 0.0, yaw, result.rng)
         one = locate(depth, EYE, SENSOR, BOX)[0]
-        turns.append(apart(BOX, pose, one.pose)[1])
-        raw.append(apart(alone, pose, one.pose)[1])
+        turns.append(pose_distance(BOX, pose, one.pose)[1])
+        raw.append(pose_distance(alone, pose, one.pose)[1])
         report.append(one.covariance[5, 5])
     far = result.measure("raw", np.degrees(max(raw)), 0.02)
     near = result.measure("up_to", np.degrees(np.sqrt(np.mean(np.square(turns)))), 0.3)
@@ -237,8 +250,8 @@ def dbscan_has_no_order(result):
     retained = []
     for _ in range(20):  # who is noise, and which core points are together
         cloud, order = result.rng.normal(scale=2.5, size=(3, 200)), result.rng.permutation(200)
-        apart = np.linalg.norm(cloud[:, :, None] - cloud[:, None], axis=0)
-        core, a, b = (apart <= 1.0).sum(axis=1) >= 8, by_open3d(cloud), np.empty(200, np.int64)
+        distance = np.linalg.norm(cloud[:, :, None] - cloud[:, None], axis=0)
+        core, a, b = (distance <= 1.0).sum(axis=1) >= 8, by_open3d(cloud), np.empty(200, np.int64)
         b[order] = by_open3d(np.ascontiguousarray(cloud[:, order]))
         same = [x[core][:, None] == x[core] for x in (a, b)]
         retained.append(np.array_equal(a < 0, b < 0) and np.array_equal(*same))

@@ -373,7 +373,7 @@ def rare_and_sure(result):
     def typical(some, name):
         return float(np.median([getattr(one, name) for one in some]))
 
-    apart = [
+    ratios = [
         np.std([one.share for one in some]) / typical(some, "error") for some in (narrow, both)
     ]
     result.statement = "Half-spaces of known probability in six dimensions, 2,500 runs a repeat."
@@ -381,7 +381,7 @@ def rare_and_sure(result):
     result.correction_holds(
         len(low) > 3 * len(fair),
         len(half) > 0.3 * n,
-        min(apart) > 1.5,
+        min(ratios) > 1.5,
         all(
             typical(few, "effective") > 0.5 * typical(all_, "effective")
             and typical(few, "heaviest") < 2.0 * typical(all_, "heaviest")

@@ -188,8 +188,8 @@ def limits_keep_an_arm_from_itself(result):
         poses = [
             coal.transforms(compose(at[:, row[0]], x)) for row, x in zip(HAND, places, strict=True)
         ]
-        apart = [x.loop(poses[i], poses[j]) for x, (i, j) in zip(tests, pairs, strict=True)]
-        return np.min(apart, axis=0)
+        distances = [x.loop(poses[i], poses[j]) for x, (i, j) in zip(tests, pairs, strict=True)]
+        return np.min(distances, axis=0)
 
     states = result.rng.uniform(arm.lower, arm.upper, (500, 7)).T
     number, share, deepest = result.input("asked", 60), {}, 0.0

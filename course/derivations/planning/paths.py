@@ -144,9 +144,9 @@ def informed_area(result):
         )
 
     low, high = np.asarray(scenes.SQUARE)
-    apart = result.measure("d_m", np.linalg.norm(scenes.GOAL - scenes.START))
+    distance = result.measure("d_m", np.linalg.norm(scenes.GOAL - scenes.START))
     times = result.input("near", 1.02), result.input("far", 2.0)
-    tight, loose = (share(scenes.START, scenes.GOAL, k * apart, low, high) for k in times)
+    tight, loose = (share(scenes.START, scenes.GOAL, k * distance, low, high) for k in times)
     result.measure("tight", tight, 0.03)
     result.measure("loose", loose, 0.03)
     errors = []

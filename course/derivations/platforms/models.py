@@ -58,7 +58,7 @@ def hello_world_winds(result):
     (largest, free), (little, held) = moved(""), moved(limited)
     turns = result.measure("turns", largest, 0.02)
     result.measure("calm", little, 0.02)
-    apart = result.measure("apart", abs(moved("", dt=0.001)[1] - free), 0.1)
+    difference = result.measure("apart", abs(moved("", dt=0.001)[1] - free), 0.1)
     near = result.measure("near", abs(moved(limited, dt=0.001)[1] - held), 0.2)
     draws = result.rng.uniform((0.2, -0.5), (0.7, -0.2), (8, 2))
     result.statement = "MuJoCo at 2 and at 1 ms; the same at eight random pairs of torques."
@@ -66,7 +66,7 @@ def hello_world_winds(result):
     result.correction_holds(
         turns > 2.0,
         all(moved("", x)[0] > 1.0 for x in draws),
-        apart > 10.0 * near,
+        difference > 10.0 * near,
         all(moved(limited, x)[0] < 0.5 for x in draws),
     )
 

@@ -268,20 +268,21 @@ def usual_listing_is_explicit(result):
 
     # Random states and steps of a nonlinear system: on a special state, such as x = 0 at rest, the
     # two orders could agree.
-    def apart(lines: Any, method: Any) -> float:
+    def largest_difference(lines: Any, method: Any) -> float:
         draws = [tuple(float(z) for z in row) for row in result.rng.uniform(0.01, 2, (100, 3))]
         steps = [
             np.ravel(method(np.array([x]), np.array([v]), pull, h, params)) for x, v, h in draws
         ]
         return float(np.abs(np.array([lines(*draw) for draw in draws]) - steps).max())
 
-    result.measure("from_semi_implicit", apart(listing, semi_implicit_euler), 1e-15)
-    result.measure("from_explicit_m", apart(listing, explicit_euler), 0.5)
+    result.measure("from_semi_implicit", largest_difference(listing, semi_implicit_euler), 1e-15)
+    result.measure("from_explicit_m", largest_difference(listing, explicit_euler), 0.5)
     result.statement = "Largest difference over 100 random states and steps of a pendulum."
-    result.statement_holds(apart(listing, explicit_euler) < 1e-12)
+    result.statement_holds(largest_difference(listing, explicit_euler) < 1e-12)
     # The same operations in the same order give the same bits, so no tolerance is needed.
     result.correction_holds(
-        apart(listing, semi_implicit_euler) == 0, apart(swapped, explicit_euler) == 0
+        largest_difference(listing, semi_implicit_euler) == 0,
+        largest_difference(swapped, explicit_euler) == 0,
     )
 
 

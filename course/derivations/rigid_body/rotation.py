@@ -330,8 +330,8 @@ def quaternion_is_unique(result):
     same = float(np.abs(quaternion.to_matrix(q) - quaternion.to_matrix(-q)).max())
     # 360 turns of one degree: half the angle, so a full turn ends at -q.
     full = float(q @ quaternion.product(q, _spun(np.array([0.0, 0.0, np.pi / 180]), 1.0, 360)[1]))
-    apart = result.input("apart_rad", 0.2)
-    near = quaternion.product(q, quaternion.exp(np.array([apart, 0.0, 0.0])))
+    angle = result.input("apart_rad", 0.2)
+    near = quaternion.product(q, quaternion.exp(np.array([angle, 0.0, 0.0])))
     middle = quaternion.normalise(0.5 * (q - near))  # with the wrong sign
     detour = float(quaternion.angle_between(q, middle))
     result.measure("dot_after_full_turn", full)
@@ -339,7 +339,7 @@ def quaternion_is_unique(result):
     result.statement = f"The matrices of q and -q differ by {same:g}."
     result.statement_holds(same > 1e-3)
     result.correction_holds(
-        same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9
+        same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - angle / 2)) < 1e-9
     )
 
 
@@ -430,16 +430,16 @@ def added_quaternion_adds_energy(result):
         wrong = wrong + h * quaternion.derivative(wrong, wrong_v)
         wrong_v = rk4(wrong, wrong_v, a, h, params)[1]
         right, v = rk4(right, v, a, h, params)
-    apart = float(quaternion.angle_between(quaternion.normalise(wrong), right))
+    angle = float(quaternion.angle_between(quaternion.normalise(wrong), right))
     gain = problems.tumble_energy(wrong, wrong_v, params) / problems.tumble_energy(
         system.q0, system.v0, params
     )
-    result.measure("attitude_off_rad", apart, 1e-3)
+    result.measure("attitude_off_rad", angle, 1e-3)
     result.measure("energy_gained", round(float(gain) - 1, 6), 1e-6)
     result.statement = (
-        f"1000 steps of RK4 at 10 ms: the attitudes are {apart:.4f} rad apart, the length is "
+        f"1000 steps of RK4 at 10 ms: the attitudes are {angle:.4f} rad apart, the length is "
         f"{np.linalg.norm(wrong):.3f}, and the energy has changed by {gain - 1:.0e} of itself."
     )
     result.statement_holds(gain > 1.001)
     # Equal to the last bit, because the body rates' equation does not read the quaternion.
-    result.correction_holds(np.array_equal(v, wrong_v), apart > 1e-3, abs(gain - 1) < 1e-6)
+    result.correction_holds(np.array_equal(v, wrong_v), angle > 1e-3, abs(gain - 1) < 1e-6)

@@ -405,9 +405,9 @@ def wobble_comes_from_the_term(result):
     q, spins = with_momentum(_EXAMPLE, omega, n)
     wander = result.measure("wander_deg", _wander(q, spins), 1e-4)
     # Two formulations of one motion must end in the same attitude; 1e-4 covers the midpoint rule.
-    apart = float(quaternion.angle_between(q[-1], run.q[-1]))
+    angle = float(quaternion.angle_between(q[-1], run.q[-1]))
     rates = problems.tumble_acceleration(q[0], omega, np.full(3, 2.0))
-    result.statement = f"With L only: {wander:.2f} degrees; {apart:.0e} rad off Euler's equations."
+    result.statement = f"With L only: {wander:.2f} degrees; {angle:.0e} rad off Euler's equations."
     result.statement_holds(
         wander < 1,
         only_if="the equation is written in the body's frame",
@@ -415,7 +415,7 @@ def wobble_comes_from_the_term(result):
         outside=[stops_without_it(*body) for body in bodies],
     )
     result.correction_holds(
-        apart < 1e-4, abs(_wander(run.q, run.v) / wander - 1) < 1e-4, not rates.any()
+        angle < 1e-4, abs(_wander(run.q, run.v) / wander - 1) < 1e-4, not rates.any()
     )
 
 

@@ -73,14 +73,26 @@ TUNES = {
 
 
 def machine(cause: str, seed: int) -> Machine:
-    """Return the machine of a seed that has a fault."""
+    """Return a machine with a fault, of random size.
+
+    `Tune` holds numbers without units, in which the fault's growth is the same for every machine;
+    here they get the units of the mass, step and friction that the seed draws. So each seed is
+    another machine, and all lose the slide after about a thousand steps.
+
+    Args:
+        cause: name of the fault, a key of `TUNES`.
+        seed: of mass, step, friction, side of the rail and start.
+    """
     draw, tune = np.random.default_rng([1, seed]), TUNES[cause]
+    # Mass [kg], step [s] and coefficient of friction.
     mass, dt, friction = draw.uniform((1.0, 0.8e-3, 0.2), (4.0, 1.25e-3, 0.4)).tolist()
     guide, start = float(draw.choice((-1.0, 1.0))), 2e-6 * float(draw.uniform(0.8, 1.25))
+    # Natural frequency of the slide on one stop [rad/s]; all gains follow from it.
     omega = tune.a / dt
     return Machine(
         mass=mass,
         stiffness=mass * omega**2,
+        # A stop on either side of the middle; a contact that is detected twice is there twice.
         stops=((0.0, 1.0), (0.0, -1.0)) * tune.points,
         every=tune.every,
         damping=2.0 * tune.zeta * omega * mass,
@@ -88,6 +100,7 @@ def machine(cause: str, seed: int) -> Machine:
         age=tune.age,
         friction=friction,
         slow=friction * GRAVITY * dt / tune.rub,
+        # The axis of the force is opposite to that of the speed: friction then drives the slide.
         rail=-guide if tune.turned else guide,
         guide=guide,
         gain=tune.gain * mass * omega**2,

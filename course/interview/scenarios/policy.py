@@ -180,8 +180,8 @@ def replayed(first: int, last: int) -> Callable[[str, int], float]:
     def run(cause: str, seed: int) -> float:
         requested, angles = recorded()
         noise = np.random.default_rng([5, seed]).normal(0.0, ENCODER, last)
-        apart = driven(robot(cause, seed), requested[:last]).q[:, 0] + noise - angles[:last]
-        return 1e3 * float(np.sqrt(np.mean(apart[first:] ** 2)))
+        difference = driven(robot(cause, seed), requested[:last]).q[:, 0] + noise - angles[:last]
+        return 1e3 * float(np.sqrt(np.mean(difference[first:] ** 2)))
 
     return run
 

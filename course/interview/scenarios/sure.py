@@ -170,7 +170,7 @@ def after(change: Change, number: int) -> Run:
     return run
 
 
-def apart(change: Change, number: int) -> Run:
+def difference_after(change: Change, number: int) -> Run:
     """Return the probe that looks twice: how far the two estimates of the place are apart [mm]."""
 
     def run(cause: str, seed: int) -> float:
@@ -272,7 +272,7 @@ SCENARIO = Scenario(
             "the camera turned by half a turn: how far the two estimates are apart",
             "mm",
             6,
-            apart(turned_hand, 7),
+            difference_after(turned_hand, 7),
             3.0,
         ),
         Probe(
@@ -281,7 +281,7 @@ SCENARIO = Scenario(
             "apart",
             "mm",
             5,
-            apart(turned_box, 8),
+            difference_after(turned_box, 8),
             3.0,
         ),
         Probe("tape", "depth of the box, less that of a tape", "mm", 6, tape, 2.0),

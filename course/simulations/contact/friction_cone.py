@@ -32,6 +32,7 @@ STATE = Record(
     moved=Field((0.0, 0.0), unit="m"),
     force=Field((0.0, 0.0, 0.0), unit="N"),  # of the contact: along x, along y, normal
     owed=Field(0.0, unit="s"),
+    time=Field(0.0, unit="s"),
 )
 
 
@@ -79,6 +80,7 @@ def advance(state, controls, seconds):
         # Semi-implicit Euler: the contact force is that over this step, so a sticking block stays
         # at rest exactly.
         contact_force(controls, state["v"], STEP, state["force"])
+        state["time"] += STEP
         for k in range(2):
             state["v"][k] += STEP / MASS * (pull[k] + state["force"][k])
             state["moved"][k] += STEP * state["v"][k]
@@ -114,11 +116,11 @@ _CONTACT, _PULL_KEY, _CONE_KEY, _PYRAMID_KEY = word(
     "contact force", "pull", "friction cone", "pyramid"
 )
 _FX, _FY, _ABOVE = word("along x [N]", "along y [N]", "friction, from above")
-_NORMAL, _FRICTION, _LIMIT, _BOX, _RATE, _MODE = word(
+_NORMAL, _FRICTION, _LIMIT, _BOX, _RATE, _MODE, _TIME = word(
     "normal force", "friction force", "limit μ × normal", "limit of pyramid", "acceleration",
-    "contact",
+    "contact", "time",
 )  # fmt: skip
-_N, _MPSS = word(" N", " m/s²")
+_N, _MPSS, _SECONDS = word(" N", " m/s²", " s")
 _STICKS, _SLIDES = word("sticks", "slides")
 _NO_PYRAMID = word("none")[0]
 _SCENE, _PLANE = (0.1, 5.5, 0.1, 4.6), (6.45, 8.85, 1.35, 3.75)
@@ -252,6 +254,7 @@ def frame(pen, state, controls):
         draw.reading(pen, _BOX, limit * pyramid_limit(corners, pull[0], pull[1]), 1, _N)
     else:
         draw.reading(pen, _BOX, 0.0, 1, _N, _NO_PYRAMID)
+    draw.reading(pen, _TIME, state["time"], 2, _SECONDS)
 
 
 PRESETS = {
@@ -281,6 +284,7 @@ READOUTS = {
     "limit of pyramid": "Largest friction force that the pyramid allows opposite to the pull.",
     "acceleration": "Acceleration of the block: what friction leaves of the pull, over the mass.",
     "contact": "Whether the contact sticks (inside the cone) or slides (on its surface).",
+    "time": "Simulated time since the start. A contact that sticks stays as it is meanwhile.",
 }
 
 PAPER = draw.Paper(TITLE, word, colour)

@@ -11,7 +11,7 @@ from numba.extending import register_jitable
 
 from course.planning import roadmaps, trees
 from course.planning.neighbours import CHILD, SIBLING, WIDTH, squared
-from course.planning.samplers import EDGE_CHECKS, SAMPLES
+from course.planning.samplers import EDGE_CHECKS, SAMPLES, UNIFORM
 from course.planning.worlds import LAST_SIDE, SIDE, segment_free
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
@@ -188,10 +188,11 @@ def grow(controls, state, samples):
     if state["became"] != SEARCHING and not (state["became"] == SOLVED and method == STAR):
         return
     rows, body, rng = state["rows"][: state["count"]], _body(controls), Stream(state["seed"])
-    bounds, numbers = np.array([[0.0, 0.0], [LONG, HIGH]]), np.zeros(8)
+    bounds = np.array([[0.0, 0.0], [LONG, HIGH]])
     # PRM: sample the free space and join each node to its nearest neighbours (Kavraki et al.,
     # 1996).
     if samples > 0 and method == PRM:
+        numbers = np.zeros(8)
         numbers[roadmaps.NEAREST], numbers[roadmaps.STOP], numbers[roadmaps.MIX] = JOINED, 1.0, 1.0
         if roadmaps._grow(
             state_free,
@@ -213,17 +214,24 @@ def grow(controls, state, samples):
     elif samples > 0:
         # Trees: steer by at most the step size towards samples, the goal being one of them with the
         # bias.
-        numbers[trees.STEP], numbers[trees.MIX] = controls["step"], 1.0
-        numbers[trees.BIAS] = controls["bias"]
-        # The radius of RRT*: 1.1 times the least for which it converges, in the plane.
-        numbers[trees.STAR] = 1.1 * math.sqrt(3.0 / math.pi * LONG * HIGH) * (method == STAR)
+        settings = trees.Settings(
+            step=controls["step"],
+            goal_bias=controls["bias"],
+            sampler=UNIFORM,
+            mix=1.0,
+            spread=0.0,
+            # The radius of RRT*: 1.1 times the least for which it converges, in the plane.
+            gamma=1.1 * math.sqrt(3.0 / math.pi * LONG * HIGH) * (method == STAR),
+            informed=False,
+            shortest=0.0,
+        )
         goal = np.stack((controls["ends"][2:], controls["ends"][2:]))
         rest = (
             rows,
             body,
             bounds,
             goal,
-            numbers,
+            settings,
             np.zeros((4, 2)),
             state["nodes"],
             state["parents"],

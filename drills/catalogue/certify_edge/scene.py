@@ -22,5 +22,5 @@ def capsule_gaps(
     along = np.stack((np.cos(at[:, 2]), np.sin(at[:, 2])), axis=1)
     to = rows[None, :, :2] - at[:, None, :2]
     nearest = np.clip(np.einsum("kmi,ki->km", to, along), -half, half)
-    apart = np.linalg.norm(to - nearest[:, :, None] * along[:, None], axis=2)
-    return np.asarray(np.min(apart - rows[:, 2], axis=1) - radius)
+    distance = np.linalg.norm(to - nearest[:, :, None] * along[:, None], axis=2)
+    return np.asarray(np.min(distance - rows[:, 2], axis=1) - radius)

@@ -58,7 +58,7 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
     return [1e-9 * far, 1e-9 * max(1.0, float(np.abs(truth[1]).max()))]
 
 
-def apart(figure: Any, shown: Shown) -> None:
+def plot_distance(figure: Any, shown: Shown) -> None:
     """Plot how far the engines are apart."""
     axes = picture.plane(figure, "time [s]", "second less first engine [m]")
     times = np.asarray(shown.args[5], dtype=float)
@@ -156,7 +156,7 @@ EXERCISE = Exercise(
         "compare_engines(0.3, [1.0, 2.0], 0.0, 1.0, [0.01, 0.02], [0.1, 0.2, 0.4])",
         "compare_engines(0.3, [1.0, 2.0], 1000.0, 1.0, [0.01, 0.01], [0.1, 0.2, 0.4])",
     ),
-    picture=apart,
+    picture=plot_distance,
     slips=SLIPS
     + coarse_slips("compare_engines", "How far two engines are apart is a small difference.")
     + value_slips("compare_engines"),

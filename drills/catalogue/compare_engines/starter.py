@@ -36,6 +36,6 @@ def compare_engines(mu, masses, place, speed, steps, times):
     first = engine((mu, mu), lambda a, b: a * b, 0.04, steps[0])
     second = engine((mu, mu), max, 0.0, steps[1])
     rows = [np.rint(times / dt).astype(int) for dt in steps]
-    apart = second[rows[1], 0] - first[rows[0], 0]
+    difference = second[rows[1], 0] - first[rows[0], 0]
     gained = [energy(a[k[-1]]) - energy(a[0]) for a, k in ((first, rows[0]), (second, rows[1]))]
-    return apart, np.array(gained)
+    return difference, np.array(gained)

@@ -110,8 +110,8 @@ def joints(figure: Any, shown: Shown) -> None:
     axes.plot(number, shown.got[0], "o-", **picture.YOURS)
     axes.plot(number, shown.expected[0], marker="o", **picture.RIGHT)
     axes.set_xticks(number)
-    apart = np.max(np.abs(np.asarray(shown.got[0]) - shown.expected[0]))
-    axes.set_title(f"largest difference {apart:.2g} rad")
+    difference = np.max(np.abs(np.asarray(shown.got[0]) - shown.expected[0]))
+    axes.set_title(f"largest difference {difference:.2g} rad")
     axes.legend()
 
 

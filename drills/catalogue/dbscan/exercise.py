@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 
 def clear(points: Array, eps: float) -> bool:
     """Return whether no distance is a close call."""
-    apart = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
-    return bool(np.abs(apart - eps).min() > 1e-8)
+    distance = np.linalg.norm(points[:, :, None] - points[:, None, :], axis=0)
+    return bool(np.abs(distance - eps).min() > 1e-8)
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
@@ -78,7 +78,7 @@ def clusters(figure: Any, shown: Shown) -> None:
 
 
 _CORE = "core = near.sum(axis=1) >= least"
-_BORDER = "labels[i] = labels[np.argmin(np.where(near[i] & core, apart[i], np.inf))]"
+_BORDER = "labels[i] = labels[np.argmin(np.where(near[i] & core, distance[i], np.inf))]"
 _GROW = "near[queue.pop()] & core & (labels < 0)"
 
 SLIPS = slips(
@@ -88,8 +88,8 @@ SLIPS = slips(
         "A point is not counted among its own neighbours. Here, as in the paper, it is.",
     ),
     strict_distance=(
-        "near = apart <= eps",
-        "near = apart < eps",
+        "near = distance <= eps",
+        "near = distance < eps",
         "Points at exactly eps are left out. They are neighbours.",
     ),
     border_left_as_noise=(
@@ -116,8 +116,8 @@ SLIPS = slips(
         "decides. The nearest core point does.",
     ),
     squared_distance=(
-        "near = apart <= eps",
-        "near = apart**2 <= eps",
+        "near = distance <= eps",
+        "near = distance**2 <= eps",
         "The squared distance is compared with eps. Square both or none.",
     ),
     one_ring_only=(

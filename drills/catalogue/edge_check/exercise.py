@@ -31,8 +31,8 @@ def gaps(args: tuple[Any, ...], shares: Array) -> Array:
     p, along = at[:, :-1], np.diff(at, axis=1)
     to = discs[:, :2] - p
     t = np.clip((to * along).sum(axis=3) / (along * along).sum(axis=3), 0.0, 1.0)
-    apart = np.linalg.norm(to - t[..., None] * along, axis=3) - discs[:, 2]
-    return np.asarray(apart.min(axis=(1, 2)))
+    distance = np.linalg.norm(to - t[..., None] * along, axis=3) - discs[:, 2]
+    return np.asarray(distance.min(axis=(1, 2)))
 
 
 def fair(args: tuple[Any, ...], hit: bool) -> bool:
@@ -49,7 +49,11 @@ def fair(args: tuple[Any, ...], hit: bool) -> bool:
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
-    """Return one link first; then arms of up to five among posts of 1 cm and discs of 20 cm."""
+    """Return one link first; then arms of up to five among posts of 1 cm and discs of 20 cm.
+
+    A thin post is what samples at fixed steps pass by, and what a bound on the speed of the links
+    can't miss (conservative advancement; Mirtich, 1996).
+    """
 
     def arm(
         label: str,
@@ -60,11 +64,26 @@ def cases(rng: np.random.Generator) -> list[Case]:
         turning: tuple[float, ...] = (),
         count: int = 6,
     ) -> Case:
+        """Return a random motion that clearly hits or clearly is free.
+
+        Args:
+            label: of the case.
+            n: number of links.
+            hit: whether the arm shall touch a disc.
+            radius: of each disc [m].
+            level: simple, core or edge.
+            turning: size of each joint's turn [rad], before it is scaled at random.
+            count: number of discs.
+        """
+        # Rejection sampling: a near miss, or a touch at a tangent, would make the answer depend on
+        # rounding, so `fair` discards both.
         while True:
             lengths, a = rng.uniform(0.4, 1.0, n), rng.uniform(-0.5, 0.5, n)
             a[0] = rng.uniform(-3.0, 3.0)
             move = np.array(turning or (1.2,) * n) * rng.uniform(0.7, 1.3, n)
             move *= rng.choice([-1.0, 1.0], n)
+            # Uniform over the annulus within reach, hence the root; not at the base, where a disc
+            # touches from the start.
             far, direction = np.sqrt(rng.uniform(0.05, 1.0, count)), rng.uniform(0.0, 6.3, count)
             spots = lengths.sum() * far * np.array([np.cos(direction), np.sin(direction)])
             args = lengths, np.column_stack((spots.T, np.full(count, radius))), a, a + move
@@ -74,10 +93,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
     def bent(n: int) -> Case:
         """Return a stretched arm whose joints all turn one way: its tip is as fast as the bound."""
         args = rng.uniform(0.4, 1.0, n), np.zeros((0, 3)), np.zeros(n), rng.uniform(0.7, 1.0, n)
+        # A thin post where the tip is after a tenth of the motion: a step that is even a little too
+        # long passes it.
         post = np.array([[*swept(args, np.array([0.1]))[0, -1], 0.005]])
         return Case((args[0], post, *args[2:]), "all joints turn one way")
 
     whole = tuple(map(np.array, ([1, 1], [[-1, 1, 1], [1, 2, 0]], [0, 0], [2, 0])))
+    # Its discs and postures serve three edge cases: touching at the start, no disc, no motion.
     inside = arm("", 2, True).args
     return [
         arm("one link, in the way", 1, True, 0.2, "simple"),
@@ -165,8 +187,8 @@ SLIPS = slips(
         "Only the joints and the tip are checked. The links between them touch discs, too.",
     ),
     centres_for_discs=(
-        "apart - discs[:, 2]",
-        "apart",
+        "distance - discs[:, 2]",
+        "distance",
         "Your gap is the distance to the centres of the discs. Subtract the radius.",
     ),
     angles_from_the_x_axis=(

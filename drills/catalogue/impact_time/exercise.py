@@ -148,7 +148,7 @@ SLIPS = slips(
     ),
     distance_over_speed=(
         TIME,
-        "return (apart - reach) / math.sqrt(speed)",
+        "return (distance - reach) / math.sqrt(speed)",
         "Gap over speed is right only for a head-on impact. Off-centre, the balls travel farther.",
     ),
     own_velocity_only=(
@@ -162,14 +162,14 @@ SLIPS = slips(
         "You add the velocities. The relative velocity is their difference.",
     ),
     reach_halved=(
-        "c = (apart - reach) * (apart + reach)",
-        "reach = 0.5 * reach\n    c = (apart - reach) * (apart + reach)",
+        "c = (distance - reach) * (distance + reach)",
+        "reach = 0.5 * reach\n    c = (distance - reach) * (distance + reach)",
         "You use half of reach. It already is the sum of both radii: the balls touch when the "
         "centres are reach apart.",
     ),
     reach_forgotten=(
-        "c = (apart - reach) * (apart + reach)",
-        "reach = 0.0\n    c = (apart - reach) * (apart + reach)",
+        "c = (distance - reach) * (distance + reach)",
+        "reach = 0.0\n    c = (distance - reach) * (distance + reach)",
         "You treat the balls as points. They touch when the centres are reach apart.",
     ),
     overlap_ignored=(

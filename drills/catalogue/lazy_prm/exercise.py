@@ -33,8 +33,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
         """Return points, free of all discs, each joined to its nearest ones; corner to corner."""
         result = np.column_stack((rng.uniform(0.0, 10.0, (discs, 2)), np.full(discs, radius)))
         points = np.vstack(([0.5, 0.5], rng.uniform(0.0, 10.0, (4 * count, 2)), [9.5, 9.5]))
-        apart = np.linalg.norm(points[:, None] - result[:, :2], axis=2)
-        free = np.flatnonzero((apart > radius + 0.05).all(axis=1))
+        distance = np.linalg.norm(points[:, None] - result[:, :2], axis=2)
+        free = np.flatnonzero((distance > radius + 0.05).all(axis=1))
         retained = points[np.unique([0, *free[:count], len(points) - 1])]
         result = result[
             (np.linalg.norm(retained[[0, -1], None] - result[:, :2], axis=2) > radius + 0.05).all(

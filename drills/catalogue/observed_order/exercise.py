@@ -114,13 +114,24 @@ def no_order(attempt: Attempt, answers: Sequence[Answer]) -> None:
 
 
 def extrapolated(attempt: Attempt) -> Plan:
-    """Return what extrapolation buys: Verlet's three runs against a single finer one."""
+    """Return what extrapolation buys: Verlet's three runs against a single finer one.
+
+    Richardson extrapolation (1911) cancels the leading error of three runs at steps dt, dt / 2 and
+    dt / 4. It costs all three, so the diagram has the work on its axis: the force evaluations.
+
+    Args:
+        attempt: the learner's answer, which extrapolates; `ask` calls it.
+
+    Returns:
+        The plan of a work-precision diagram of the angle of a pendulum at the end [rad].
+    """
     from course.oracles.mujoco import oscillator
     from course.rigid_body import problems, simulate
 
     problem = problems.pendulum()
     system, time = problem.system, problem.duration
-    counts = {time / n: n for n in (100, 200, 400, 800)}
+    counts = {time / n: n for n in (100, 200, 400, 800)}  # steps of the coarsest run, by its dt
+    # MuJoCo's model is compiled here, outside of what is timed.
     start = 1.0, float(system.q0[0]), 0.0
     runners = {
         dt: oscillator.pendulum(*start, dt / 4, "Euler", gravity=problems.STANDARD_GRAVITY)
@@ -133,6 +144,7 @@ def extrapolated(attempt: Attempt) -> Plan:
     def ask(place: Any, dt: float) -> tuple[Any, float]:
         three = [angle(counts[dt] * factor) for factor in (1, 2, 4)]
         _, limit = place.call("observed_order", *three, 2.0)
+        # The work of n + 2 n + 4 n steps.
         return np.asarray(limit, dtype=float), 7 * counts[dt]
 
     return Plan(

@@ -25,9 +25,9 @@ def turned(w: Array) -> Array:
 
 def clear(points: Array, model: Array, normals: Array) -> bool:
     """Return whether no match is a close call and all six numbers are told well."""
-    apart = np.linalg.norm(points[:, :, None] - model[:, None, :], axis=0)
-    first, second = np.partition(apart, 1, axis=1)[:, :2].T
-    n = normals[:, apart.argmin(axis=1)]
+    distance = np.linalg.norm(points[:, :, None] - model[:, None, :], axis=0)
+    first, second = np.partition(distance, 1, axis=1)[:, :2].T
+    n = normals[:, distance.argmin(axis=1)]
     arms = points - points.mean(axis=1, keepdims=True)
     s = np.linalg.svd(np.hstack((n.T, np.cross(arms.T, n.T))))[1]
     return bool(np.all(second - first > 1e-6) and s[-1] > 0.03 * s[0])
@@ -88,7 +88,7 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
     return [1e-9, 1e-9 * max(1.0, *(float(np.abs(value).max()) for value in case.args[:2]))]
 
 
-_MATCH = "match = apart.argmin(axis=1)"
+_MATCH = "match = distance.argmin(axis=1)"
 _GAP = "gap = np.sum(n * (model[:, match] - points), axis=0)"
 _ROTATION = "R = np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * half**2 * K @ K"
 _SHIFT = "return R, middle - R @ middle + t"
@@ -118,7 +118,7 @@ SLIPS = slips(
     ),
     model_to_scene=(
         _MATCH + "\n    n = normals[:, match]",
-        "match = np.arange(model.shape[1])\n    points = points[:, apart.argmin(axis=0)]\n"
+        "match = np.arange(model.shape[1])\n    points = points[:, distance.argmin(axis=0)]\n"
         "    n = normals",
         "Each model point looks for its nearest measured one. Where the camera sees only a part, "
         "the rest of the model is then pulled into it.",

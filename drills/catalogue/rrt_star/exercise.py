@@ -103,7 +103,7 @@ _SUBTREE = """                below = [i]
                     below += [k for k, p in enumerate(parents) if p == last]
 """
 _NODE = "                costs[i] -= saved\n"
-_PARENT = "parent = min([near, *around], key=lambda i: costs[i] + apart[i])"
+_PARENT = "parent = min([near, *around], key=lambda i: costs[i] + distance[i])"
 _AROUND = "around = [i for i in around if i == near or edge_is_free(points[i], new, discs)]"
 _END = "    return np.array(nodes), np.array(parents), np.array(costs)"
 
@@ -133,7 +133,9 @@ SLIPS = slips(
     ),
     cost_of_the_parent=(
         _SUBTREE,
-        _SUBTREE.replace("costs[below[-1]] -= saved", "costs[below[-1]] = cost + apart[below[-1]]"),
+        _SUBTREE.replace(
+            "costs[below[-1]] -= saved", "costs[below[-1]] = cost + distance[below[-1]]"
+        ),
         "All nodes of the subtree get costs as if they were connected to the new node directly. "
         "Each keeps its own parent, and its cost falls by what was saved.",
     ),

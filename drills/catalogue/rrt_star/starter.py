@@ -35,13 +35,13 @@ def rrt_star(start, discs, samples, step, radius):
             new = points[near] + step / away[near] * (target - points[near])
         if not edge_is_free(points[near], new, discs):
             continue
-        apart = np.hypot(*(points - new).T)
-        around = [i for i in range(len(nodes)) if apart[i] <= radius]
+        distance = np.hypot(*(points - new).T)
+        around = [i for i in range(len(nodes)) if distance[i] <= radius]
         around = [i for i in around if i == near or edge_is_free(points[i], new, discs)]
-        parent = min([near, *around], key=lambda i: costs[i] + apart[i])
-        cost = costs[parent] + apart[parent]
+        parent = min([near, *around], key=lambda i: costs[i] + distance[i])
+        cost = costs[parent] + distance[parent]
         for i in around:
-            saved = costs[i] - (cost + apart[i])
+            saved = costs[i] - (cost + distance[i])
             if saved > 0.0:
                 parents[i] = len(nodes)
                 costs[i] -= saved

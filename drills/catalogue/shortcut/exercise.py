@@ -43,10 +43,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
         discs = np.column_stack(
             (rng.uniform(0.0, x[-1], count), rng.uniform(-3.0, 3.0, count), np.full(count, radius))
         )
-        apart = [
+        distance = [
             min(_away(p, q, disc) for p, q in itertools.pairwise(path)) for disc in discs[:, :2]
         ]
-        discs[:, 2] = np.minimum(discs[:, 2], np.array(apart) - gap)
+        discs[:, 2] = np.minimum(discs[:, 2], np.array(distance) - gap)
         return Case((path, discs[discs[:, 2] > 0.02], rng.random((draws, 2))), label, level)
 
     corner = np.array([[0.0, 0.0], [1.0, 2.0], [2.0, 0.0]])

@@ -8,7 +8,7 @@ import pytest
 
 from drills.robot import libraries
 from drills.robot.holders import Holder, chosen, course_part
-from drills.robot.levels import level
+from drills.robot.levels import CELL, level
 from drills.robot.parts import load_part
 from drills.robot.play import play
 from drills.robot.report import compare, summarise
@@ -19,11 +19,14 @@ from tests.optional import skip
 pytestmark = [pytest.mark.slow, pytest.mark.optional]
 OFFERED = [(slot, library) for slot, texts in libraries.TEXTS.items() for library in texts]
 # How far a robot with the part may be off the course's, in the mean over tasks: success, cycle [s],
-# distance from the slot [m]. OMPL plans other paths; MuJoCo's contact and integrator are others.
+# distance from the slot [m]. OMPL plans other paths; MuJoCo's contact,
+# integrator and friction are others. A plan lasts an integer number of ticks: a goal that moves by
+# 0.1 mm can add one to each of the two motions.
 DIFFERENT = {
     "rrt_connect": (0.0, 0.5, 1e-4),
-    "plane_ransac": (0.0, 0.0, 3e-4),
+    "plane_ransac": (0.0, 2 * CELL.tick, 3e-4),
     "verlet": (0.0, 0.05, 3e-4),
+    "friction_torque": (0.0, 2 * CELL.tick, 1e-4),
     "contact_step": (0.0, 0.0, 3e-4),
 }
 
@@ -126,6 +129,23 @@ def test_mujoco_steps_like_the_course() -> None:
         np.testing.assert_allclose(
             theirs[1], ours[1], atol=dt**2 * (0.51 * jerk + dt * push * 90.0)
         )
+
+
+def test_mujoco_s_friction_is_a_line_up_to_the_transition_speed() -> None:
+    """And constant above it; the course's is a tanh with the same slope and the same limit."""
+    plain, other = both("friction_torque", "mujoco")
+    rng = np.random.default_rng(4)
+    for _ in range(10):
+        coulomb, viscous = rng.uniform(0.1, 3.0, (2, 2))
+        transition = rng.uniform(0.02, 0.2)
+        for scale in (0.0, 0.01, 0.5, 3.0, 50.0):
+            v = scale * transition * rng.choice([-1.0, 1.0], 2)
+            theirs = other(v, coulomb, viscous, transition)
+            line = coulomb * np.clip(v / transition, -1.0, 1.0) + viscous * v
+            np.testing.assert_allclose(theirs, line, atol=1e-9)
+            # |tanh(x) - x| and 1 - tanh(x) are largest at 1.
+            ours = plain(v, coulomb, viscous, transition)
+            assert np.all(np.abs(theirs - ours) <= coulomb * (1.0 - np.tanh(1.0)) + 1e-9)
 
 
 def test_mujoco_s_part_stops_where_the_course_s_does() -> None:

@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from drills.exercise import of as exercise_of
 from drills.robot import cell as scene
+from drills.robot.cell import World
 from drills.robot.holders import course_part
 from drills.robot.levels import CELL, LEVELS, level
 from drills.robot.report import compare, summarise
@@ -111,3 +113,30 @@ def test_the_imperfect_arm_shows_in_control_and_physics() -> None:
     for stage in ("control", "physics"):
         i = STAGES.index(stage)
         assert twin.rms[i] > exact.rms[i]
+
+
+NO_FRICTION = "def friction_torque(v, coulomb, viscous, transition):\n    return 0.0 * v\n"
+
+
+def test_with_friction_compensation_the_arm_moves_as_one_without_friction() -> None:
+    """With perfect sensing the arm is on its reference, so all of its friction is cancelled."""
+    smooth = World(CELL.lengths, CELL.masses)
+    first = played(1, FEW, world=smooth, friction_torque=NO_FRICTION)
+    second = played(1, FEW)
+    np.testing.assert_array_equal(first.seconds, second.seconds)
+    np.testing.assert_allclose(first.error, second.error, atol=5e-5)
+
+
+@pytest.mark.parametrize("number", (1, 5))
+def test_the_friction_term_matters_and_its_sign_more(number: int) -> None:
+    """The steady lag is M^-1 friction / kp: some millimetres at the tip, twice with the sign."""
+    solution = course_part("friction_torque").source
+    slips = {slip.name: slip.text(solution) for slip in exercise_of("friction_torque").slips}
+    reversed_sign = slips["friction_itself"]
+    right = summarise(played(number, FEW))
+    none = summarise(played(number, FEW, friction_torque=NO_FRICTION))
+    wrong = summarise(played(number, FEW, friction_torque=reversed_sign))
+    i = STAGES.index("control")
+    assert none.rms[i] > right.rms[i] + 1e-3
+    assert wrong.rms[i] > 1.5 * none.rms[i]
+    assert right.rate == 1.0 and wrong.rate < 1.0

@@ -86,11 +86,11 @@ def test_no_wrong_answer_passes(reports: dict[str, list[tuple[Wrong, Report]]]) 
 
 def test_own_right_answers_pass() -> None:
     table = tomllib.loads(Path(__file__).with_name("natural.toml").read_text(encoding="utf-8"))
-    texts = [(name, rows["own"]) for name, rows in table.items() if "own" in rows]
-    texts += [(name, text) for name, rows in table.items() for _, text in rows.get("right", [])]
+    right = [(name, "own", rows["own"]) for name, rows in table.items() if "own" in rows]
+    right += [(name, *row) for name, rows in table.items() for row in rows.get("right", [])]
     failed = [
-        (name, report.sentence)
-        for name, text in texts
+        (name, style, report.sentence)
+        for name, style, text in right
         if not (
             report := attempt(cards.card(name), HEAD + text, seed=11, place=in_this_process).report
         ).passed

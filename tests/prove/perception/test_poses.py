@@ -7,7 +7,7 @@ import pytest
 
 from course.kinematics.chain import invert
 from course.oracles import open3d, small_gicp
-from course.perception import Cloud, Sensor, apart, icp, locate, render, sense, shape
+from course.perception import Cloud, Sensor, icp, locate, pose_distance, render, sense, shape
 from tests.perception.part_images import (
     BOX,
     CAMERA,
@@ -77,7 +77,7 @@ def test_three_hundred_pictures():
         depth = sense(render(shapes, CAMERA)[0], CAMERA, SENSOR, rng)
         for one in locate(depth, CAMERA, SENSOR, part):
             if one.status == "found":
-                shift, angle = apart(part, pose, one.pose)
+                shift, angle = pose_distance(part, pose, one.pose)
                 assert shift < 5e-3 and angle < np.radians(3.0)
                 result += 1
     assert result > 200

@@ -1,6 +1,7 @@
 """What a page of the site remembers of its cards, and its pictures: page.js in Chromium.
 
-A page is made of the markup that `course.cards.markup` promises; nothing else of the site is there.
+A page is made of the markup that `course.derivations.markup` promises; nothing else of the site is
+there.
 """
 
 from collections.abc import Iterator
@@ -9,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from course.cards import markup
+from course.derivations import markup
 from course.site import build
 from tests.conftest import chromium
 

@@ -19,8 +19,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from course.cards.formula import tex
 from course.check import invalid
+from course.derivations.typeset import tex
 
 __all__ = ["WIDTH", "Answer", "Shown", "card", "figures", "folded", "tex"]
 
