@@ -1307,7 +1307,7 @@ for mu in (1.0, 2.0):
     print(f"      after 1 us the end slides at {end:.2f} m/s, the centre at {centre:.2f} m/s")
 # %% [markdown]
 # Below the limit the impulse is proportional to the step, as for a force. Above it, both steps return nearly the same
-# impulse. The convex model always has an answer.
+# impulse.
 #
 # ### Debugging table
 #

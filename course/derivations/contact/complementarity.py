@@ -361,9 +361,9 @@ def contact_gradients_vanish(result):
     "Penalty contact is differentiable.",
     "The force is continuous, but its slope is 0 on one side of touch and -k on the other, and "
     "with a damper the force itself jumps. A simulation inherits this. The final position of a "
-    "pushed block has the local slope {slope_s:.2f} s almost everywhere, but over the whole range "
-    "it rises by only {rise_s:.2f} s. The difference is in jumps that no gradient sees (with "
-    "steps of {step_ms:.0f} ms).",
+    "pushed block has a local slope of {slope_s:.2f} m per m/s (median), but on average over the "
+    "range it rises by only {rise_s:.2f} m per m/s. The difference is in jumps that no gradient "
+    "sees (with steps of {step_ms:.0f} ms).",
     source="Suh, Simchowitz, Zhang and Tedrake, Do differentiable simulators give better policy "
     "gradients?, 2022",
 )
