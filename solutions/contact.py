@@ -177,13 +177,13 @@ def solve_stack(
     free = free / scale
     # Coulomb's law in the plane as one complementarity problem: 0 <= z, 0 <= M z + q, z (M z + q)
     # = 0. The unknowns are normal impulses, friction to the right and to the left, slip speeds.
-    one, none = np.eye(len(friction)), np.zeros((len(friction), len(friction)))
+    identity, zeros = np.eye(len(friction)), np.zeros((len(friction), len(friction)))
     M = np.block(
         [
-            [A[N, N], A[N, T], -A[N, T], none],
-            [A[T, N], A[T, T], -A[T, T], one],
-            [-A[T, N], -A[T, T], A[T, T], one],
-            [np.diag(friction), -one, -one, none],
+            [A[N, N], A[N, T], -A[N, T], zeros],
+            [A[T, N], A[T, T], -A[T, T], identity],
+            [-A[T, N], -A[T, T], A[T, T], identity],
+            [np.diag(friction), -identity, -identity, zeros],
         ]
     )
     q = np.concatenate((free[N], free[T], -free[T], np.zeros(len(friction))))

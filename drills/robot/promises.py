@@ -569,8 +569,8 @@ def friction_torque(args: Args, tau: Any) -> str:
     along = direction * tau
     dry = along - viscous * np.abs(v)
     # A concave curve with the slope 1 in the origin, which is tanh(1) at the transition speed.
-    most = np.minimum(ratio, 1.0)
-    least = np.maximum(math.tanh(1.0) * most, ratio * (1.0 - ratio**2 / 3.0))
+    share = np.minimum(ratio, 1.0)
+    least = np.maximum(math.tanh(1.0) * share, ratio * (1.0 - ratio**2 / 3.0))
     least = np.where(ratio >= 6.0, 1.0 - 2e-5, least)
     slack = 1e-9 * (1.0 + coulomb)
     return _first(
@@ -583,7 +583,7 @@ def friction_torque(args: Args, tau: Any) -> str:
         ),
         _beyond(
             "without viscous friction, at most Coulomb friction remains",
-            _largest(dry - coulomb * most - slack),
+            _largest(dry - coulomb * share - slack),
             0.0,
             "N m",
         ),

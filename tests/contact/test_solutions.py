@@ -296,8 +296,8 @@ def test_worked_answer_reaches_every_bar_and_gauss_seidel_only_the_lowest():
             assert error < 1e-3 * bar.residual
             assert product.products <= 0.7 * bar.products(unknowns)
             # Plain Gauss-Seidel, stopped at the first sweep that is good enough, if there is one.
-            most = int(bar.products(unknowns))
-            errors = gauss_seidel(case, most)
+            limit = int(bar.products(unknowns))
+            errors = gauss_seidel(case, limit)
             (lowest if case.level == "simple" else upper).append(min(errors) <= bar.residual)
         assert all(lowest) and not any(upper)
 

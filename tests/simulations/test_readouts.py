@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from course.simulations import declaration as told
+from course.simulations import declaration
 from course.simulations import pen as draw
 from course.simulations.model import Experiment, Model
 from tests.simulations.models import WALK
@@ -17,7 +17,7 @@ from tests.simulations.models import WALK
 
 def first_pictures(name: str) -> list[draw.Picture]:
     """The first picture of each preset of a recorded simulation, from its recording."""
-    films = json.loads(told.recording(name).read_text("utf-8"))["films"]
+    films = json.loads(declaration.recording(name).read_text("utf-8"))["films"]
     pictures = []
     for film in films.values():
         size = film["sizes"][0]
@@ -25,9 +25,9 @@ def first_pictures(name: str) -> list[draw.Picture]:
         planes = np.frombuffer(data, np.uint8, 4 * size).reshape(4, size)
         steps = np.ascontiguousarray(planes.T).view(np.int32)[:, 0]
         exact = steps == 1 - 2**31
-        numbers = np.where(steps == -(2**31), np.nan, steps / told.GRID)
+        numbers = np.where(steps == -(2**31), np.nan, steps / declaration.GRID)
         numbers[exact] = np.frombuffer(data, float, exact.sum(), 4 * size)
-        pictures.append(draw.Picture(told.model(name).paper, numbers))
+        pictures.append(draw.Picture(declaration.model(name).paper, numbers))
     return pictures
 
 
@@ -47,17 +47,17 @@ def unexplained(names: set[str], model: Model) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", told.names())
+@pytest.mark.parametrize("name", declaration.names())
 def test_every_readout_has_a_tooltip(name: str) -> None:
-    model = told.model(name)
-    if told.is_live(name):
+    model = declaration.model(name)
+    if declaration.is_live(name):
         names = shown(model)
     else:
         names = {each for picture in first_pictures(name) for each in picture.numbers}
     assert names
     assert unexplained(names, model) == [], f"add them to READOUTS of {name}"
     assert set(model.readouts) <= {*model.paper.words.entries}, "no such readout"
-    assert told.declaration(name)["paper"]["readouts"] == model.readouts
+    assert declaration.declaration(name)["paper"]["readouts"] == model.readouts
 
 
 def test_a_readout_without_a_tooltip_is_found() -> None:
@@ -68,10 +68,10 @@ def test_a_readout_without_a_tooltip_is_found() -> None:
 HANDS_ON = re.compile(r"\b(drag|click|pull|slider|turn (it|the)|pick part|try )", re.I)
 
 
-@pytest.mark.parametrize("name", list(told.RECORDED))
+@pytest.mark.parametrize("name", list(declaration.RECORDED))
 def test_a_recording_never_asks_for_a_hand(name: str) -> None:
     """Notes, names of presets, titles and all words in the pictures."""
-    declared = told.declaration(name)
+    declared = declaration.declaration(name)
     texts = [declared["title"], declared["paper"]["label"], *declared["paper"]["words"]]
     texts += declared["paper"]["readouts"].values()
     for preset in declared["presets"]:
@@ -81,14 +81,14 @@ def test_a_recording_never_asks_for_a_hand(name: str) -> None:
 
 def test_a_recorded_note_takes_the_place_of_the_live_one(monkeypatch: Any) -> None:
     name = "pipeline"
-    model = told.model(name)
-    notes = {preset["name"]: preset["note"] for preset in told.declaration(name)["presets"]}
+    model = declaration.model(name)
+    notes = {preset["name"]: preset["note"] for preset in declaration.declaration(name)["presets"]}
     for key, preset in model.presets.items():
         assert notes[key] == (preset.recorded or preset.note)
     assert any(preset.recorded for preset in model.presets.values())
-    live = told.declaration("contact.touch")["presets"]
+    live = declaration.declaration("contact.touch")["presets"]
     assert [each["note"] for each in live] == [
-        preset.note for preset in told.model("contact.touch").presets.values()
+        preset.note for preset in declaration.model("contact.touch").presets.values()
     ]
 
 
@@ -96,9 +96,11 @@ def test_a_recorded_note_takes_the_place_of_the_live_one(monkeypatch: Any) -> No
 CHOSEN_BY_A_CLICK = {"role.stack", "middleware", "interview"}
 
 
-@pytest.mark.parametrize("name", [n for n in told.names() if told.model(n).drag is not None])
+@pytest.mark.parametrize(
+    "name", [n for n in declaration.names() if declaration.model(n).drag is not None]
+)
 def test_whoever_lets_a_finger_scroll_drags_nothing_up_or_down(name: str) -> None:
-    model = told.model(name)
+    model = declaration.model(name)
     if model.upright or name in CHOSEN_BY_A_CLICK:
         return
     assert model.drag is not None

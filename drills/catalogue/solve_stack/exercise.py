@@ -258,7 +258,7 @@ def solved(attempt: Attempt, run: Run) -> Any:
     if run.impulses is None:
         return got
     run.residual, unknowns = residual(run.impulses, *run.problem), len(case.args[2])
-    most = bar.products(unknowns)
+    limit = bar.products(unknowns)
     attempt.require(
         f"{case.label}: residual",
         run.accurate,
@@ -276,11 +276,11 @@ def solved(attempt: Attempt, run: Run) -> Any:
         f"{case.label}: products",
         run.frugal,
         sentence=f"You made {run.products:.3g} products with the matrix of {unknowns} unknowns. "
-        f"At most {most:.3g} are allowed at this level.",
+        f"At most {limit:.3g} are allowed at this level.",
         got=f"{run.products:.3g}",
-        expected=f"at most {most:.3g}",
+        expected=f"at most {limit:.3g}",
         error=run.products,
-        tolerance=most,
+        tolerance=limit,
         unit="1",
         why="counted in rows, in the grader's own process",
         call=call,
@@ -513,13 +513,13 @@ def chart(attempt: Attempt, answer: Place) -> Drawing:
             Series("worked answer", [reached[1][0]], [reached[1][1]], style=""),
             Series("Gauss-Seidel", np.arange(1, 301), np.array(sweeps), style="-", marker=""),
         ]
-        most = bar.products(len(case.args[2]))
-        panel.lines = [("x", most, "most products"), ("y", bar.residual, "largest residual")]
-        apart = abs(reached[0][1] - reached[1][1])
+        limit = bar.products(len(case.args[2]))
+        panel.lines = [("x", limit, "most products"), ("y", bar.residual, "largest residual")]
+        distance = abs(reached[0][1] - reached[1][1])
         panel.notes = [
-            f"{label}: the bar is a residual of {bar.residual:g} within {most:.3g} products. Plain "
-            f"Gauss-Seidel has {sweeps[-1]:.2g} after 300, your answer {reached[0][1]:.1g} after "
-            f"{reached[0][0]:.3g}; yours is within {apart:.1e} of the worked answer's residual"
+            f"{label}: the bar is a residual of {bar.residual:g} within {limit:.3g} products. "
+            f"Plain Gauss-Seidel has {sweeps[-1]:.2g} after 300, your answer {reached[0][1]:.1g} after "
+            f"{reached[0][0]:.3g}; yours is within {distance:.1e} of the worked answer's residual"
         ]
         panels.append(panel)
     return Drawing(panels)
@@ -652,7 +652,7 @@ SLIPS = slips(
         "normal impulse.",
     ),
     convex_relaxation=(
-        "[A[N, N], A[N, T], -A[N, T], none]",
+        "[A[N, N], A[N, T], -A[N, T], zeros]",
         "[A[N, N], A[N, T], -A[N, T], -np.diag(friction)]",
         "These impulses solve the convex relaxation of Coulomb's law, in which a contact that "
         "slides also lifts off, with mu times the sliding speed. The normal velocity of a contact "
@@ -677,8 +677,8 @@ SLIPS = slips(
         "the contacts.",
     ),
     other_bound=(
-        "[np.diag(friction), -one, -one, none]",
-        "[none, -one, -one, none]",
+        "[np.diag(friction), -identity, -identity, zeros]",
+        "[zeros, -identity, -identity, zeros]",
         "np.concatenate((free[N], free[T], -free[T], np.zeros(len(friction))))",
         "np.concatenate((free[N], free[T], -free[T], friction * np.maximum(-free[N], 0.0)))",
         "Normal impulses and the direction of friction are right, but sliding friction is not mu "

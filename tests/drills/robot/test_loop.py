@@ -134,9 +134,9 @@ def test_the_friction_term_matters_and_its_sign_more(number: int) -> None:
     slips = {slip.name: slip.text(solution) for slip in exercise_of("friction_torque").slips}
     reversed_sign = slips["friction_itself"]
     right = summarise(played(number, FEW))
-    none = summarise(played(number, FEW, friction_torque=NO_FRICTION))
+    uncompensated = summarise(played(number, FEW, friction_torque=NO_FRICTION))
     wrong = summarise(played(number, FEW, friction_torque=reversed_sign))
     i = STAGES.index("control")
-    assert none.rms[i] > right.rms[i] + 1e-3
-    assert wrong.rms[i] > 1.5 * none.rms[i]
+    assert uncompensated.rms[i] > right.rms[i] + 1e-3
+    assert wrong.rms[i] > 1.5 * uncompensated.rms[i]
     assert right.rate == 1.0 and wrong.rate < 1.0

@@ -258,8 +258,8 @@ def opened(browser: Any, folder: Path, name: str, **options: Any) -> Iterator[An
 
 @pytest.mark.parametrize("name", sampled(declaration.names()))
 def test_nothing_on_a_panel_is_dead(browser: Any, folder: Path, name: str) -> None:
-    told = declaration.declaration(name)
-    live = not told["recorded"]
+    declared = declaration.declaration(name)
+    live = not declared["recorded"]
     with opened(browser, folder, name, viewport={"width": 1024, "height": 800}) as page:
         pauses, resets = page.evaluate(PLAYS)
         assert pauses and resets
@@ -267,8 +267,10 @@ def test_nothing_on_a_panel_is_dead(browser: Any, folder: Path, name: str) -> No
         assert alike == [], "presets that show the same"
         assert dead == QUIET.get(name, {}), "controls that do nothing"
         assert all(page.evaluate(MEANINGS)), "numbers without a meaning"
-        handles = page.evaluate(HANDLES, list(GRID)) if live and "drag" in told["functions"] else []
-        assert bool(handles) == (live and "drag" in told["functions"])
+        handles = (
+            page.evaluate(HANDLES, list(GRID)) if live and "drag" in declared["functions"] else []
+        )
+        assert bool(handles) == (live and "drag" in declared["functions"])
         box = page.locator("canvas").bounding_box()
         for x, y in handles:
             page.evaluate(STARTS)
@@ -278,7 +280,7 @@ def test_nothing_on_a_panel_is_dead(browser: Any, folder: Path, name: str) -> No
             page.mouse.move(box["x"] + x, box["y"] + y)
             page.evaluate(MOVED)
             page.mouse.up()
-        keys = told["keys"] if live else []
+        keys = declared["keys"] if live else []
         assert bool(page.evaluate(KEYS, keys)) == bool(keys)
 
 
@@ -301,8 +303,10 @@ def test_what_is_dead_is_reported(browser: Any, folder: Path) -> None:
 
 
 def _scrolls(name: str) -> bool:
-    told = declaration.declaration(name)
-    return bool(told["recorded"]) or "drag" not in told["functions"] or not told["upright"]
+    declared = declaration.declaration(name)
+    return (
+        bool(declared["recorded"]) or "drag" not in declared["functions"] or not declared["upright"]
+    )
 
 
 @pytest.mark.parametrize("name", sampled(filter(_scrolls, declaration.names())))
