@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import ast
 import contextlib
-import itertools
 import re
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import active_children, get_context
+from threading import current_thread, main_thread
 from typing import Any
 
 import numpy as np
@@ -73,14 +73,14 @@ def verify(
     ) as pool:
         try:
             with _no_interrupt():
-                running = pool.map(findings_of, chosen, itertools.repeat(Effort(seeds)))
-            for findings in running:
-                for finding in findings:
+                running = [pool.submit(findings_of, name, Effort(seeds)) for name in chosen]
+            for future in running:
+                for finding in future.result():
                     progress(finding)
                     result.append(finding)
         except BaseException:
-            # Stopped by Ctrl-C, say: what is still waiting is not begun, what runs is ended.
-            pool.shutdown(wait=False, cancel_futures=True)
+            # Stopped by Ctrl-C, say: what runs is ended, so what waits is not begun. It must not be
+            # cancelled as well, as `map` would: the pool's thread fails at a cancelled future.
             for worker in active_children():
                 worker.terminate()
             raise
@@ -89,19 +89,26 @@ def verify(
 
 @contextlib.contextmanager
 def _no_interrupt() -> Iterator[None]:
-    """Hold SIGINT back, in this process until the end and for good in those that it starts here.
+    """Hold Ctrl-C back, in this process until the end and for good in those that it starts here.
 
-    A worker ignores Ctrl-C only once its initializer has run. One that came before, while it still
-    imports, would end it with a traceback.
+    A worker ignores Ctrl-C only once its initializer has run. One that came before, while the
+    worker still imports or this process tells it what to import, would end in a traceback.
     """
-    if not hasattr(signal, "pthread_sigmask"):
+    if not hasattr(signal, "pthread_sigmask") or current_thread() is not main_thread():
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    came: list[int] = []
+    # The mask is inherited by what this thread starts. The handler is for what reaches this process
+    # by another thread, which has a mask of its own.
+    handler = signal.signal(signal.SIGINT, lambda number, _frame: came.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+    if came:
+        signal.raise_signal(signal.SIGINT)
 
 
 def in_this_process(card: Card, source: str, filename: str) -> StandIn:

@@ -1,6 +1,7 @@
 """Worked answers of chapter 2, contact: complete, of the size of an interview."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -145,3 +146,134 @@ def contact_step(
         v = v + np.array([friction, normal])
         x = x + dt * v
     return x, v
+
+
+def solve_stack(
+    product: Callable[..., np.ndarray],
+    diagonal: ArrayLike,
+    b: ArrayLike,
+    mu: ArrayLike,
+    layer: ArrayLike,
+) -> np.ndarray:
+    """Return impulses at the contacts of a stack that obey Coulomb's law.
+
+    Args:
+        product: product(x) is A x, shape (2 n,); product(x, rows) is only those rows of it.
+        diagonal: of A, the Delassus matrix, shape (2 n,) [1/kg].
+        b: velocity at the contacts without impulses, shape (2 n,): for each contact the normal,
+            then the tangential component [m/s].
+        mu: coefficient of friction of each contact, shape (n,).
+        layer: number of the box that rests on each contact, 0 for the lowest box, shape (n,).
+
+    Returns:
+        Impulses, shape (n, 2): normal and tangential [N s].
+    """
+    A = read_by_colours(product, np.repeat(np.asarray(layer), 2))
+    size = 1.0 / np.sqrt(np.asarray(diagonal, dtype=float))  # A has a unit diagonal after scaling
+    N, T = slice(0, None, 2), slice(1, None, 2)
+    friction = np.asarray(mu, dtype=float) * size[N] / size[T]
+    A, free = A * np.outer(size, size), np.asarray(b, dtype=float) * size
+    scale = float(np.max(np.abs(free)))
+    free = free / scale
+    # Coulomb's law in the plane as one complementarity problem: 0 <= z, 0 <= M z + q, z (M z + q)
+    # = 0. The unknowns are normal impulses, friction to the right and to the left, slip speeds.
+    one, none = np.eye(len(friction)), np.zeros((len(friction), len(friction)))
+    M = np.block(
+        [
+            [A[N, N], A[N, T], -A[N, T], none],
+            [A[T, N], A[T, T], -A[T, T], one],
+            [-A[T, N], -A[T, T], A[T, T], one],
+            [np.diag(friction), -one, -one, none],
+        ]
+    )
+    q = np.concatenate((free[N], free[T], -free[T], np.zeros(len(friction))))
+    normal, right, left, _ = lemke(M, q).reshape(4, -1) * scale
+    return np.column_stack((normal * size[N], (right - left) * size[T]))
+
+
+def read_by_colours(product: Callable[..., np.ndarray], layers: np.ndarray) -> np.ndarray:
+    """Return the matrix behind products, whose entries are zero unless layers are neighbours.
+
+    Columns in layers 0, 3, 6, ... have no row in common, so that one product reads one of each
+    (Curtis, Powell and Reid 1974).
+
+    Args:
+        product: x -> A x.
+        layers: of each unknown, integers, shape (m,).
+
+    Returns:
+        A, shape (m, m).
+    """
+    A = np.zeros((len(layers), len(layers)))
+    for colour in range(3):
+        columns = [np.flatnonzero(layers == k) for k in range(colour, max(layers) + 1, 3)]
+        for j in range(max(map(len, columns), default=0)):
+            together = [c[j] for c in columns if j < len(c)]
+            x = np.zeros(len(layers))
+            x[together] = 1.0
+            read = product(x)
+            for column in together:
+                near = np.abs(layers - layers[column]) <= 1
+                A[near, column] = read[near]
+    return A
+
+
+def lemke(M: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return z with 0 <= z, 0 <= w = M z + q and z . w = 0, by Lemke's method.
+
+    An artificial variable, whose column is the cover, makes z = 0 feasible. Each pivot lets the
+    partner of the variable that left enter, until the artificial one leaves (Lemke 1965; for
+    friction Stewart and Trinkle 1996). Where rounding decides a tie wrongly and the method ends on
+    a ray, another cover leads along other pivots.
+
+    Args:
+        M: copositive, shape (k, k).
+        q: shape (k,), with a negative element.
+
+    Returns:
+        z, shape (k,).
+
+    Raises:
+        ArithmeticError: when the method ends on a ray with every cover.
+    """
+    k = len(q)
+    for spread in (1.0, 2.0, 0.5, 4.0, 0.25):
+        cover = 1.0 + np.linspace(0.0, spread, k)  # unequal, so that few ratios are tied
+        columns = np.hstack((np.eye(k), -M, -cover[:, None], q[:, None]))  # w, z, artificial, q
+        basis = pivot(columns, int(np.argmax(-q / cover)))
+        if basis is not None:
+            z = np.zeros(2 * k + 1)
+            z[basis] = np.linalg.solve(columns[:, basis], q)
+            return z[k : 2 * k]
+    raise ArithmeticError("Lemke's method ended on a ray with every cover")
+
+
+def pivot(columns: np.ndarray, row: int) -> np.ndarray | None:
+    """Return the basis without the artificial variable, or None after a ray.
+
+    Args:
+        columns: of w, of z, of the artificial variable, and the right side, shape (k, 2 k + 2).
+        row: of the first variable that leaves for the artificial one.
+    """
+    k = len(columns)
+    table, basis, enter = columns.copy(), np.arange(k), 2 * k
+    for count in range(1, 20 * k):
+        leave, basis[row] = basis[row], enter
+        if leave == 2 * k:
+            return basis
+        if count % 10 == 0:  # from scratch: otherwise rounding errors grow with mass ratios
+            table = np.linalg.solve(columns[:, basis], columns)
+        else:
+            top = table[row] / table[row, enter]
+            table -= np.outer(table[:, enter], top)
+            table[row] = top
+        enter = int(leave + k) % (2 * k)
+        rate, level = table[:, enter], np.maximum(table[:, -1], 0.0)
+        ratio = np.full(k, np.inf)
+        np.divide(level, rate, out=ratio, where=rate > 1e-9)
+        if not np.isfinite(ratio.min()):
+            return None
+        tied = np.flatnonzero(ratio <= ratio.min() * (1.0 + 1e-9) + 1e-13)
+        # Of tied rows the artificial one leaves, else the largest pivot, as it divides.
+        row = int(tied[np.argmax(np.where(basis[tied] == 2 * k, np.inf, rate[tied]))])
+    return None

@@ -35,7 +35,7 @@ simulation("touch")
 # Some cards show a statement, which you judge: true, false, or true only under a condition. Many are about
 # **MuJoCo**, a widely used free simulator. `python -m course.derivations 2` reruns all checks of this page. The code
 # is the package `course.contact`; it calls the step `dt`, which the text calls $h$. The times above include neither the
-# fold-outs *More claims about this* nor section 10. Five exercises wait in section 8:
+# fold-outs *More claims about this* nor section 10. Section 8 has six exercises:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -1357,13 +1357,10 @@ more_claims("mujoco_timer")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check. The check runs your function on
-# new random cases and says what is wrong, often also why. In a terminal the same run is `drills start aabb` and `drills
-# check aabb`.
+# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases, which says
+# what is wrong, often why. In a terminal, run `drills start aabb` and `drills check aabb`.
 #
 # ### Two axis-aligned boxes
-#
-# Write it for any number of dimensions.
 # %%
 card("aabb")
 
@@ -1387,8 +1384,6 @@ def aabb_contact(a, b):
 check(aabb_contact)
 # %% [markdown]
 # ### Two circles
-#
-# Handle any distance between the centres, including zero.
 # %%
 card("circle_contact")
 
@@ -1445,8 +1440,7 @@ check(impact_time)
 # ### A Gauss-Seidel sweep with friction
 #
 # A variant of the sweep of section 2. Here the three impulses of a contact are projected onto the cone *together*, onto
-# its nearest point. Repeated until nothing changes, this sweep solves the convex relaxation. The sweep of section 2
-# solves Coulomb's law where it converges, but nothing guarantees that it does.
+# its nearest point.
 # %%
 card("pgs_sweep")
 
@@ -1474,8 +1468,7 @@ check(pgs_sweep)
 # %% [markdown]
 # ### Silent-bug hunt: a block on a slope
 #
-# Nothing crashes, the motion looks plausible, and one thing is wrong. Find an experiment whose result you know
-# without a program.
+# Nothing crashes, the motion looks plausible, and one thing is wrong.
 # %%
 card("contact_step")
 
@@ -1512,6 +1505,43 @@ def contact_step(position, velocity, slope, mu, dt, steps):
 
 # %%
 check(contact_step)
+# %% [markdown]
+# ### Heavy boxes on light ones
+#
+# Gauss-Seidel needs thousands of sweeps here. Design a better solver.
+# %%
+card("solve_stack")
+
+
+# %%
+def solve_stack(product, diagonal, b, mu, layer):
+    """Return impulses at the contacts of a stack that obey Coulomb's law.
+
+    Args:
+        product: product(x) is A x, shape (2 n,); product(x, rows) is only those rows of it.
+        diagonal: of A, the Delassus matrix, shape (2 n,) [1/kg].
+        b: velocity at the contacts without impulses, shape (2 n,): for each contact the normal,
+            then the tangential component [m/s].
+        mu: coefficient of friction of each contact, shape (n,).
+        layer: number of the box that rests on each contact, 0 for the lowest box, shape (n,).
+
+    Returns:
+        Impulses, shape (n, 2): normal and tangential [N s].
+    """
+    # Two sweeps of projected Gauss-Seidel, in the order in which the contacts come.
+    impulses = np.zeros((len(mu), 2))
+    for _ in range(2):
+        for i in range(len(mu)):
+            rows = [2 * i, 2 * i + 1]
+            u = product(impulses.ravel(), rows) + np.asarray(b, dtype=float)[rows]
+            normal, tangent = impulses[i] - u / np.asarray(diagonal, dtype=float)[rows]
+            normal = max(normal, 0.0)
+            impulses[i] = normal, np.clip(tangent, -mu[i] * normal, mu[i] * normal)
+    return impulses
+
+
+# %%
+check(solve_stack)
 # %% [markdown]
 # ### A formula
 #

@@ -600,8 +600,9 @@ table(*rows)
 #
 # ### When the fit misleads you
 #
-# An error bar assumes that the model is right. If the model lacks something that the robot has, the other parameters
-# absorb the missing effect as well as they can. The fit is then wrong *and sure*.
+# An error bar assumes that the model is right, and that the noise of each sample is independent of the others. If the
+# model lacks something that the robot has, the other parameters absorb the missing effect as well as they can. The fit
+# is then wrong *and sure*.
 #
 # Look at what remains. If the model explains everything except sensor noise, the residual is **white**: no sample is
 # correlated with any earlier one. Waves in the residual mean that something is missing. The test of Ljung and Box
@@ -1139,8 +1140,8 @@ for name, phi in (("0 everywhere", 0.0 * left), ("V in the left half, 0 in the r
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A difference of potentials telescopes. What is left depends only on the start and the end, so make
-# the potential zero at each end, and the best policy can't change.
+# **Key insight.** A difference of potentials telescopes. What is left depends only on the start, the end and its time.
+# So make the potential zero at each end, and the best policy can't change.
 #
 # </div>
 

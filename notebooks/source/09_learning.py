@@ -335,9 +335,9 @@ source(
 # %% [markdown]
 # What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
 # error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
-# $\lambda$ shifts weight from one to the other. The lower right plot judges $A_t + V(s_t)$, the estimated return. (If
-# the critic is wrong about the present state, $A_t$ is wrong by the same amount for every action. That does no harm, so
-# the plot removes it by adding $V(s_t)$.) Double the critic's error, and the best $\lambda$ grows:
+# $\lambda$ shifts weight from one to the other. The lower right plot judges $A_t + V(s_t)$, the estimated return. (An
+# error of the critic at the present state shifts $A_t$ alike for all actions. Adding $V(s_t)$ removes it.) Double the
+# critic's error, and the best $\lambda$ grows:
 
 # %%
 simulation("gae_weights")
@@ -351,11 +351,10 @@ simulation("gae_weights")
 #
 # $$\rho = \frac{\pi_{\text{new}}(a \mid s)}{\pi_{\text{old}}(a \mid s)} .$$
 #
-# It starts at 1. A ratio of 1.5 means that the action is now one and a half times as likely as when it was sampled. The
-# derivative of $\rho$ with respect to the weights is $\rho$ times that of $\log\pi$. So as long as all ratios are 1,
-# the gradient of the average of $\rho A$ is the policy gradient. After the first gradient step, though, $\rho A$ alone
-# would push the ratio of a good action up without end: a larger ratio is always better. PPO maximises the **clipped
-# objective** instead:
+# It starts at 1. At 1.5 the action is one and a half times as likely as when it was sampled. The derivative of $\rho$
+# with respect to the weights is $\rho$ times that of $\log\pi$. So as long as all ratios are 1, the gradient of the
+# average of $\rho A$ is the policy gradient. After the first gradient step, though, $\rho A$ alone would push the ratio
+# of a good action up without end: a larger ratio is always better. PPO maximises the **clipped objective** instead:
 #
 # $$L = \mathbb{E}\big[\min\big(\rho A,\ \mathrm{clip}(\rho,\,1-\varepsilon,\,1+\varepsilon)\,A\big)\big] .$$
 #
@@ -874,8 +873,7 @@ more_claims("code_of_zero")
 #
 # </details>
 #
-# Always run the nearest demonstration as a baseline. It wins here because 100 demonstrations cover a state of few
-# numbers; for camera images no such distance is known.
+# Always run the nearest demonstration as a baseline. It wins here because the state has only few numbers.
 #
 # ### Denoising and flows, step by step
 #
@@ -1061,8 +1059,8 @@ more_claims("pauses")
 #
 # ### One table, its numbers tested
 #
-# Each number in the table was measured in this chapter. The numbers in ACT's line are those of our small autoencoder
-# and, for pauses, of replaying the nearest demonstration.
+# Each number was measured in this chapter. The numbers in ACT's line are those of our small autoencoder and, for
+# pauses, of replaying the nearest demonstration.
 
 # %% tags=["hide-code"]
 f = figure
@@ -1141,9 +1139,9 @@ show("own_normaliser")
 # %% [markdown]
 # ### Many seeds, many machines
 #
-# Two seeds of one learner can differ more than two methods do (the chart of SAC and PPO in section 1 shows it), so the
-# curves of this chapter have a band over several seeds. `sweep` calls a function once for each of many sets of
-# arguments. Its argument `executor` takes any pool of workers, so it can run on several processors or machines.
+# Two seeds of one learner can differ more than two methods do, so the curves of this chapter have a band over several
+# seeds. `sweep` calls a function once for each of many sets of arguments. Its argument `executor` takes any pool of
+# workers, so it can run on several processors or machines.
 
 
 # %% tags=["show-code"]
@@ -1169,8 +1167,8 @@ table(("gain", "seed", "mean return"),
 #
 # Some tutorials on PPO show a network with a Gaussian head, an update with the clipped loss over a few epochs, and a
 # reward. The clipped loss is usually right. But the old log-probabilities have to be stored as plain numbers
-# (`detach`). Otherwise PyTorch, the library that computes the gradients, treats them as functions of the weights too.
-# At the second gradient step it stops with "Trying to backward through the graph a second time".
+# (`detach`). Otherwise PyTorch differentiates through them too, and stops at the second gradient step with "Trying to
+# backward through the graph a second time".
 #
 # Even then such code is an update and not a training loop. Nothing acts, nothing computes advantages, there is no
 # critic, and the bonus inside the disc is paid at every step there. The missing parts are the ones where errors hide.
@@ -1343,10 +1341,9 @@ table(("divergence per iteration [nats], borders from one seed", "runs of the ot
 #
 # **Debugging tip.** *Training does not converge.* Test the *task* before the learner. What do random actions earn, what
 # does a hand-written law earn, and what is the optimum? If chance never succeeds, PPO has nothing to learn from: add a
-# potential, start closer to the goal, or let random actions reach farther by holding them for longer. If the
-# hand-written law earns less than standing still, the reward or the law is wrong. Does the policy observe what it
-# needs, the goal and the velocity? Only then look at the learner: divergence per iteration, loss of the critic, at
-# least five seeds.
+# potential, start closer to the goal, or hold random actions for longer. If the hand-written law earns less than
+# standing still, the reward or the law is wrong. Does the policy observe what it needs, the goal and the velocity? Only
+# then look at the learner: divergence per iteration, loss of the critic, at least five seeds.
 #
 # <details><summary>What people get wrong there</summary>
 #

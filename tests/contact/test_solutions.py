@@ -1,5 +1,6 @@
 """The worked answers of chapter 2, against brute force, the chapter, Coal and closed forms."""
 
+import itertools
 import math
 import warnings
 from dataclasses import replace
@@ -13,8 +14,10 @@ from course import contact
 from course.contact import scenes
 from course.contact.problem import Problem
 from course.oracles import coal
+from drills.catalogue.solve_stack.exercise import BARS, gauss_seidel, residual
+from drills.catalogue.solve_stack.exercise import cases as stacks
 from solutions import contact as solutions
-from tests.budget import examples
+from tests.budget import PROVE, examples
 
 
 @pytest.fixture(autouse=True)
@@ -183,3 +186,135 @@ def test_a_landing_is_that_of_the_true_cone(slope):
         assert path.unsolved == 0
         assert x == pytest.approx(path.q[[0, 2], -1], abs=1e-9)
         assert v == pytest.approx(path.v[[0, 2], -1], abs=1e-9)
+
+
+# --- a stack of boxes -----------------------------------------------------------------------------
+
+
+def modes(A, b, mu):
+    """Yield solutions of Coulomb's law, by trying every contact open, sticking, sliding both ways.
+
+    In each combination the impulses follow from linear equations. Those that meet the inequalities
+    as well are solutions.
+    """
+    n = len(mu)
+    for mode in itertools.product(("open", "stick", "left", "right"), repeat=n):
+        # Each contact has up to two unknowns, and the row of an equation for each of them.
+        columns, rows = [], []
+        for i, each in enumerate(mode):
+            normal, tangent = np.eye(2 * n)[2 * i], np.eye(2 * n)[2 * i + 1]
+            if each == "stick":
+                columns += [normal, tangent]
+                rows += [2 * i, 2 * i + 1]
+            elif each != "open":
+                columns.append(normal + mu[i] * tangent * (1.0 if each == "right" else -1.0))
+                rows.append(2 * i)
+        p = np.zeros(2 * n)
+        if columns:
+            basis = np.array(columns).T
+            unknown = np.linalg.lstsq((A @ basis)[rows], -b[rows], rcond=1e-10)[0]
+            p = basis @ unknown
+        u = A @ p + b
+        small = 1e-9 * np.max(np.abs(b))
+        friction = np.abs(p[1::2]) <= mu * p[0::2] + small
+        slides = np.array([each in ("left", "right") for each in mode])
+        if (
+            np.all(p[0::2] >= -small)
+            and np.all(u[0::2] >= -small)
+            and np.all(np.abs(p[0::2] * u[0::2]) <= small)
+            and np.all(friction)
+            and np.all(np.abs(u[1::2][~slides] * p[0::2][~slides]) <= small)
+            and np.all(p[1::2][slides] * u[1::2][slides] <= small)
+        ):
+            yield p.reshape(n, 2), u
+
+
+def stack_case(label, seed):
+    drawn = stacks(np.random.default_rng(seed))
+    return next(case for case in drawn if case.label == label)
+
+
+@pytest.mark.parametrize(
+    "label",
+    ["one box", "two boxes", "one box that slides", "two boxes, the upper one lifts off"],
+)
+def test_the_velocities_of_a_stack_are_those_of_some_mode(label):
+    for seed in range(20):
+        product, diagonal, b, mu, layer = stack_case(label, seed).args
+        p = solutions.solve_stack(product, diagonal, b, mu, layer)
+        u = product.matrix @ p.ravel() + b
+        solved = list(modes(product.matrix, b, mu))
+        assert solved
+        assert min(np.max(np.abs(u - other)) for _, other in solved) < 1e-8
+        # The judge's residual vanishes at every one of them, and nowhere near.
+        for q, _ in solved:
+            assert residual(q, product.matrix, b, mu) < 1e-7
+            assert residual(1.2 * q, product.matrix, b, mu) > 1e-2
+            assert residual(q[:, ::-1], product.matrix, b, mu) > 1e-2
+
+
+@pytest.mark.slow
+def test_heavy_boxes_carry_their_weight_down_the_stack():
+    """The normal impulses of each layer stop what is above it, when nothing lifts off."""
+    for seed in range(8):
+        drawn = stacks(np.random.default_rng(seed))
+        for case in drawn:
+            if case.level != "edge":
+                continue
+            product, diagonal, b, mu, layer = case.args
+            p = solutions.solve_stack(product, diagonal, b, mu, layer)
+            slack = 1e-9 * np.max(np.abs(p))
+            assert np.all(p[:, 0] >= -slack) and np.all(np.abs(p[:, 1]) <= mu * p[:, 0] + slack)
+            u = (product.matrix @ p.ravel() + b).reshape(-1, 2)
+            fast = 1e-7 * np.max(np.abs(b))
+            assert np.all(u[:, 0] >= -fast)
+            assert np.all(u[p[:, 0] > 1e-6 * np.max(p[:, 0]), 0] <= fast)
+            slides = np.abs(u[:, 1]) > 1e-6 * np.max(np.abs(b))
+            assert np.all((p * u)[slides, 1] <= slack)
+            sticks = np.abs(p[:, 1]) < mu * p[:, 0] * (1.0 - 1e-6)
+            assert np.all(np.abs(u[sticks & (p[:, 0] > 1e-6 * np.max(p[:, 0])), 1]) <= fast)
+
+
+def test_a_matrix_read_by_colours_is_the_matrix():
+    for case in stacks(np.random.default_rng(3)):
+        product, layer = case.args[0], case.args[4]
+        read = solutions.read_by_colours(product, np.repeat(layer, 2))
+        assert np.array_equal(read, product.matrix)
+        assert product.products == 2 * max(np.bincount(layer)) * min(3, max(layer) + 1)
+
+
+@pytest.mark.slow
+def test_worked_answer_reaches_every_bar_and_gauss_seidel_only_the_lowest():
+    for seed in range(100 if PROVE else 6):
+        lowest: list[bool] = []
+        upper: list[bool] = []
+        for case in stacks(np.random.default_rng(seed)):
+            product, _, b, mu, _ = case.args
+            bar, unknowns = BARS[case.level], len(b)
+            p = solutions.solve_stack(*case.args)
+            error = residual(p, product.matrix, b, mu)
+            assert error < 1e-3 * bar.residual
+            assert product.products <= 0.7 * bar.products(unknowns)
+            # Plain Gauss-Seidel, stopped at the first sweep that is good enough, if there is one.
+            most = int(bar.products(unknowns))
+            errors = gauss_seidel(case, most)
+            (lowest if case.level == "simple" else upper).append(min(errors) <= bar.residual)
+        assert all(lowest) and not any(upper)
+
+
+def test_products_are_counted_in_rows_and_end():
+    product = stack_case("two boxes", 0).args[0]
+    size = len(product.matrix)
+    rows = [1, 4]
+    some = product(np.ones(size), rows)
+    assert np.allclose(some, product.matrix.sum(axis=1)[rows], rtol=0.0, atol=1e-12)
+    assert product.products == 2 / size
+    product(np.ones(size))
+    assert product.products == 1.0 + 2 / size
+    assert product.fresh().products == 0.0
+    for bad, chosen in ((np.ones(size + 1), None), (np.ones(size), [size])):
+        with pytest.raises(ValueError, match=r"must be|takes"):
+            product(bad, chosen)
+    with pytest.raises(ValueError, match="more than 1000 products"):
+        for _ in range(1001):
+            product(np.ones(size))

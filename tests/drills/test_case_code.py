@@ -100,7 +100,8 @@ def test_the_case_of_every_slip_fails_below_it(name: str) -> None:
         assert_reproduced(card, report)
         compared += "expected = " in report.case
     # A judge written by hand may compare what it computes of the answers, and not these.
-    if PROVE and card.kind == "function" and name not in ("rrt", "standing_qp", "hopper_filter"):
+    by_hand = ("rrt", "standing_qp", "hopper_filter", "solve_stack")
+    if PROVE and card.kind == "function" and name not in by_hand:
         assert compared > 0
 
 

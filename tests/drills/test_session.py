@@ -162,11 +162,13 @@ def test_a_stopped_check_leaves_nothing_behind(place: Place, number: int, code: 
     assert (place.work / "progress.json").read_bytes() == before
 
 
-def test_ctrl_c_ends_a_proof_at_once(place: Place) -> None:
+@pytest.mark.parametrize("processes", [1, 2, 3, 5])
+def test_ctrl_c_ends_a_proof_at_once(place: Place, processes: int) -> None:
+    """Also while its workers start: they must neither die with a traceback nor be left over."""
     process = place.popen("verify", "--seeds", "50", start_new_session=True)
     deadline = time.monotonic() + 120
-    while len(running := descendants(process.pid)) < 5 and time.monotonic() < deadline:
-        time.sleep(0.1)
+    while len(running := descendants(process.pid)) < processes and time.monotonic() < deadline:
+        time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     _out, err = process.communicate(timeout=120)
     assert process.returncode == 130

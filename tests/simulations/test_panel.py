@@ -128,12 +128,12 @@ async def _play(panel: Panel, watched: bool) -> tuple[float, int]:
         panel.canvas._handle_custom_msg({"type": "ready"}, [])
     panel.play()
     other_work = 0
-    for _ in range(200):
+    for _ in range(12_000 if watched else 200):
         await asyncio.sleep(0.005)
         other_work += 1
         if watched:
             panel.canvas._handle_custom_msg({"type": "drawn", "id": sent[-1]["id"]}, [])
-        if panel.state["x"] > 0.1:
+        if panel.state["x"] > 0.1 and other_work > 3:
             break
     missing = float(panel.state["x"])
     panel.pause()

@@ -184,6 +184,14 @@ def next_row(result):
         right = gae(rewards, values, after, ended, late)
         return np.abs(gae(rewards, values, row, ended, late) - right).max()
 
+    def mixed():
+        """Return the error where two environments' rows take turns in the batch."""
+        runs = [drawn(result.rng) for _ in range(2)]
+        values, other = runs[0][1], runs[1][1]
+        rewards, _, after, ended, late, _ = runs[0]
+        right = gae(rewards, values, after, ended, late)
+        return np.abs(gae(rewards, values, other, ended, late) - right).max()
+
     ended, cut = ([deviation(c) for _ in range(10)] for c in (0.0, 0.1))
     result.measure("worst", max(cut))
     result.statement = (
@@ -194,8 +202,9 @@ def next_row(result):
     result.statement_holds(
         all(outside),
         inside=inside,
-        outside=outside,
-        only_if="no episode is cut off by a time limit and reset within the same step",
+        outside=outside + [mixed() < 1e-12 for _ in range(4)],
+        only_if="the rows are one environment's, in order, and no episode is cut off by a time "
+        "limit and reset within the same step",
     )
     result.correction_holds(
         min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"), not follows("SameStep")
@@ -356,15 +365,20 @@ def first_to_finish(result):
     ):
         result.measure(name, value, 0.05)
 
-    def shows(share, slow):
-        """Return a longer game in whole steps: successes take one step, failures `slow` steps."""
+    def shows(share, slow, quick=None):
+        """Return a longer game in whole steps: successes take one step, failures `slow` steps.
+
+        With `quick`, failures take `slow` or `quick` steps equally often, and successes the mean.
+        """
+        usual = 1 if quick is None else (slow + quick) // 2
         observed: list[bool] = []
         remaining = np.zeros(2000, dtype=int)
         wins = np.zeros(2000, dtype=bool)
         while len(observed) < 2000:
             new = remaining == 0
             wins[new] = result.rng.random(new.sum()) < share
-            remaining[new] = np.where(wins[new], 1, slow)
+            lengths = slow if quick is None else result.rng.choice([quick, slow], new.sum())
+            remaining[new] = np.where(wins[new], usual, lengths)
             remaining -= 1
             observed += wins[remaining == 0].tolist()
         return abs(np.mean(observed[:2000]) - share) < 0.05
@@ -375,11 +389,13 @@ def first_to_finish(result):
     )
     # Equal durations as the control, and failures thirty times as long.
     inside, outside = ([shows(s, n) for s in result.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
+    # Failures that take as long on average, but half of them are over at once.
+    spread = [shows(s, 59, 1) for s in (0.2, 0.35, 0.5)]
     result.statement_holds(
         abs(read_more - more) < 0.05,
-        only_if="failures take as long as successes",
+        only_if="the lengths of failures and successes have the same distribution",
         inside=inside,
-        outside=outside,
+        outside=outside + spread,
     )
     law = float(result.formula.subs(p, true))
     result.correction_holds(abs(read - law) < 0.1, read_more == 1.0, more < 0.8)
@@ -468,8 +484,8 @@ def sparse_chance(result):
         # The goals that the start's own disc already covers; the density there is 1/4.
         return swept.mean() + np.pi * radius**2 / 4.0
 
-    def measured(radius):
-        envs = PointReachVector(N, radius=radius)
+    def measured(radius, steps=100):
+        envs = PointReachVector(N, radius=radius, max_steps=steps)
         return evaluate(lambda observed: pushes(N), envs, 0).success.mean()
 
     small = result.measure("small_law", law(0.0125), 0.05)
@@ -481,11 +497,14 @@ def sparse_chance(result):
         [bool(measured(x) < 0.01) for x in result.rng.uniform(*some, 8)]
         for some in ((0.001, 0.015), (0.03, 0.2))
     )
+    # A single step sweeps nearly nothing, but the disc around the start counts too.
+    still = [bool(measured(x, 1) < 0.01) for x in result.rng.uniform(0.13, 0.2, 4)]
     result.statement_holds(
         observed < 0.01,
-        only_if="the share of the goal's area that a path sweeps, {formula}, is below 1/100",
+        only_if="the share of the goal's area that a path sweeps, {formula} and the disc at its "
+        "start, is below 1/100",
         inside=inside,
-        outside=outside,
+        outside=outside + still,
     )
     result.correction_holds(
         # 30 %: a random path crosses itself, so the swept strip is an upper estimate, and 20,000
@@ -538,7 +557,8 @@ def minus_distance(result):
 @claim(
     "A bonus for being near the goal makes a robot hover there instead of finishing.",
     "Waiting one more step earns the bonus once more but delays the prize P by a step. This "
-    "pays off only if the bonus is above {formula} per step. Note also how often a bonus is "
+    "pays off only if the bonus is above {formula} per step, where the next step can win the prize "
+    "and is paid the bonus, too; else a smaller one is enough. Note also how often a bonus is "
     "paid: as a term of the step reward it is paid at every step near the goal, {paid:.0f} "
     "times in {steps:.0f} steps, not once.",
     ask=(
@@ -565,11 +585,11 @@ def hovering(result):
     # Indifference: prize now, or the bonus now and the same choice a step later.
     result.formula = sympy.solve(sympy.Eq(b + P, b + gamma * (b + P)), b)[0]
 
-    def hovers(share, discount, prize):
-        """Return near (0) or over (1): wait or go, solved exactly."""
+    def hovers(share, discount, prize, last=1.0):
+        """Return near (0) or over (1): wait or go, solved exactly; the last step's share of it."""
         bonus = share * float(result.formula.subs({gamma: discount, P: prize}))
         moves = np.array([[[1.0, 0.0], [0.0, 1.0]], [[0.0, 1.0], [0.0, 1.0]]])
-        pays = np.array([[[bonus, 0.0], [0.0, bonus + prize]], np.zeros((2, 2))])
+        pays = np.array([[[bonus, 0.0], [0.0, last * bonus + prize]], np.zeros((2, 2))])
         return bool(
             value_iteration(Process(moves, pays, discount, np.array([False, True]))).policy[0] == 0
         )
@@ -590,18 +610,24 @@ def hovering(result):
     inside, outside = ([hovers(x, *task) for task in tasks] for x in (1.05, 0.95))
     result.statement_holds(
         all(outside),
-        only_if="the bonus per step is above (1 - gamma) / gamma times the prize",
+        only_if="the bonus per step is above (1 - gamma) / gamma times the prize, if the step that "
+        "wins the prize is paid the bonus as well",
         inside=inside,
         outside=outside,
     )
-    result.correction_holds(not any(outside), result.figures["paid"] == steps)
+    result.correction_holds(
+        not any(outside),
+        result.figures["paid"] == steps,
+        # The last step pays the prize only: 5 % above (1 - gamma) times the prize is enough.
+        all(hovers(1.05 * x, x, prize, 0.0) for x, prize in tasks),
+    )
 
 
 @claim(
     "Without a penalty for time, a robot has no reason to move fast.",
     "A discount is a penalty for time: at {discount} per step a slow controller is worth "
     "{slow:.2f} and a fast one {fast:.2f}. Without a discount both are worth the same, as long "
-    "as the time limit lets both arrive.",
+    "as both arrive before a time limit or an accident.",
 )
 def no_time_penalty(result):
     from course.learning import evaluate
@@ -616,6 +642,17 @@ def no_time_penalty(result):
         envs = PointReachVector(64, max_steps=1000)
         return evaluate(act, envs, 0, discount=gamma).returns.mean()
 
+    def interrupted(gain):
+        """Return the mean return where each step ends the episode with a chance of 1 per cent."""
+
+        def act(observed):
+            push = gain**2 * observed[:, :2] - 2.0 * gain * observed[:, 2:]
+            return np.clip(push, -1.0, 1.0).astype(np.float32)
+
+        episodes = evaluate(act, PointReachVector(64, max_steps=1000), 0)
+        limit = np.random.default_rng(0).geometric(0.01, (200, episodes.steps.size))
+        return np.mean((limit > episodes.steps) * episodes.returns)
+
     discount = result.input("discount", 0.99)
     slow, fast = (
         result.measure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
@@ -626,9 +663,10 @@ def no_time_penalty(result):
     )
     result.statement_holds(
         all(same[1:]),
-        only_if="rewards are not discounted and no time limit is reached",
+        only_if="rewards are not discounted, no time limit is reached, and nothing else can end "
+        "the episode",
         inside=same[:1],
-        outside=same[1:],
+        outside=[*same[1:], bool(interrupted(0.3) > 0.9 * interrupted(2.0))],
         cases=True,
     )
     result.correction_holds(fast > slow + 0.1, not any(same[1:]))

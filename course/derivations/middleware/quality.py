@@ -208,15 +208,25 @@ def deadline_for_deadline(result):
     below[0] = 1.0
     inside, outside = received("deadline", below), received("deadline", above)
     met = result.measure("met", sum(received("deadline", np.full(requested.size, math.inf))))
+    # A shorter deadline, and another policy that fails.
+    pairs = [
+        (QoS("best_effort", deadline=0.5 * float(t)), QoS(deadline=float(t))) for t in requested
+    ]
+    other = [one.delivered == 1 for one in verdicts(pairs)]
     result.statement = "Deadlines and leases by chance on Cyclone DDS."
     result.statement_holds(
         all(outside),
-        only_if="the writer's deadline is at most as long as the reader's",
+        only_if="the writer's deadline is at most as long as the reader's, and all other policies "
+        "are compatible",
         inside=inside,
-        outside=outside,
+        outside=outside + other,
     )
     result.correction_holds(
-        met == 0, all(received("lease", below)), not any(received("lease", above)), not any(outside)
+        met == 0,
+        all(received("lease", below)),
+        not any(received("lease", above)),
+        not any(outside),
+        not any(other),
     )
 
 
@@ -412,12 +422,13 @@ def late_joiner_gets_the_last(result):
     result.statement_holds(
         all(given["reliability"]),
         cases=True,
-        only_if="both ends are transient-local and reliable, the message's lifespan has not ended "
-        "and its writer is alive",
+        only_if="both ends are transient-local, reliable and otherwise compatible, the message's "
+        "lifespan has not ended and its writer is alive",
         inside=[gets(last, late(depth=n)) for n in (1, 2, 10)] + [still_there()],
         outside=[
             *given["durability"][:3],
             *given["reliability"][:3],
+            gets(last, late(deadline=0.1)),
             still_there(lifespan=0.5),
             still_there(dies=True),
         ],
@@ -560,20 +571,20 @@ def deadline_is_one_event(result):
         _, _silent, unwritten = pair(member)
         open_topic, stays, witness = pair(member)
         for _ in range(100):
-            topic, writer, left = pair(member)
+            topic, writer, abandoned = pair(member)
             start = time.monotonic()
             topic.write(writer, 1)
             del writer
-            gone = left.get_subscription_matched_status().current_count == 0
+            disconnected = abandoned.get_subscription_matched_status().current_count == 0
             # Only a writer that closes within its deadline shows that closing stops the clock.
-            if gone and time.monotonic() - start < timed.deadline:
+            if disconnected and time.monotonic() - start < timed.deadline:
                 break
         else:
             raise TimeoutError("the machine stalled whenever a writer was to be closed in time")
         open_topic.write(stays, 1)
         until(lambda: count_of(witness) >= 5)
         never = result.measure("never", count_of(unwritten))
-        closed = result.measure("closed", count_of(left))
+        closed = result.measure("closed", count_of(abandoned))
         witnessed = count_of(witness)
     real = missed_undisturbed(deadline, gap, 2)
     draws = result.rng.uniform((0.05, 0.01), (0.5, 0.049), (20, 2))

@@ -76,7 +76,8 @@ def told_of_a_crash(lease):
 
 
 @claim(
-    "Each node is a process. They share no memory or locks, and no rule of the launch file stops "
+    "Each node is a process. They share no memory, locks or pipes, and no rule of the launch file "
+    "stops "
     "them together. If one of them accesses an invalid address and crashes, the others go on "
     "running.",
     "Within one process, the crash ends all of them. But the other nodes are not told: on the "
@@ -102,6 +103,13 @@ def processes_isolate(result):
     # The crash is over before the other process is asked.
     text = crashed.communicate()[0]  # over, before the other one is asked
     answer = other.communicate("are you?\n")[0]
+    # A process that writes into a pipe whose reader crashed does not go on.
+    reader = python(CRASH)
+    endless = "import sys" + chr(10) + "while True: print('x' * 999, file=sys.stdout, flush=True)"
+    writer = subprocess.Popen(
+        [sys.executable, "-S", "-c", endless], stdout=reader.stdin, stderr=subprocess.DEVNULL
+    )
+    reader.communicate()
     silent, done = told_of_a_crash(float("inf"))
     noticed, _ = told_of_a_crash(0.1)
     result.measure("events", len(silent))
@@ -111,7 +119,11 @@ def processes_isolate(result):
     )
     result.statement_holds(answer.strip() == "alive" and crashed.returncode != 0)
     result.correction_holds(
-        text == "", silent == [], report == 1 and noticed == ["not alive"], not done
+        text == "",
+        silent == [],
+        report == 1 and noticed == ["not alive"],
+        not done,
+        writer.wait() != 0,
     )
 
 
@@ -247,7 +259,8 @@ def launch_comments(result):
     "A new value has an effect only where the program uses it. Of {kinds:.0f} ways to use a "
     "parameter, {tuned:.0f} took the new value: reading it in each cycle, and a callback for "
     "changes. A value that was copied at the start stayed as it was. Setting a parameter that was "
-    "never declared was rejected, which is the default. A read-only parameter is rejected as well, "
+    "never declared was rejected, which is the default, and so was a value of another type. A "
+    "read-only parameter is rejected as well, "
     "such as ros2_control's update_rate (by its documentation).",
     source="ROS 2 documentation, Parameters, and ros2_control, Controller Manager, Jazzy 2024",
 )
@@ -274,14 +287,19 @@ def parameters_are_tunable(result):
     }
     result.measure("kinds", len(works))
     tuned = result.measure("tuned", sum(all(one) for one in works.values()))
+    # An integer where a floating-point number is declared.
+    whole = [stiffness("read", float(a), int(b)) == int(b) for a, b in drawn]
     result.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
     result.statement_holds(
         all(works["copied"]),
-        only_if="it is declared, not read-only, and read again or watched by a callback",
+        only_if="it is declared, not read-only, and read again or watched by a callback, and the "
+        "new value has its type",
         inside=works["read"] + works["told"],
-        outside=works["copied"] + works["undeclared"],
+        outside=works["copied"] + works["undeclared"] + whole,
     )
-    result.correction_holds(tuned == 2, not any(works["copied"]), not any(works["undeclared"]))
+    result.correction_holds(
+        tuned == 2, not any(works["copied"]), not any(works["undeclared"]), not any(whole)
+    )
 
 
 @claim(
@@ -358,8 +376,10 @@ def seven_billion_on_board(result):
 
 @claim(
     "A policy that plays chunks of actions has no latency.",
-    "The arm never waits, but it acts on an older image: at the end of a chunk the image is "
-    "{formula} old, the inference time plus the length of the chunk. With an inference of "
+    "If an inference takes no longer than a chunk, the arm never waits, but it acts on an older "
+    "image: at the end of a chunk the image is {formula} old, the inference time plus the length "
+    "of "
+    "the chunk. With an inference of "
     "{pass_ms:.0f} ms and chunks of {played:.0f} actions of {action_ms:.0f} ms that is "
     "{worst_ms:.0f} ms, and {mean_ms:.0f} ms on average. With chunks as short as one inference it "
     "is {short_ms:.0f} ms.",
@@ -387,9 +407,9 @@ def chunks_hide_latency(result):
     a_pass, action = (1e-3 * result.input(*x) for x in (("pass_ms", 100), ("action_ms", 20)))
     played = int(result.input("played", 25))
 
-    def ages(a_pass, chunk):
+    def ages(a_pass, chunk, overload=""):
         """Return ages behind the motion on the bus [s]: a pass as each chunk is to end [s]."""
-        run = run_chain([Stage("policy", a_pass, chunk)], [0.3], 0, 60.0 * chunk)
+        run = run_chain([Stage("policy", a_pass, chunk, 1, overload)], [0.3], 0, 60.0 * chunk)
         return run.age(result.rng.uniform(5.0 * chunk, 58.0 * chunk, 4000))
 
     observed, short = ages(a_pass, played * action), ages(a_pass, a_pass)
@@ -407,4 +427,6 @@ def chunks_hide_latency(result):
         bool(observed.min() > 0.99 * a_pass),
         bool(abs(mean / (1e3 * (a_pass + 0.5 * played * action)) - 1.0) < 0.03),
         bool(abs(short.max() / (2.0 * a_pass) - 1.0) < 0.01),
+        # Chunks shorter than an inference: the next one is not ready in time.
+        bool(ages(a_pass, 0.9 * a_pass, "skip").max() > 1.4 * 1.9 * a_pass),
     )

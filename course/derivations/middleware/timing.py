@@ -86,14 +86,44 @@ def liu_layland_says_no(result):
     )
 
 
+def scheduled(execution, period, phase, end, order=None, cores=1):
+    """Run preemptible tasks in whole units of time, and return each one's longest response.
+
+    A response that is longer than the period is a missed deadline.
+
+    Args:
+        execution: C of each task.
+        period: T of each task.
+        phase: release of each task's first job.
+        end: how long the tasks are released.
+        order: tasks by priority, highest first; None runs the earliest deadline first.
+        cores: of the machine; a job may move from one to another.
+    """
+    jobs: list[list[int]] = []
+    longest = [0] * len(execution)
+    for now in range(end):
+        for k, (C, T, first) in enumerate(zip(execution, period, phase, strict=True)):
+            if now >= first and (now - first) % T == 0:
+                jobs.append([now + T if order is None else order.index(k), k, now, C])
+        for job in sorted(jobs)[:cores]:
+            job[3] -= 1
+            if job[3] == 0:
+                jobs.remove(job)
+                longest[job[1]] = max(longest[job[1]], now + 1 - job[2])
+    return longest
+
+
 @claim(
-    "Tasks share one core and can be preempted. They share no lock, never pause to wait for "
+    "Tasks with fixed priorities share one core and can be preempted. They share no lock, never "
+    "pause to wait for "
     "something, are never released late and meet their deadlines. Then none has a longer response "
     "time than when all are released at once.",
     "In all {sets:.0f} random sets, a run from that moment gave the response times of the "
     "analysis, and {later:.0f} of {tried:.0f} runs with other phases gave a longer one. With locks "
     "or late releases (release jitter), a term for each is added. A task that pauses before it has "
-    "finished, for instance to wait for a GPU, can delay the others longer.",
+    "finished, for instance to wait for a GPU, can delay the others longer. If the earliest "
+    "deadline "
+    "runs first, other phases can be worse.",
     source="Liu and Layland, 1973; Audsley and others, 1993",
 )
 def critical_instant(result):
@@ -118,6 +148,9 @@ def critical_instant(result):
     # Release jitter of half a period on the first task, which the plain analysis doesn't know.
     late[0] = 0.5 * T[0]
     output, ran = response_times(C, T, jitter=late), run(C, T, 2.0, jitter=late).longest
+    # Earliest deadline first, a set whose longest response comes at other phases.
+    works, periods = [2, 2, 2], [4, 8, 9]
+    by_deadline = [scheduled(works, periods, x, 400) for x in ((0, 0, 0), (0, 5, 1))]
     # The runs exceed the critical instant's response, but not the analysis that has the jitter
     # term.
     result.correction_holds(
@@ -127,17 +160,21 @@ def critical_instant(result):
         not np.any((ran > output + 1e-9) & np.isfinite(output)),
         bool(np.all(held >= text)),
         meets.mean() > 0.5,
+        any(b > a for a, b in zip(*by_deadline, strict=True)),
+        all(x <= t for some in by_deadline for x, t in zip(some, periods, strict=True)),
     )
 
 
 @claim(
-    "If independent preemptible tasks have deadlines equal to their periods, no fixed priorities "
-    "are better than giving the shorter period the higher one.",
+    "If independent preemptible tasks on one core have deadlines equal to their periods, no fixed "
+    "priorities are better than giving the shorter period the higher one.",
     "Independent means that none waits for anything or is released late, and that all can be "
     "released at once. Of {sets:.0f} random sets of four tasks, "
     "{some:.0f} were in time with some order of priorities, and all of these with the "
     "rate-monotonic one. On average over all orders, {wrong:.0%} of them were. If deadlines are "
-    "shorter than periods, give the shorter deadline the higher priority.",
+    "shorter than periods, give the shorter deadline the higher priority. On two cores another "
+    "order "
+    "can be better.",
     source="Liu and Layland, 1973; Leung and Whitehead, 1982",
 )
 def by_rate_is_best(result):
@@ -157,6 +194,9 @@ def by_rate_is_best(result):
     jitter = np.array(
         [np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0) for o in orders]
     )
+    # Two cores: both quick tasks start first, and the slow one is late (Dhall and Liu, 1978).
+    two = [0, 1, 2], [2, 0, 1]
+    slow = [scheduled([2, 2, 11], [10, 10, 12], (0, 0, 0), 60, x, 2)[2] for x in two]
     result.statement = "Exact response times in all 24 orders of priority."
     result.statement_holds(bool(np.array_equal(good[0], some)))
     result.correction_holds(
@@ -166,6 +206,7 @@ def by_rate_is_best(result):
         bool(late[0] > 0.25),
         bool(late[1][0] < 0.25),
         bool(np.isfinite(late[1][1])),
+        slow[1] <= 12 < slow[0],
     )
 
 
@@ -444,7 +485,7 @@ def jitter_below_a_period(result):
     )
 
 
-def control_misses(callback, start, own=False, count=1):
+def control_misses(callback, start, own=False, count=1, threads=0):
     """Return whether a loop of 1 kHz that computes 0.1 ms misses its period beside callbacks [s].
 
     Args:
@@ -452,6 +493,7 @@ def control_misses(callback, start, own=False, count=1):
         start: how long after a release of the loop they come.
         own: the loop has a thread and a group of its own.
         count: how many such callbacks there are.
+        threads: of the executor; 0 is one more than the loop shares.
     """
     from course.middleware.executor import Work, respond
 
@@ -459,13 +501,16 @@ def control_misses(callback, start, own=False, count=1):
     others = [Work(f"{k}", callback, 0.05, "subscription", group) for k in range(count)]
     phases = [0.0] + [start / 0.05] * count
     works = [Work("control", 1e-4, 1e-3), *others]
-    return bool(respond(works, "ready set", 2 if own else 1, phases, 0.2)["control"].max() > 1e-3)
+    return bool(
+        respond(works, "ready set", threads or 1 + own, phases, 0.2)["control"].max() > 1e-3
+    )
 
 
 @claim(
     "A callback of more than 1 ms makes a 1 kHz loop miss its period.",
-    "A callback on another thread does not, and one on the same thread does so only at certain "
-    "moments: a callback of {long_ms:.1f} ms delayed the loop too much in {share:.0%} of all "
+    "A callback on another thread, in another group, does not, and one on the same thread does so "
+    "only at certain moments: a callback of {long_ms:.1f} ms delayed the loop too much in "
+    "{share:.0%} of all "
     "phases. Shorter callbacks can do it together: {several:.0f} of {short_ms:.1f} ms in a row "
     "made the loop miss its period {missed:.0f} of {tried:.0f} times, one alone never. What counts "
     "is the total time of everything that can run before the loop, plus the loop itself.",
@@ -485,20 +530,24 @@ def callback_over_a_period(result):
     share = result.measure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
     # The same lengths, but early in the period: they end before the next release.
     early = result.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
-    result.statement = (
-        "An executor on the bus, the callback just in front of a release of the loop."
-    )
+    result.statement = "An executor on the bus, callbacks between two releases of the loop."
     outside += [control_misses(float(a), float(b)) for a, b in early]
+    # A callback that is long enough may start early; a second thread does not help one group.
+    inside += [control_misses(float(x), 2e-4) for x in result.rng.uniform(1.75e-3, 5e-3, 4)]
+    inside += [control_misses(float(a), float(b), threads=2) for a, b in drawn[:4]]
     result.statement_holds(
         all(outside),
-        only_if="both need the same thread and the callback starts just before the loop is due",
+        only_if="both share a thread or an exclusive group, and the callback ends too late for the "
+        "loop's work to end within its next period",
         inside=inside,
         outside=outside,
     )
     result.correction_holds(missed == starts.size, not any(alone), not any(outside), share < 0.5)
 
 
-def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, callers=1):
+def calling(
+    threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, callers=1, serves=False
+):
     """Return callbacks of a node that ask a service each second, on the bus.
 
     Args:
@@ -509,6 +558,7 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
         seconds: length of the run [s].
         apart: the node's other timer has a group of its own.
         callers: how many such callbacks there are, each further one in a group of its own.
+        serves: the node itself serves the request, in its common group.
 
     Returns:
         How many answers came, who is stuck, and how often another timer of the node ran that is
@@ -524,7 +574,7 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
         yield work
         return x
 
-    server.service("plan", serve)
+    (node if serves else server).service("plan", serve)
     node.group.reentrant = own == "reentrant"
     client = node.client("plan", Group("answers") if own is True else None)
 
@@ -547,7 +597,8 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
     "caller, however many threads there are: with {threads:.0f} threads {answers:.0f} "
     "replies arrived, and so with one. The cure is a group of its own or a reentrant one, together "
     "with one more thread than there are waiting callbacks: {enough:.0f} threads for one of them, "
-    "{three:.0f} for two. Or call asynchronously, and do not wait at all.",
+    "{three:.0f} for two. A service of the same node must not be in the caller's group either. Or "
+    "call asynchronously, and do not wait at all.",
     source="ROS 2 documentation, Using callback groups, Humble 2022",
 )
 def threads_cure_deadlock(result):
@@ -571,6 +622,8 @@ def threads_cure_deadlock(result):
         free[0] > 2 and not free[1],
         not calling(2, own=True)[1],
         reentrant == enough,
+        # The reply has a group of its own, but the request waits for the caller's.
+        not calling(threads, own=True, serves=True)[0],
     )
 
 

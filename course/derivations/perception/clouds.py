@@ -16,23 +16,28 @@ SYMBOLS = {
     "A small part far away has few pixels.",
     "A square of side a that faces the camera has (f a / z)^2 pixels, give or take a row and a "
     "column. One of {side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of an image that is "
-    "{wide:.0f} pixels wide, and {near:.0f} at half of that distance. If it is tilted, multiply "
-    "by the cosine of the tilt.",
+    "{wide:.0f} pixels wide, and {near:.0f} at half of that distance. If it is tilted in the "
+    "middle of the image, multiply by the cosine of the tilt. Elsewhere it shows more or less of "
+    "itself.",
 )
 def small_parts_have_few_pixels(result):
     from course.perception import Camera, render, shape
 
     eye = Camera.symmetric(int(result.input("wide", 640)), 480, 1.0)
 
-    def counted(side, z, tilt=0.0):
+    def counted(side, z, tilt=0.0, y=0.0):
         turn = np.cos(tilt / 2), np.sin(tilt / 2), 0, 0
-        tile = shape("box", 0.5 * side, 0.5 * side, 1e-4, pose=(0, 0, z + 1e-4, *turn))
+        tile = shape("box", 0.5 * side, 0.5 * side, 1e-4, pose=(0, y, z + 1e-4, *turn))
         return np.count_nonzero(render(tile, eye)[0])
 
     side, far = result.input("side_mm", 10) / 1000, result.input("far", 1.0)
     few = result.measure("pixels", counted(side, far))
     result.measure("near", counted(side, far / 2))
     tilts = [(counted(0.05, 1.0, x), np.cos(x)) for x in result.rng.uniform(0.2, 1.2, 8)]
+    # Above and below the middle of the image the ray meets the tile at another angle.
+    views = result.rng.uniform([0.2, -0.2], [0.9, 0.2], (8, 2))
+    shares = [counted(0.05, 1.0, t, y) / counted(0.05, 1.0) for t, y in views]
+    exact = [np.cos(t) - np.sin(t) * y for t, y in views]
     # Near and far, small and large; one row and column may be cut at the edge.
     draws = result.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
     result.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
@@ -40,6 +45,8 @@ def small_parts_have_few_pixels(result):
     result.correction_holds(
         all(abs(np.sqrt(counted(a, z)) - eye.fx * a / z) <= 1 for a, z in draws),
         all(abs(n / counted(0.05, 1.0) / c - 1) < 0.12 for n, c in tilts),
+        np.allclose(shares, exact, rtol=0.12),
+        counted(0.05, 1.0, 0.9, 0.2) < 0.85 * counted(0.05, 1.0, 0.9),
     )
 
 
@@ -163,19 +170,32 @@ def dbscan_separates(result):
         x[0] += np.where(np.arange(4000) < 2000, 1, -1) * (0.03 + 0.5 * gap)
         return dbscan(voxel_mean(x + 0.5 * voxel, voxel)[0], eps, 10)[0].max() + 1
 
+    def faces(count, half, hidden=0.0):
+        """Return the clusters of two square faces of so many points, far apart.
+
+        Something in front may hide a strip of the first one, this wide [m].
+        """
+        x = result.rng.uniform(-half, half, (3, count)) * [[1], [1], [0]]
+        x[0] += np.where(np.arange(count) < count // 2, 1, -1) * (half + eps)
+        x = x[:, np.abs(x[0] - half - eps) > 0.5 * hidden]
+        return dbscan(voxel_mean(x, eps / 3)[0], eps, 10)[0].max() + 1
+
     joined = result.measure("joined", clusters(result.input("gap_mm", 12) / 1000))
     draws = result.rng.uniform((0, 0), (1, np.pi), (12, 2))
     result.statement = "Two faces of 60 mm at random turns, on voxels of 4 mm."
     result.statement_holds(
         joined == 2,
-        only_if="the gaps are wider than eps, eps is three voxels or more, and the parts are wide: "
-        "along a thin rod too few neighbours are left",
+        only_if="the gaps are wider than eps, eps is three voxels or more, and each part is wider "
+        "than eps, dense with points and in one piece: a thin rod or a small part has too few "
+        "neighbours, and something in front cuts a part in two",
         # Gaps from just above eps, at random turns and voxel sizes.
         inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
         outside=[
             *(clusters(eps * 0.75 * x, t) == 2 for x, t in draws),
             *(clusters(2 * eps, t, eps * (0.7 + x)) == 2 for x, t in draws),
             *(rods(2 * eps, eps / (3 + x)) == 2 for x, _ in draws),
+            *(faces(*some) == 2 for some in ((8000, 0.4 * eps), (60, 1.5 * eps))),
+            faces(8000, 2 * eps, 1.3 * eps) == 2,
         ],
     )
     result.correction_holds(joined == 1, clusters(0.0) == 1)
@@ -183,8 +203,10 @@ def dbscan_separates(result):
 
 @claim(
     "log(1 - P) / log(1 - w^3) samples find the plane with probability P.",
-    "With that probability they contain one sample of three inliers: it happened in {drawn:.3f} "
-    "of the runs, for a P of {asked}. But a plane through three noisy inliers is not yet the "
+    "Of many points, they contain one sample of three inliers with that probability: it happened "
+    "in {drawn:.3f} of the runs, for a P of {asked}, but of {few:.0f} points only in {rare:.2f}. "
+    "And "
+    " a plane through three noisy inliers is not yet the "
     "plane. At a tolerance of {sigmas} sigma, {found_it:.2f} of the runs find it, and "
     "{refitted:.2f} after a refit to all nearby points.",
     ask=(
@@ -214,6 +236,10 @@ def draws_find_the_plane(result):
     plain, again = (share_found(tolerance, k, 600, 200, largest) for k in (0, 1))
     result.measure("found_it", plain, 0.1)
     result.measure("refitted", again, 0.06)
+    # Of few points the second and third inlier are rarer: nothing is drawn twice.
+    few = int(result.input("few", 10))
+    hits = result.rng.hypergeometric(few // 2, few - few // 2, 3, (4000, largest))
+    rare = result.measure("rare", np.mean((hits == 3).any(axis=1)), 0.05)
     result.statement = (
         f"600 to 2,000 runs of {largest} draws from 200 points, half of them a plane's; a run "
         "that finds nine of ten of these has it."
@@ -222,6 +248,7 @@ def draws_find_the_plane(result):
     result.correction_holds(
         abs(drawn - 0.9) < 0.03,
         again > plain + 0.2,
+        rare < drawn - 0.05,
         largest == round(float(result.formula.subs({P: 0.9, w: 0.5}))),
     )
 

@@ -37,6 +37,15 @@ def kabsch_without_determinant(result):
             best = best and np.linalg.det(R) > 0.999 and np.linalg.norm(R @ c - d) < least + 1e-7
         return mirrored / runs, best
 
+    def mirrored(thick, count, axes, runs=20_000):
+        """Return the share of mirror images where points are so thin along these axes."""
+        size = np.where(np.isin(np.arange(3), axes), 0.1 * thick, 1.0)[:, None]
+        a = result.rng.uniform(-1.7, 1.7, (runs, 3, count)) * size
+        b = a + 0.1 * result.rng.normal(size=a.shape)
+        c, d = (x - x.mean(axis=2, keepdims=True) for x in (a, b))
+        # U V^T is a mirror image if the covariance has a negative determinant.
+        return np.mean(np.linalg.det(d @ c.transpose(0, 2, 1)) < 0)
+
     flat = result.measure("flat", fits(result.input("thin", 0.1), 400)[0], 0.15)
     least = result.input("least", 2)
     draws = result.rng.uniform(0, 1, (2, 10))
@@ -44,8 +53,10 @@ def kabsch_without_determinant(result):
     result.statement_holds(
         flat == 0,
         only_if="the points are a dozen or more, and their thinnest spread is "
-        "{least:.0f} times the noise or more",
-        inside=[fits(least * (1 + x), 25, int(12 + 20 * x))[0] == 0 for x in draws[0]],
+        "{least:.0f} times the noise or more; less than one fit in a thousand is mirrored then",
+        inside=[mirrored(least * (1 + x), int(12 + 20 * x), 2, 2000) < 1e-3 for x in draws[0]]
+        # At the edge of the condition: a flat plate, a rod and a ball.
+        + [mirrored(least, 12, axes) < 1e-3 for axes in ([2], [1, 2], [0, 1, 2])],
         outside=[
             *(fits(0.1 * least * x)[0] == 0 for x in draws[1]),
             *(fits(least * (1 + x), 25, 4)[0] == 0 for x in draws[1]),

@@ -60,6 +60,18 @@ def averaging_removes_all(result):
         observed = 30.0 / walls(z, result.rng, 6, noise=share * step, step=step)
         return abs(np.mean(observed) / step - 40 - between)
 
+    def of_depths(share, between, step=0.25):
+        """Return the error where the depths of the pictures are averaged, over a step."""
+        z = 30.0 / ((40 + between) * step)
+        mean = np.mean(walls(z, result.rng, 6, noise=share * step, step=step))
+        return abs(30.0 / mean / step - 40 - between)
+
+    def frozen(share, between, step=0.25):
+        """Return the error of a pixel whose noise is the same in each picture, over a step."""
+        z = 30.0 / ((40 + between) * step)
+        once = 30.0 / walls(z, result.rng, 1, noise=share * step, step=step)
+        return np.median(np.abs(once / step - 40 - between))
+
     place = result.input("between", 0.25)  # where noise leaves most; without it the middle is worst
     silent = result.measure("silent", remaining(0.0, place))
     third = result.measure("third", remaining(1 / 3, place), 0.15)
@@ -67,11 +79,13 @@ def averaging_removes_all(result):
     result.statement = "117,600 pixels of a wall between two steps, over noise and place."
     result.statement_holds(
         silent < 0.01,
-        only_if="the noise is Gaussian and above {least} of a step; less than a hundredth of a "
-        "step is left then",
+        only_if="the disparity is averaged, and the only other error is Gaussian noise, new in "
+        "each image and above {least} of a step; less than a hundredth of a step is left then",
         # Gaussian dither above the bound at random places between two steps.
         inside=[remaining(least + x, y) < 0.01 for x, y in draws.T],
-        outside=[remaining(0.7 * least * x, y) < 0.01 for x, y in draws.T],
+        outside=[remaining(0.7 * least * x, y) < 0.01 for x, y in draws.T]
+        + [of_depths(2 + x, y) < 0.01 for x, y in draws.T[:4]]
+        + [frozen(least + x, y) < 0.01 for x, y in draws.T[:4]],
     )
 
     def dithered(between):
@@ -94,8 +108,8 @@ def averaging_removes_all(result):
     "nearly window^2.",
 )
 def pixels_are_independent(result):
-    def ratio(n, window, count=150, step=0.0):
-        depth = walls(1.0, result.rng, count, n, window=window, step=step)
+    def ratio(n, window, count=150, step=0.0, z=1.0):
+        depth = walls(z, result.rng, count, n, window=window, step=step)
         # Averaged as disparity, in which the noise is added.
         means = (30.0 / depth).mean(axis=(1, 2))
         return np.std(means) / 0.1 * n
@@ -107,11 +121,15 @@ def pixels_are_independent(result):
     result.statement_holds(
         abs(amount - 1.0) < 0.3,
         only_if="the noise is white (the window is one pixel), and the steps of the disparity are "
-        "not far coarser than it",
+        "at most twice as large",
         inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides]
-        + [abs(ratio(n, 1, step=0.05) - 1.0) < 0.3 for n in sides[:4]],
+        # Twice the noise is the edge of the condition, at distances on and off a step.
+        + [abs(ratio(n, 1, step=0.05) - 1.0) < 0.3 for n in sides[:4]]
+        + [
+            abs(ratio(n, 1, step=0.2, z=1 + 0.002 * k) - 1.0) < 0.3 for k, n in enumerate(sides[:4])
+        ],
         outside=[abs(ratio(n, w) - 1.0) < 0.3 for n in sides for w in (2, 7)]
-        + [abs(ratio(n, 1, step=1.0) - 1.0) < 0.3 for n in sides[:4]],
+        + [abs(ratio(n, 1, step=x) - 1.0) < 0.3 for n in sides[:4] for x in (0.35, 1.0)],
     )
     result.correction_holds(0.9 * window < amount < 1.1 * window)
 

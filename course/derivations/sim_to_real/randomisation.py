@@ -437,16 +437,23 @@ def one_geom_friction(result):
         model.opt.o_friction[:2] = 0.15
         return _contact(model)
 
+    def frictionless(friction):
+        """Return the coefficient that brakes a sled whose contact has one dimension (condim 1)."""
+        xml = _SLED.format(floor=friction, sled=friction, priority=0, cone="elliptic")
+        model = mujoco.MjModel.from_xml_string(xml.replace("<geom name", '<geom condim="1" name'))
+        return sliding_friction(model, "x", "z", speed=4.0)
+
     both = list(zip(low, high, strict=True))
     result.statement_holds(
         plain == sled,
         only_if="it is the larger of the two, or its geom has the higher priority, no pair in the "
-        "model names both, and contacts are not overridden by an option",
+        "model names both, contacts are not overridden by an option, and condim is 3 or more",
         inside=[_contact(_sled(x, y)) == y for x, y in both]
         + [_contact(_sled(y, x, priority=1)) == x for x, y in both],
         outside=[_contact(_sled(y, x)) == x for x, y in both]
         + [paired(x, y) == y for x, y in both]
-        + [overridden(x, y) == y for x, y in both],
+        + [overridden(x, y) == y for x, y in both]
+        + [abs(frictionless(x) - x) < 1e-3 for x in low[:2]],
     )
     result.correction_holds(
         first == sled,
@@ -530,18 +537,37 @@ def friction_in_all_directions(result):
         f"Along the diagonal the pyramid gives {diagonal:.4f} of the coefficient, the ellipse "
         f"{ellipse:.4f}; and at ten random angles."
     )
+
+    def spun(rate):
+        """Return what brakes a free block's centre that also spins [rad/s], over mu g."""
+        axes = ("x", "y", "z")
+        xml = _SLED.format(floor=0.5, sled=0.5, priority=0, cone="elliptic")
+        for name, axis in zip(axes, ("1 0 0", "0 1 0", "0 0 1"), strict=True):
+            new = "<freejoint/>" if name == "x" else ""
+            xml = xml.replace(f'<joint name="{name}" type="slide" axis="{axis}"/>', new)
+        model = mujoco.MjModel.from_xml_string(xml)
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=200)
+        data.qvel[:] = 2.0, 0.0, 0.0, 0.0, 0.0, rate
+        mujoco.mj_step(model, data, nstep=50)
+        return (2.0 - np.hypot(*data.qvel[:2])) / (0.5 * 9.81 * 0.05)
+
     angles = result.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
+    spins = [spun(x) for x in (0.0, *result.rng.uniform(20.0, 60.0, 4))]
     # Attacks: a contact frame that is turned, and a pair with two coefficients of sliding.
     result.statement_holds(
         abs(diagonal - 1.0) < 1e-3,
-        only_if="the friction cone is elliptic, and no pair gives the two directions of sliding "
-        "different coefficients",
+        only_if="the friction cone is elliptic, no pair gives the two directions of sliding "
+        "different coefficients, and the block does not spin",
         inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles]
         + [abs(braked("elliptic", a, turn=30.0 * a) - 1.0) < 1e-3 for a in angles[:4]],
         outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles]
-        + [abs(braked("elliptic", a, pair="0.5 0.25") - 1.0) < 1e-3 for a in angles[:4]],
+        + [abs(braked("elliptic", a, pair="0.5 0.25") - 1.0) < 1e-3 for a in angles[:4]]
+        + [abs(x - 1.0) < 0.1 for x in spins[1:]],
     )
-    result.correction_holds(abs(diagonal - np.sqrt(0.5)) < 1e-3)
+    result.correction_holds(
+        abs(diagonal - np.sqrt(0.5)) < 1e-3, abs(spins[0] - 1.0) < 0.05, max(spins[1:]) < 0.8
+    )
 
 
 @claim(

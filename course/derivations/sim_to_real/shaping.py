@@ -1,5 +1,7 @@
 """Claims of chapter 8: what shaping changes and what it does not, and a bound on the gap."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from course.derivations import Symbol, claim
@@ -30,7 +32,7 @@ def drawn(rng, ends=0, states=6):
     "Over three steps, the discounted shaping rewards add up to the discounted last potential "
     "minus the first.",
     "All terms between cancel, for any number of steps. What remains depends on the trajectory "
-    "only through its start and its end.",
+    "only through its start, its end and its length.",
     ask=(
         "Shaping adds gamma phi(s') - phi(s) to the reward of a step from s to s'. The first state "
         "has the potential a, the state after the third step b. What is the discounted sum of the "
@@ -82,15 +84,26 @@ def shaping_keeps_the_best(result):
         policy = value_iteration(shaped(process, phi, free_end=free_end)).policy
         return bool(np.allclose(evaluate_policy(process, policy), best, atol=1e-9))
 
+    def discounted(gamma):
+        """Return whether shaping with a discount of its own keeps the best policy."""
+        process, phi = drawn(result.rng, 2), 5.0 * result.rng.normal(size=6)
+        other = replace(shaped(replace(process, gamma=gamma), phi), gamma=process.gamma)
+        values = evaluate_policy(process, value_iteration(other).policy)
+        return bool(np.allclose(values, value_iteration(process).value, atol=1e-9))
+
     n = result.input("n", 40)
     zero, free = ([retained(end) for _ in range(n)] for end in (False, True))
     result.measure("free", n - sum(free), 0.0)
     single = result.measure("single", n - sum(retained(True, 1) for _ in range(n)), 0.0)
+    unlike = [discounted(x) for x in result.rng.uniform(0.8, 0.9, n)]
     result.statement = "Six states, two actions, solved exactly."
     result.statement_holds(
-        all(free), only_if="the potential is 0 where an episode ends", inside=zero, outside=free
+        all(free),
+        only_if="the potential is 0 where an episode ends, and is discounted as the rewards are",
+        inside=zero + [discounted(0.95)],
+        outside=free + unlike,
     )
-    result.correction_holds(all(zero), sum(free) < 0.8 * n, single > 3)
+    result.correction_holds(all(zero), sum(free) < 0.8 * n, single > 3, not all(unlike))
 
 
 @claim(
@@ -98,7 +111,7 @@ def shaping_keeps_the_best(result):
     "Without bootstrapping, the time limit is an end like any other: gamma^T phi of the last state "
     "stays in the sum. With {steps:.0f} steps to go, the best first action changed in {cut:.0f} of "
     "{n:.0f} random processes without terminal states. It never changed when the value of the "
-    "last state was added at the time limit.",
+    "last state under the shaped reward was added at the time limit.",
 )
 def time_is_an_end(result):
     from course.sim_to_real import shaped, value_iteration
@@ -112,18 +125,24 @@ def time_is_an_end(result):
             value = q.max(axis=1)
         return q.argmax(axis=1)
 
-    def retained(valued):
+    def retained(valued, plain=False):
         process, phi = drawn(result.rng), 5.0 * result.rng.normal(size=6)
-        last = [valued * value_iteration(p).value for p in (process, shaped(process, phi))]
+        used = process if plain else shaped(process, phi)
+        last = [valued * value_iteration(p).value for p in (process, used)]
         return bool(np.all(first(process, last[0]) == first(shaped(process, phi), last[1])))
 
     valued, cut = ([retained(x) for _ in range(n)] for x in (1.0, 0.0))
     result.measure("cut", n - sum(cut), 0.0)
+    # The value of the same state, but under the reward without shaping.
+    unshaped = [retained(1.0, plain=True) for _ in range(n)]
     result.statement = "Six states, two actions, by backward recursion."
     result.statement_holds(
-        all(cut), only_if="the learner adds the value of the last state", inside=valued, outside=cut
+        all(cut),
+        only_if="the learner adds the value of the last state under the shaped reward",
+        inside=valued,
+        outside=cut + unshaped,
     )
-    result.correction_holds(all(valued), sum(cut) < 0.8 * n)
+    result.correction_holds(all(valued), sum(cut) < 0.8 * n, sum(unshaped) < 0.8 * n)
 
 
 @claim(
@@ -265,7 +284,8 @@ def step_penalty(result):
 @claim(
     "If the next state's distribution is wrong by eps, a policy's value is wrong by eps R / "
     "(1 - gamma) at most.",
-    "The error is made anew in each step: the bound is {formula}. A chain that the simulator "
+    "The error is made anew in each step: for rewards from 0 to R that don't depend on the next "
+    "state, the bound is {formula}. A chain that the simulator "
     "keeps where it is paid and the robot leaves with probability eps reaches {share:.1%} of it, "
     "{factor:.0f} times what was heard. Of two deterministic simulators that differ eps is 1: "
     "there it says nothing, once gamma is above a half.",
@@ -293,7 +313,7 @@ def gap_of_values(result):
     pays, ends = np.zeros((2, 1, 2)), np.zeros(2, dtype=bool)
     pays[0] = 1.0
 
-    def lost(gamma, eps):
+    def lost(gamma, eps, pays=pays):
         """Return what the chain of two states loses to the one that stays."""
         moves = (np.array([[[1 - x, x]], [[0.0, 1.0]]]) for x in (0.0, eps))
         sure, leaves = (evaluate_policy(Process(P, pays, gamma, ends), [0, 0])[0] for P in moves)
@@ -305,15 +325,23 @@ def gap_of_values(result):
     factor = result.measure("factor", lost(gamma, eps) * (1 - gamma) / eps)
     result.statement = "Two states, a discount of 0.95 and a distance of 0.001; and drawn ones."
     low, high = result.rng.uniform(0.05, 0.5, 8), result.rng.uniform(0.51, 0.99, 8)
+    # The same chain, paid for where a step leads, or fined where it ends up.
+    staying, fined = np.zeros((2, 1, 2)), pays.copy()
+    staying[0, 0, 0], fined[1] = 1.0, -1.0
+    beyond = [lost(x, eps, staying) / transfer_bound(x, eps) for x in low]
+    beyond += [lost(x, eps, fined) / transfer_bound(x, eps) for x in low]
     result.statement_holds(
         factor <= 1.0,
-        only_if="the discount is a half or less",
+        only_if="the discount is a half or less, and rewards from 0 to R don't depend on the next "
+        "state",
         inside=[transfer_bound(x, eps) * (1 - x) <= eps for x in low],
-        outside=[lost(x, eps) * (1 - x) <= eps for x in high],
+        outside=[lost(x, eps) * (1 - x) <= eps for x in high]
+        + [lost(x, eps, staying) * (1 - x) <= eps for x in low],
     )
     result.correction_holds(
         abs(bound / law - 1.0) < 1e-9,
         0.9 < share <= 1.0,
         factor > 10.0,
+        min(beyond) > 1.5,
         all((transfer_bound(x, 1.0) >= 1.0 / (1.0 - x)) == (x > 0.5) for x in (*low, *high)),
     )

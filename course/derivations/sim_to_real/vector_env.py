@@ -84,7 +84,7 @@ def vector_one_done_flag(result):
     draws = list(zip(result.rng.integers(2, 190, 8), result.rng.uniform(0.5, 0.99, 8), strict=True))
     result.statement_holds(
         right(clock, True, discount),
-        only_if="no episode is cut off by a clock",
+        only_if="no episode is cut off, by a clock or by anything else",
         inside=[right(200 + int(n), True, gamma) for n, gamma in draws],
         outside=[right(int(n), True, gamma) for n, gamma in draws],
     )
@@ -217,7 +217,9 @@ def vector_same_step_reset(result):
 @claim(
     "Resetting N environments with a fixed seed gives N different, repeatable episodes.",
     "With one seed for all they are copies: N times the work, one environment's experience. Seeds "
-    "s, s + 1, ... give different ones, and repeat as well.",
+    "s, s + 1, ... give different ones, and repeat as well. But the next run needs a seed that is "
+    "N "
+    "or more away: runs with s and s + 1 share all episodes but one.",
 )
 def vector_one_seed(result):
     from course.vector_env import ArmReachVector
@@ -245,6 +247,8 @@ def vector_one_seed(result):
     result.correction_holds(
         all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
         first == [rows([seed] * 8) for seed in seeds],
+        all(len(set(rows(seed)) & set(rows(seed + 1))) == 7 for seed in seeds),
+        all(not set(rows(seed)) & set(rows(seed + 8)) for seed in seeds),
     )
 
 

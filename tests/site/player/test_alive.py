@@ -202,7 +202,7 @@ SAMPLE = {
     "rigid_body.spring",
     "contact.friction_cone",
     "learning.clipped_objective",
-    "role.stack",
+    "interview",
     "learning.gae_weights",
     "perception",
 }

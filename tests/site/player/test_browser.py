@@ -276,11 +276,27 @@ def test_pointer_and_keys_do_what_they_do_in_the_notebook(open_page: Any, name: 
     assert_alike(page, experiment, "played and reset")
 
 
+# The last picture, once none has come for 15 animation frames; null if that is never so.
+REST = """async () => {
+  const canvas = document.querySelector('canvas');
+  const end = performance.now() + 60_000;
+  for (let [k, last] = [0, null]; k < 15; k += 1) {
+    if (canvas.dataset.frame !== last) [k, last] = [0, canvas.dataset.frame];
+    if (performance.now() > end) return null;
+    await new Promise(requestAnimationFrame);
+  }
+  return canvas.dataset.frame;
+}"""
+
 # A slider moved in every animation frame while time runs, as a hand does.
 DRAG = """async frames => {
-  const idle = performance.now();
-  for (let k = 0; k < frames / 2; k += 1) await new Promise(requestAnimationFrame);
-  const possible = frames / 2 / ((performance.now() - idle) / 1000);
+  const frame = async times => {
+    const before = performance.now();
+    await new Promise(requestAnimationFrame);
+    times.push(performance.now() - before);
+  };
+  const [idle, dragged] = [[], []];
+  for (let k = 0; k < frames / 2; k += 1) await frame(idle);
   [...document.querySelectorAll('button')].find(b => b.textContent === 'Play').click();
   const canvas = document.querySelector('canvas');
   const slider = document.querySelector('[data-control=gravity]');
@@ -290,30 +306,39 @@ DRAG = """async frames => {
     pictures += 1;
     if (moved !== null) { waits.push(performance.now() - moved); late.push(since); moved = null; }
   }).observe(canvas, {attributes: true, attributeFilter: ['data-frame']});
-  const start = performance.now();
   for (let k = 0; k < frames; k += 1) {
     if (moved === null) {
       slider.value = 5 + (k % 40) / 10;
       [moved, since] = [performance.now(), 0];
       slider.dispatchEvent(new Event('input'));
     } else since += 1;
-    await new Promise(requestAnimationFrame);
+    await frame(dragged);
   }
-  return {pictures, frames, possible, seconds: (performance.now() - start) / 1000, waits, late};
+  return {pictures, frames, idle, dragged, waits, late};
 }"""
 
 
 @pytest.mark.skipif(BOX not in LIVE, reason="it is not compiled")
 def test_pictures_keep_up_while_a_slider_is_dragged(open_page: Any, capsys: Any) -> None:
-    result = open_page().evaluate(DRAG, 120)
-    wait = statistics.median(result["waits"])
-    rate = result["pictures"] / result["seconds"]
-    with capsys.disabled():
-        print(f"\npage: {rate:.0f} pictures/s while dragging, slider to picture {wait:.0f} ms")
-    # On a machine that draws sixty frames a second, 25 of them and 50 ms; else as much slower.
-    slower = 60.0 / min(result["possible"], 60.0)
-    assert rate * slower > 25.0 and wait < 50.0 * slower
-    assert result["pictures"] > 0.9 * result["frames"] and statistics.median(result["late"]) <= 1
+    """Counts in frames hold in every run; times are compared with a frame of an idle page.
+
+    A machine that becomes busy between the two slows one of them, so such a run is repeated.
+    """
+    for _ in range(10):
+        result = open_page().evaluate(DRAG, 120)
+        assert result["pictures"] > 0.9 * result["frames"]
+        assert statistics.median(result["late"]) <= 1
+        # Medians, which a stall does not move. A screen of 60 Hz has a frame each 16.7 ms.
+        idle, frame, wait = (statistics.median(result[k]) for k in ("idle", "dragged", "waits"))
+        with capsys.disabled():
+            print(
+                f"\npage: {frame:.0f} ms per frame while dragging, slider to picture {wait:.0f} ms"
+            )
+        slower = max(idle / (1000.0 / 60.0), 1.0)
+        if frame < 40.0 * slower and wait < 50.0 * slower:
+            break
+    else:
+        raise AssertionError("dragging slowed the page in each of ten runs")
 
 
 MANY = """async () => {
@@ -432,10 +457,8 @@ class TestTheBox:
         ahead = "n => Number(document.querySelector('canvas').dataset.frame) > n + 5"
         page.wait_for_function(ahead, arg=int(canvas.get_attribute("data-frame")))
         page.evaluate("() => window.scrollTo(0, 0)")
-        page.wait_for_timeout(200)
-        away = canvas.get_attribute("data-frame")
-        page.wait_for_timeout(300)
-        assert canvas.get_attribute("data-frame") == away
+        away = page.evaluate(REST)
+        assert away is not None, "it runs on"
         page.evaluate("() => window.scrollTo(0, 2800)")
         page.wait_for_function(ahead, arg=int(away))
 

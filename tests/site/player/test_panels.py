@@ -280,7 +280,10 @@ def test_a_finger_scrolls_the_page_where_nothing_is_dragged_upright(
     before = page.evaluate(records)
     upright = told.model(name).upright
     swipe(page, "up")
-    page.wait_for_timeout(300)
+    if upright:
+        page.wait_for_timeout(300)
+    else:
+        page.wait_for_function("() => window.scrollY > 50")
     scrolled, after = page.evaluate("window.scrollY"), page.evaluate(records)
     if upright:
         assert scrolled == 0 and after != before, "the hand is dragged"
