@@ -237,11 +237,11 @@ def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:
     everything = claims()
     known = list(dict.fromkeys(item.file.partition(".")[0] for item in everything))
     if topic and topic not in known:
-        raise ValueError(f"topic must be one of {', '.join(known)}, got {topic!r}")
+        raise invalid("topic", topic, f"one of {', '.join(known)}")
     folder = folder or Path(__file__).parents[2] / "notebooks" / "source"
     texts = [path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.py"))]
     if not texts:
-        raise ValueError(f"folder must have the notebooks' sources, got {folder}")
+        raise invalid("folder", str(folder), "a folder with the notebooks' sources")
     placed = {id for text in texts for id in placed_in(text)}
     placed |= {id for name in known for id in gate(name)}
     selected = (item for item in everything if topic in ("", item.file.partition(".")[0]))

@@ -1240,8 +1240,7 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # %% [markdown]
 # The time is a run's time divided by its steps, the median of several warm runs. Compare it only between compiled
 # programs (MuJoCo and the compiled loop) or among the course's other models, which spend most of it in NumPy around
-# their solver. *MuJoCo Newton, elliptic*, the first of MuJoCo's rows, reads too slow: measured again, it was about as
-# fast as CG. Iterations are the mean per step.
+# their solver. Iterations are the mean per step.
 #
 # <details><summary>The narrow phase compared with Coal</summary>
 #

@@ -519,7 +519,8 @@ def chart(attempt: Attempt, answer: Place) -> Drawing:
         panel.notes = [
             f"{label}: the bar is a residual of {bar.residual:g} within {limit:.3g} products. "
             f"Plain Gauss-Seidel has {sweeps[-1]:.2g} after 300, your answer {reached[0][1]:.1g} "
-            f"after {reached[0][0]:.3g}; yours is within {distance:.1e} of the worked answer's residual"
+            f"after {reached[0][0]:.3g}; yours is within {distance:.1e} of the worked answer's "
+            "residual"
         ]
         panels.append(panel)
     return Drawing(panels)
