@@ -113,11 +113,11 @@ def searched_batch(poses: Array, number: int, rng: np.random.Generator) -> Array
 
 @chart
 def seven_joint(
-    targets: int = 1000,
-    slow: int = 100,
+    targets: int = 500,
+    slow: int = 60,
     grids: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128),
     starts: Sequence[int] = (1, 2, 4, 8, 16, 32, 64),
-    batches: int = 5,
+    batches: int = 3,
 ) -> Iterator[Panel]:
     """Chart the postures of one pose, and the share of poses without an answer against time.
 
@@ -133,20 +133,14 @@ def seven_joint(
         "swivel angle of the elbow [rad]",
         ylim=(-np.pi, np.pi),
     )
-    for branch in range(BRANCHES):
-        for name, chosen in (("outside the limits", ~fits), ("within the limits", fits)):
-            angle = np.where(chosen[branch], swivel[branch], np.nan)
-            if np.isfinite(angle).any():
-                shown = name if name not in [x.label for x in left.series] else ""
-                left.series.append(
-                    Series(
-                        shown,
-                        *_broken(last, angle),
-                        key="closed form" if name == "within the limits" else "",
-                        style="-" if name == "within the limits" else ":",
-                        marker="",
-                    )
-                )
+    for name, chosen, key, style in (
+        ("outside the limits", ~fits, "", ":"),
+        ("within the limits", fits, "closed form", "-"),
+    ):
+        # All branches are one curve on the chart, with gaps between them.
+        parts = [_broken(last, np.where(chosen[k], swivel[k], np.nan)) for k in range(BRANCHES)]
+        x, y = (np.concatenate([np.append(part[i], np.nan) for part in parts]) for i in (0, 1))
+        left.series.append(Series(name, x, y, key=key, style=style, marker=""))
     there = np.isfinite(q[0])
     wide = np.broadcast_to(tip(arm, POSTURE)[:, None], (7, int(there.sum())))
     left.notes = [
