@@ -44,12 +44,6 @@ def curve(target: Array, count: int = 721) -> tuple[Array, Array, Array, Array]:
     return last, swivel, ((q >= low) & (q <= high)).all(axis=0), q
 
 
-def _broken(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return a curve of angles with a gap wherever it jumps by a turn."""
-    jump = np.flatnonzero(np.abs(np.diff(y)) > np.pi) + 1
-    return np.insert(x, jump, np.nan), np.insert(y, jump, np.nan)
-
-
 def closed(number: int) -> Answer:
     """Return a method: the closed form at `number` last angles, the first posture that fits."""
     arm = panda()
@@ -113,17 +107,17 @@ def searched_batch(poses: Array, number: int, rng: np.random.Generator) -> Array
 
 @chart
 def seven_joint(
-    targets: int = 500,
-    slow: int = 60,
+    targets: int = 2000,
+    slow: int = 200,
     grids: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128),
     starts: Sequence[int] = (1, 2, 4, 8, 16, 32, 64),
-    batches: int = 3,
+    batches: int = 5,
 ) -> Iterator[Panel]:
     """Chart the postures of one pose, and the share of poses without an answer against time.
 
     Every method has to find one posture within the limits, in a call for each of the `targets`;
-    Pinocchio's loop gets `slow` of them. `grids` are numbers of last angles, `starts` of starts. At the
-    end all poses go into one call, `batches` times.
+    Pinocchio's loop gets `slow` of them. `grids` are numbers of last angles, `starts` of starts.
+    At the end all poses go into one call, `batches` times.
     """
     arm = panda()
     last, swivel, fits, q = curve(tip(arm, POSTURE))
@@ -133,14 +127,14 @@ def seven_joint(
         "swivel angle of the elbow [rad]",
         ylim=(-np.pi, np.pi),
     )
-    for name, chosen, key, style in (
-        ("outside the limits", ~fits, "", ":"),
-        ("within the limits", fits, "closed form", "-"),
+    for name, chosen, key in (
+        ("outside the limits", ~fits & np.isfinite(swivel), ""),
+        ("within the limits", fits, "closed form"),
     ):
-        # All branches are one curve on the chart, with gaps between them.
-        parts = [_broken(last, np.where(chosen[k], swivel[k], np.nan)) for k in range(BRANCHES)]
-        x, y = (np.concatenate([np.append(part[i], np.nan) for part in parts]) for i in (0, 1))
-        left.series.append(Series(name, x, y, key=key, style=style, marker=""))
+        # Points, as branches begin, end and pass half a turn.
+        x = np.broadcast_to(last, swivel.shape)[chosen]
+        points = Series(name, x, swivel[chosen], key=key, style="", marker=".", size=3.0)
+        left.series.append(points)
     there = np.isfinite(q[0])
     wide = np.broadcast_to(tip(arm, POSTURE)[:, None], (7, int(there.sum())))
     left.notes = [
@@ -212,7 +206,7 @@ def seven_joint(
                 cost,
                 failed,
                 name,
-                tags=[str(n) for n in sizes],
+                tags=[str(n) if share else "" for n, share in zip(sizes, failed, strict=True)],
                 note=f"{name:<23} {failed[-1]:.2%} without an answer at {sizes[-1]} tries, "
                 f"{1e6 * cost[-1]:.3g} us; error of the answers {np.median(good):.0e} in the "
                 f"median, {good.max():.0e} at most [m, rad]",
