@@ -33,13 +33,16 @@ PUSH = {
         "You have a reason for it. What would change your mind?",
     ),
 }
+_STEM = 4  # letters by which two words are taken for one: "halves", "halving"
 # Stems of words that any question may have.
 _COMMON = frozenset(
-    "what whic when wher many much does that this with from have will must shou coul woul there "
-    "ther they them your abou into over your some them than then want need know like make just "
-    "tell plea also each ever only very been here were done".split()
+    word[:_STEM]
+    for word in (
+        "what which when where many much does that this with from have will must should could would "
+        "there their they them your about into over some than then want need know like make just "
+        "tell please also each ever only very been here were done"
+    ).split()
 )
-_STEM = 4  # letters by which two words are taken for one: "halves", "halving"
 
 
 @dataclass(frozen=True)

@@ -101,8 +101,8 @@ def test_a_claim_and_a_formula_are_judged_and_the_rest_is_not() -> None:
         assert judge(entry, f"1*({requested.expression})")[0] is True
         assert [judge(entry, slip)[0] for slip in requested.slips] == [False] * len(requested.slips)
     assert judge(ONE, "") == (None, "")
-    right, sentence = judge(ONE, "perhaps")
-    assert right is None and "t or true, f or false" in sentence
+    unread, sentence = judge(ONE, "perhaps")
+    assert unread is None and "t or true, f or false" in sentence
 
 
 @pytest.mark.parametrize(
