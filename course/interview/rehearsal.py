@@ -38,9 +38,9 @@ _STEM = 4  # letters by which two words are taken for one: "halves", "halving"
 _COMMON = frozenset(
     word[:_STEM]
     for word in (
-        "what which when where many much does that this with from have will must should could would "
-        "there their they them your about into over some than then want need know like make just "
-        "tell please also each ever only very been here were done"
+        "what which when where many much does that this with from have will must should could "
+        "would there their they them your about into over some than then want need know make just "
+        "like tell please also each ever only very been here were done"
     ).split()
 )
 
