@@ -20,7 +20,6 @@ from course.json_store import Problem
 from course.libraries import import_error, missing_shared_library
 from drills import interrupts, progress, workspace
 from drills.cards import UnknownExercise
-from drills.interview import read_line
 from drills.terminal import SCHEMA, OutputLost, Terminal, listed
 from drills.workspace import Misuse
 
@@ -98,6 +97,8 @@ class Session:
         """Ask a person; false where there is nobody to ask."""
         if self.terminal.json or sys.stdin is None or not sys.stdin.isatty():
             return False
+        from drills.interview import read_line  # which most commands don't need
+
         while True:
             line = read_line(f"{question} [y/N]: ").strip().lower()
             if line in ("", "n", "no", "y", "yes"):
