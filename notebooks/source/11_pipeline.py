@@ -1023,7 +1023,7 @@ Markdown(f"Replays alone were wrong in these runs: {wrong}. What they named ther
 more_claims("last_error_blames")
 
 # %% [markdown]
-# How often does a *good* run break a contract? That is a **false alarm**.
+# How often does a *good* run, one that reaches its target, break a contract? That is a **false alarm**.
 
 # %% tags=["hide-code"]
 raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
@@ -1095,11 +1095,12 @@ plt.show()
 # Left: each error is drawn around its own grey zero line; the limit at six is not drawn. Right: near the target, the
 # tip itself covers the line of sight.
 #
-# Nothing is broken in these runs, so every alarm is a false one. Two rates have a closed form. A run has $n$ frames
-# with two coordinates each; an alarm is raised if any of these $2n$ numbers is more than six standard deviations off.
-# If one number exceeds it with the probability $p$, the rate is $1 - (1 - p)^{2n}$. The limit on the mean is five
-# standard errors of *independent* frames. Correlation multiplies the variance of the mean by about
-# $(1 + \varphi)/(1 - \varphi)$, here 19.
+# These runs have no injected fault, so we count every alarm as false, even in a run that misses its target.
+#
+# Two rates have a closed form. A run has $n$ frames with two coordinates each; an alarm is raised if any of these
+# $2n$ numbers is more than six standard deviations off. If one number exceeds it with the probability $p$, the rate
+# is $1 - (1 - p)^{2n}$. The limit on the mean is five standard errors of *independent* frames. Correlation multiplies
+# the variance of the mean by about $(1 + \varphi)/(1 - \varphi)$, here 19.
 
 # %% tags=["hide-code"]
 several, rows = len(tested["occluded"]), []
