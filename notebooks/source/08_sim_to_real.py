@@ -203,8 +203,7 @@ plt.show()
 #
 # Feedback corrects the error that it *measures*. A little friction or a slightly weaker motor only changes how much
 # torque a given error produces. A heavy load changes how quickly the arm can respond at all. A delay makes feedback act
-# on an old measurement. An encoder's constant offset is invisible to feedback: the measured angle reaches the
-# reference, and the true angle stays off by the offset.
+# on an old measurement. Feedback can't see an encoder's constant offset: the true angle stays off by it.
 #
 # Two differences can also interact, and in either direction. A light arm rarely needs all of its motor's torque, so a
 # weaker motor hardly matters to it; a heavy arm does need it. But friction can also brake an arm that would otherwise
@@ -1671,7 +1670,6 @@ table(*rows)
 # loop. Some lifts with default contacts fail below the limit of the servo; the other limit doesn't concern them. The
 # last panel suggests why: in one long step a closing finger sinks deep into the box, and may push it out. How deep
 # depends on how far the finger is from the box when the step begins, so a slightly longer step can lose fewer boxes.
-# (Depth alone doesn't decide: at 10 ms all lifts succeed.)
 #
 # You may also read that contact energy grows by a factor $1 + \Delta t^2 k/m$ per step when the step is too large. That
 # factor belongs to explicit Euler, which MuJoCo does not use. With semi-implicit Euler the energy of an undamped spring
@@ -1691,8 +1689,8 @@ print(f"semi-implicit Euler x {radius**2:.0f}")
 more_claims("large_step_at_contact", "camera_off")
 
 # %% [markdown]
-# Do the effects of several faults add? Try it with the two-link arm: each switch adds a fault, and a fault that is
-# switched on is marked ACTIVE. On the dashed line the loss of a combination is the sum of its separate losses.
+# Do the effects add? Each switch gives the two-link arm a fault. On the dashed line a combination costs the sum of its
+# separate losses.
 
 # %%
 simulation("faults")
