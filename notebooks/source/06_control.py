@@ -385,9 +385,8 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# The course computes all margins exactly for the sampled loop; change a slider on the first screen and watch them. For
-# a robot, quote the delay margin. It is in milliseconds, like the latency that communication, motor drive and filters
-# will add.
+# The course computes all margins exactly for the sampled loop. For a robot, quote the delay margin. It is in
+# milliseconds, like the latency that communication, motor drive and filters will add.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
@@ -413,16 +412,16 @@ plt.show()
 # example:** for $M_s = 2$ the curve stays 0.5 away from $-1$, so it does not cross the axis between $-1$ and $-0.5$.
 # The gain must at least double before a crossing reaches $-1$.
 #
-# The simulation begins with the PD loop of the Bode plot; its D term acts on the error. Drag the gain up or the phase
-# down, and all plots follow. The preset *High sensitivity* has 8 times the gain:
+# The simulation begins with the PD loop of the Bode plot, with D on the error. Drag the gain up or the phase down. The
+# preset *High sensitivity* has 8 times the gain:
 
 # %%
 simulation("nyquist")
 
 # %% [markdown]
-# The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. *Play* moves a white dot to the same
-# frequency in each plot. At the gain margin, the step response oscillates at the frequency at which the curve crosses
-# $-1$. Now compare $\lvert S\rvert$ at 8 times the gain with that of *Comfortable* between 100 and 1000 rad/s:
+# The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. At the gain margin, the step response
+# oscillates at the frequency at which the curve crosses $-1$. Now compare $\lvert S\rvert$ between 100 and 1000 rad/s
+# in *High sensitivity* and *Comfortable*:
 
 # %%
 show("more_gain_rejects_everywhere")
