@@ -108,15 +108,15 @@ def impact_time(
     c = (distance - reach) * (distance + reach)
     if c <= 0.0:
         return 0.0
-    closing, speed = float(-(d @ v)), float(v @ v)
+    closing, speed_squared = float(-(d @ v)), float(v @ v)
     if closing <= 0.0:
         return -1.0
-    # The part of d across v says whether they pass; closing^2 - speed c would cancel.
-    across = d + (closing / speed) * v
-    root = speed * (reach * reach - float(across @ across))
+    # The part of d across v says whether they pass; closing^2 - speed_squared c would cancel.
+    across = d + (closing / speed_squared) * v
+    root = speed_squared * (reach * reach - float(across @ across))
     if root < 0.0:
         return -1.0
-    # The smaller root of speed t^2 - 2 closing t + c = 0.
+    # The smaller root of speed_squared t^2 - 2 closing t + c = 0.
     return c / (closing + math.sqrt(root))
 
 

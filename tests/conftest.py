@@ -18,6 +18,7 @@ as well: what is marked `prove`, and every property with ten times as many examp
 import importlib.util
 import os
 import shutil
+import signal
 from pathlib import Path
 
 import hypothesis
@@ -31,6 +32,11 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
 # A learner's own settings are not for the tests, which make work folders of their own.
 for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
     del os.environ[_name]
+
+# A shell may start what runs in its background with Ctrl-C ignored, and every child inherits that.
+# The tests of an interrupt need the handler that Python installs otherwise.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # `make test` samples the same examples every time; `make prove` samples new ones.
 hypothesis.settings.register_profile("test", derandomize=True, deadline=None, database=None)

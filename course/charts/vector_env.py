@@ -503,7 +503,7 @@ def arm_learned(
     methods = {
         "DAgger": [(number, rounds, small)],
         "cloned": [(number, 0, small), (largest, 0, small)],
-        "cloned, wider, longer": [(largest, 0, {"width": 128, "steps": 2 * fit})],
+        "cloned, wider network, longer training": [(largest, 0, {"width": 128, "steps": 2 * fit})],
     }
     # The expert's own share, which cloning tries to reach.
     by_hand = arm.reached(arm.expert, judged)

@@ -13,6 +13,8 @@ The chapter's algorithms, and the functions of their steps:
 - Adaptive control (Slotine and Li, 1987): `laws.Adaptive.parts`.
 - Operational space and hybrid control (Khatib, 1987; Raibert and Craig, 1981): `laws.hybrid`.
 - PID with anti-windup (Astrom and Hagglund, 2006): `pid._update`, its rate in `_advance_rate`.
+- Cascade, notch, disturbance observer and delay predictor (Smith, 1957): `structures`.
+- The cures of an adaptive law (Ioannou and Sun, 1996): `adaptive.adapted`.
 
 Examples:
     >>> from course import control

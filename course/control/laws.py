@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, finite, invalid, positive, vector
+from course.control.adaptive import guarded
 from course.kinematics import (
     Chain,
     TwoLink,
@@ -230,7 +231,7 @@ class Adaptive:
         """Return the torques for this sample, shape (2,); the estimate then takes its step."""
         tau, change, _ = self.parts(q, v, q_ref, v_ref, a_ref)
         # Euler step of the adaptation, kept within the bounds (projection).
-        self.estimate = np.clip(self.estimate + self._dt * change, *self._bounds)
+        self.estimate = guarded(self.estimate, change, self._dt, *self._bounds)
         return tau
 
 

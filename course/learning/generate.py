@@ -110,7 +110,7 @@ def denoise(
     for k in range(steps):
         # DDPM's share of fresh noise (DDIM, eq. 16); with eta = 0 the step is deterministic.
         fresh = eta * sigma[k + 1] / sigma[k] * math.sqrt(1.0 - (alpha[k] / alpha[k + 1]) ** 2)
-        # The network predicts the clean action.
+        # `clean` returns the guess of the clean action; the noise follows from it.
         before, after = (alpha[k], sigma[k]), (alpha[k + 1], sigma[k + 1])
         x = ddim_step(x, clean(x, k / steps), before, after, fresh)
         if fresh:

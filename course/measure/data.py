@@ -40,7 +40,8 @@ def _panel_document(panel: Panel) -> dict[str, Any]:
     if panel.grid is not None:
         grid = panel.grid
         numbers = {"x": grid.x, "y": grid.y, "boundary": grid.boundary()}
-        result["grid"] = {"quantity": grid.quantity, "unit": grid.unit, "values": _packed(grid)}
+        texts = {"quantity": grid.quantity, "unit": grid.unit, "edge": grid.edge}
+        result["grid"] = texts | {"values": _packed(grid)}
         result["grid"] |= {name: _six(values) for name, values in numbers.items()}
     log_x = panel.scale in ("log", "log x")
     result["series"] = [_series_document(series, log_x) for series in panel.series]
@@ -107,7 +108,8 @@ def _unpacked(entry: dict[str, Any]) -> Map:
     x, y = np.array(entry["x"]), np.array(entry["y"])
     step = np.frombuffer(zlib.decompress(base64.b85decode(entry["values"])), dtype=np.uint8)
     values: Array = np.power(10.0, REACH * (step.reshape(y.size, x.size) - 127.5) / 127.5)
-    return Map(x, y, values, quantity=entry["quantity"], unit=entry["unit"])
+    texts = {name: entry[name] for name in ("quantity", "unit", "edge") if name in entry}
+    return Map(x, y, values, **texts)
 
 
 def _six(values: Any) -> list[Any]:

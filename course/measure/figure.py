@@ -768,7 +768,7 @@ def _draw_grid(ax: Axes, grid: Map) -> None:
         ax.contour(
             grid.x, grid.y, within.astype(float), levels=[0.5], colors="black", linewidths=2.5
         )
-        ax.plot([], [], color="black", linewidth=2.5, label="measured")
+        ax.plot([], [], color="black", linewidth=2.5, label=grid.edge)
     ax.set(xlim=(grid.x[0], grid.x[-1]), ylim=(grid.y[0], grid.y[-1]))
 
 

@@ -166,6 +166,7 @@ class Map:
         slack: how far above 1 still counts as within (rounding).
         quantity: what the values are, such as "growth per step" or "gain over its bound".
         unit: of the values; empty for a ratio.
+        edge: what the line around the points within the bound is, for the legend of a picture.
     """
 
     x: Array
@@ -174,6 +175,7 @@ class Map:
     slack: float = 1e-9
     quantity: str = "growth per step"
     unit: str = ""
+    edge: str = "measured"
 
     @property
     def label(self) -> str:

@@ -35,6 +35,7 @@ SIMULATIONS = (
     "kinematics.elbow",
     "planning.growing",
     "control.joint",
+    "control.nyquist",
     "control.probe",
     "perception",
     "sim_to_real.arms",

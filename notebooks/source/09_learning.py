@@ -1270,7 +1270,7 @@ show("gradient_cost")
 # ![Reward and success of the arm over its training](../docs/charts/learning_curve_reach.png)
 #
 # Besides searching, you can clone the hand-written law. At the same number of labels DAgger gains a little over plain
-# cloning. A wider network with longer training (*wider, longer*) gains more; we changed both at once. PPO, with the
+# cloning. A wider network with longer training gains more; we changed both at once. PPO, with the
 # settings that solve the point, is far below after half a million steps. So this page shows no hard task that PPO
 # solves.
 #

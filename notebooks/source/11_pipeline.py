@@ -1095,8 +1095,7 @@ plt.show()
 # Left: each error is drawn around its own grey zero line; the limit at six is not drawn. Right: near the target, the
 # tip itself covers the line of sight.
 #
-# No fault was injected into these runs, and the variance of a frame is the promised one. Here an alarm therefore
-# counts as false whether or not the run reaches its target: most runs with correlated noise miss it.
+# These runs have no injected fault, so we count every alarm as false, even in a run that misses its target.
 #
 # Two rates have a closed form. A run has $n$ frames with two coordinates each; an alarm is raised if any of these
 # $2n$ numbers is more than six standard deviations off. If one number exceeds it with the probability $p$, the rate

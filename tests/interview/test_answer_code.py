@@ -245,7 +245,7 @@ def _randomiser(names: Names) -> None:
     data = mujoco.MjData(model)
     factors, lags, frictions = [], set(), []
     for _ in range(200):
-        one.start()
+        one.start(np.zeros(1))
         factor = model.body_mass[1:] / before["body_mass"][1:]
         np.testing.assert_allclose(
             model.body_inertia[1:], before["body_inertia"][1:] * factor[:, None], rtol=1e-12
@@ -257,6 +257,10 @@ def _randomiser(names: Names) -> None:
         assert np.ptp(ratio) < 1e-12
         assert _lag(one) == one.delay
         lags.add(int(one.delay))
+        # Before the first command arrives, the one that was in force at the reset still acts.
+        one.start(np.array([0.7]))
+        acted = [one.command(np.ones(1))[0] for _ in range(6)]
+        assert acted == [0.7] * int(one.delay) + [1.0] * (6 - int(one.delay))
         factors.append(factor)
         frictions.append(ratio[0])
     assert lags == {0, 1, 2, 3}
@@ -275,12 +279,12 @@ def _randomiser(names: Names) -> None:
         for _ in "ab"
     ]
     for twin in twins:
-        twin.start()
+        twin.start(np.zeros(1))
     assert np.array_equal(twins[0].model.body_mass, twins[1].model.body_mass)
     # Beside the arm a ball on a free joint falls with gravity times time; only hinges are damped.
     ball = '<body pos="1 1 9"><freejoint/><geom size=".1"/></body></worldbody>'
     world = mujoco.MjModel.from_xml_string(ARM.replace("</worldbody>", ball))
-    names["Randomiser"](world, np.random.default_rng(7)).start()
+    names["Randomiser"](world, np.random.default_rng(7)).start(np.zeros(1))
     assert np.all(world.dof_damping[:2] > [0.0, 0.3])
     falling = mujoco.MjData(world)
     mujoco.mj_step(world, falling, 200)
@@ -624,6 +628,13 @@ def _ransac(names: Names) -> None:
     fitted, offset, inliers = names["plane"](exact, 1e-6, rng)
     assert np.allclose(np.abs(fitted), [0, 0, 1]) and inliers.all()
     assert abs(offset) == pytest.approx(0.25)
+    # Points on one line have no plane; with few inliers the cube of their share is below rounding.
+    with pytest.raises(ValueError, match="plane"), np.errstate(all="raise"):
+        names["plane"](np.outer(np.arange(9.0), [1.0, 2.0, 3.0]), 1e-6, rng, most=20)
+    sparse = rng.uniform(-1.0, 1.0, (1_000_000, 3))
+    with np.errstate(all="raise"):
+        *_, few = names["plane"](sparse, 1e-9, rng, most=5)
+    assert few.sum() >= 3
 
 
 # --- Stages with clocks of their own: what had arrived, by division -------------------------------

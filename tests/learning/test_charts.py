@@ -21,7 +21,8 @@ def test_many_ways_ranks_them_upside_down_and_keeps_the_shares() -> None:
         assert np.all(np.diff(error[name].x) > 0.0) and np.all(np.diff(error[name].y) > 0.0)
         assert priced[name].y == error[name].y
     assert (
-        remaining.series[0].y[0] == "shown" and remaining.spans[0][1] < 0.48 < remaining.spans[0][2]
+        remaining.series[0].y[0] == "demonstrations"
+        and remaining.spans[0][1] < 0.48 < remaining.spans[0][2]
     )
 
 
@@ -48,7 +49,7 @@ def test_samplers_have_their_orders_and_the_nets_their_floor() -> None:
         assert np.log(y[-2] / y[-1]) / np.log(4.0) == pytest.approx(order, abs=0.3)
     assert exact["Euler"].y[0] == pytest.approx(exact.lines[0][1], rel=1e-6)
     assert exact["flow net"].y[-1] > 3.0 * exact["Heun"].y[-1]
-    assert driven["flow, euler"].y[0] < 0.5 < driven["flow, euler"].y[-1]
+    assert driven["flow, Euler"].y[0] < 0.5 < driven["flow, Euler"].y[-1]
     mixture = Mixture(np.array([0.3, 0.7]), np.array([[-1.0], [2.0]]), np.array([0.2, 0.5]))
     x = two_ways.quantiles(mixture, np.array([0.1, 0.6]))
     below = 0.3 * norm.cdf((x + 1.0) / 0.2) + 0.7 * norm.cdf((x - 2.0) / 0.5)
@@ -61,7 +62,7 @@ def test_looking_often_jitters_and_looking_rarely_drifts() -> None:
     )
     y = turns.series[0].y
     assert y[0] > y[1] > y[2] == 0.0
-    measured = drift["measured"]
+    measured = drift["simulated"]
     assert np.allclose(measured.y, measured.expected, rtol=0.1)
     assert cures["2 executed"].y[1] > max(cures["8 executed"].y[1], 0.2)
 

@@ -152,5 +152,8 @@ def test_the_arm_that_is_copied_is_the_environment_and_is_judged_as_it_is() -> N
     copied, rewarded = stored("arm_learned")
     last = {series.label: series.y[-1] for series in copied.series}
     law = copied.lines[0][1]
-    assert last["cloned"] < last["cloned, wider, longer"] < law and last["DAgger"] < law
+    assert (
+        last["cloned"] < last["cloned, wider network, longer training"] < law
+        and last["DAgger"] < law
+    )
     assert rewarded.series[0].y[-1] < min(last.values())

@@ -50,7 +50,13 @@ def broad_phase(
     repeats: int = 5,
 ) -> Iterator[Panel]:
     """Chart overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
-    counts = Panel("Overlap tests, and pairs that remain", "boxes N", "count", scale="log")
+    counts = Panel(
+        "Overlap tests, and pairs that remain",
+        "boxes N",
+        "number per sweep",
+        scale="log",
+        theory="predicted powers of N",
+    )
     for kind, theory in THEORY.items():
         n = [size for size in sizes if kind != "aligned" or size <= aligned]
         tests, pairs, swaps = [], [], []
@@ -321,12 +327,12 @@ def tunnelling_limit(
     speeds = np.geomspace(1.0, 400.0, grid)
     soft = math.e * REACH / TIMECONST
     panel = Panel(
-        "A ball of 20 mm radius, a wall of 10 mm: the lowest speed that passes",
+        "A ball of 20 mm radius, a wall of 10 mm: the lowest speed that passes (top: none does)",
         "step [s]",
         "speed [m/s]",
         scale="log",
         theory="geometric limit (2 r + w) / h",
-        lines=[("y", soft, "soft limit e (r + w/2) / timeconst")],
+        lines=[("y", soft, "MuJoCo's soft limit e (r + w/2) / timeconst")],
     )
     ratio = float(speeds[1] / speeds[0])
     panel.notes.append(f"speeds on a grid of {100 * (ratio - 1):.0f} %; soft limit {soft:.2f} m/s")

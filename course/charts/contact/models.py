@@ -451,8 +451,9 @@ def _clamped(zetas: Sequence[float]) -> Panel:
         "MuJoCo's soft contact: the largest stable step",
         "damping ratio",
         "step / time constant",
+        theory="formula for a spring and damper",
         ylim=(0.0, 1.2),
-        lines=[("y", 0.5, "refsafe's limit"), ("x", SAVED, "ratio 1/sqrt 8")],
+        lines=[("y", 0.5, "limit that refsafe sets"), ("x", SAVED, "ratio 1/sqrt 8")],
     )
 
     def limited(zeta: float, safe: bool) -> float:
@@ -482,16 +483,19 @@ def contact_penalty_limit(
     x, y = np.linspace(0.02, 2.6, size), np.linspace(0.02, 2.0, size)
     for scheme in ("explicit", "semi-implicit"):
         grown = stability_map(functools.partial(growth, scheme), x, y, slack=1e-9)
+        grown = replace(grown, edge="growth 1, computed")
         edge = np.array([step_limit(zeta, scheme) for zeta in y])
         panel = Panel(
             f"{scheme} Euler: damping {'helps up to 1' if scheme == 'explicit' else 'hurts'}",
-            "omega h",
+            "step times natural frequency, ω h",
             "damping ratio",
             grid=grown,
             xlim=(x[0], x[-1]),
             ylim=(y[0], y[-1]),
         )
-        panel.series.append(Series("theory", edge, y, "theory on a map", "--", marker=""))
+        panel.series.append(
+            Series("growth 1, formula", edge, y, "theory on a map", "--", marker="")
+        )
         for zeta in (0.1, 0.5, 1.0, 1.5):
             result = measured_limit(zeta, scheme)
             panel.notes.append(
@@ -579,6 +583,7 @@ def contact_recovery(
         "step [s]",
         "largest upward speed [m/s]",
         scale="log",
+        theory="share of the depth / step",
     )
     share = scenes.ball_drop().recovery
     rows: dict[str, tuple[str, dict[str, Any], Theory | None]] = {
@@ -639,7 +644,11 @@ def contact_sweeps(
     """
     log = math.log(1.0 / tolerance)
     panel = Panel(
-        "Heavy on light: sweeps grow with the ratio", "mass ratio", "sweeps to 1e-6", scale="log"
+        "Heavy on light: sweeps grow with the ratio",
+        "mass ratio",
+        "sweeps until the error is 1e-6",
+        scale="log",
+        theory="theory, thin lines",
     )
     towers: list[tuple[str, str, Callable[[float], list[float]], Theory | None]] = [
         ("two bodies, heavy on light", "sweeps, true cone",
@@ -674,8 +683,9 @@ def contact_sweeps(
     yield Panel(
         "Equal towers: sweeps grow with the square",
         "bodies",
-        "sweeps to 1e-6",
+        "sweeps until the error is 1e-6",
         [equal],
+        theory="theory, thin line",
         scale="log",
         ticks=[float(n) for n in heights],
     )

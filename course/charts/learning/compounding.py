@@ -1,6 +1,7 @@
 """When the errors of a copied policy add up, and to what power of the time."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -43,12 +44,12 @@ def compounding(
     """
     table, rng, eps = np.arange(1000) < wrong, np.random.default_rng(11), wrong / 1000.0
     panel = Panel(
-        f"One action in {1 / eps:.0f} is wrong",
+        f"One action in {1 / eps:.0f} is wrong, {n:,} runs",
         "length of the task [steps]",
-        "wrong steps",
+        "wrong steps in a run, mean",
         scale="log",
-        theory="formula",
-        lines=[("x", 1.0 / eps, "1 / rate")],
+        theory="lines: exact expectation",
+        lines=[("x", 1.0 / eps, "1 / error rate")],
     )
     for label, back in (("never recovers", False), ("recovers", True)):
         cost = [learning.context_costs(table, T, n, rng, recovers=back) for T in horizons]
@@ -80,10 +81,11 @@ def compounding(
     grid = stability_map(
         over, count, rates, quantity=f"excess of the square law / {100 * ALLOWED:.0f} %"
     )
+    grid = replace(grid, edge=f"{100 * ALLOWED:.0f} % too high")
     edge = grid.boundary() * rates
     observed = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
     yield Panel(
-        "Excess of the square law over the exact count",
+        "How much too high the square law is",
         "length of the task [steps]",
         "error rate per step",
         scale="log",
@@ -95,12 +97,12 @@ def compounding(
     )
     at = np.array(horizons[:-1] if len(horizons) > 2 else horizons)
     panel = Panel(
-        "x' = a x + e: summed deviation",
+        "Loop x' = a x + e: simulated",
         "steps",
         "sum of |x|, divided by e",
         scale="log",
         ticks=[int(T) for T in at],
-        theory="closed form",
+        theory="lines: closed form",
     )
     for a in growth:
         y = learning.accumulated(a, 1.0, int(at[-1]))[at - 1]
@@ -125,7 +127,7 @@ def circling(number: int = 20, horizon: int = 160) -> Panel:
     at = at[at <= horizon]
     learn = partial(learning.clone, seed=0, width=32, steps=600, rate=3e-3)
     panel = Panel(
-        "Circle task: errors die out",
+        "Circle task, equally many labels",
         "steps",
         "summed distance from the circle [m]",
         scale="log",

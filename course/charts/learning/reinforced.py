@@ -227,7 +227,7 @@ def off_policy(
         solved: share of the optimum for which the text gives the number of steps.
     """
     panel = Panel(
-        f"Off-policy beside on-policy, {seeds} seeds",
+        f"Off-policy (SAC) and on-policy (PPO), {seeds} seeds",
         "environment steps",
         SHARE,
         scale="log x",
@@ -320,7 +320,7 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
             how = replace(SMALL, **{**settings, **change})
             present[row] = sweep(trained, jobs(settings=how, **same, **task))
     yield Panel(
-        "Four other tasks, in pairs",
+        "Four tasks with and without a detail",
         SHARE,
         xlim=(0.0, 2.1),
         series=[banded(present, "where it matters")],
@@ -398,6 +398,7 @@ def rewards(
         "share of episodes, or of the optimum",
         scale="log",
         ticks=radii,
+        theory="predicted: swept share of the goals' area",
         ylim=(None, 1.3),
     )
     rng, met, share = np.random.default_rng(2), [], []
@@ -456,7 +457,7 @@ def step_epochs(
         ylim=(0.0, 1.05),
     )
     moved = Panel(
-        "The same runs, by how far an iteration moves",
+        "Each run (colours as left) by its divergence",
         "KL divergence per iteration, median [nats]",
         SHARE,
         scale="log x",

@@ -72,7 +72,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         ylim=(0.0, 1.05),
     )
     priced = Panel(
-        "Computing time on one core, chunks of 8",
+        "Success against computing time, chunks of 8",
         "processor time per action [µs]",
         "success rate",
         scale="log x",
@@ -80,7 +80,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         ylim=(0.0, 1.05),
         footer=machine(libraries=("torch",)),
     )
-    remaining = {"shown": int((shown.states[:, 8, 1] > 0.0).sum()) / DEMONSTRATIONS}
+    remaining = {"demonstrations": int((shown.states[:, 8, 1] > 0.0).sum()) / DEMONSTRATIONS}
     for name, kinds in policies.items():
         deviation, good, micro = [], [], []
         for policy in kinds:
@@ -107,11 +107,11 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
         # Shares of the sides only for policies that get through.
         if good[-1] > 0.5:
             remaining[name] = float(np.mean(sides[sides != 0] > 0))
-    low, high = wilson(100.0 * remaining["shown"], DEMONSTRATIONS)
+    low, high = wilson(100.0 * remaining["demonstrations"], DEMONSTRATIONS)
     yield error
     yield priced
     yield Panel(
-        "Share of successful runs that pass left",
+        "Which side the runs that succeed take",
         "share that passes left",
         series=[
             Series(
@@ -123,7 +123,7 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
                 note="left: " + ", ".join(f"{k} {x:.2f}" for k, x in remaining.items()),
             )
         ],
-        spans=[("x", float(low), float(high), "95 % interval of what was shown")],
+        spans=[("x", float(low), float(high), "95 % interval of the demonstrations")],
         xlim=(0.0, 1.0),
     )
 
@@ -176,9 +176,9 @@ def samplers(
         return policy.done.undo(learning.integrate(field, noise, steps, solver))
 
     panel = Panel(
-        "Two modes: exact fields and trained networks",
-        "evaluations of the field",
-        "distance from the exact quantiles, rms",
+        "Two modes (solid: exact field; dashed: trained network)",
+        "evaluations of the field or network",
+        "rms error of the samples' quantiles",
         scale="log",
     )
     methods = {
@@ -210,14 +210,14 @@ def samplers(
     panel.notes.append(f"all at the mean: {mean:.4f}")
     yield panel
     panel = Panel(
-        "Two-route task, stored networks",
-        "evaluations per chunk of 8",
+        "Two-route task, trained networks",
+        "network evaluations per chunk of 8",
         "success rate",
         scale="log x",
         ylim=(0.0, 1.05),
     )
-    for kind in ("flow, euler", "flow, heun", "diffusion, ddim", "diffusion, ddpm"):
-        name, solver = kind.split(", ")
+    for kind in ("flow, Euler", "flow, Heun", "diffusion, DDIM", "diffusion, DDPM"):
+        name, solver = kind.lower().split(", ")
         each = 2 if solver == "heun" else 1
         x = [k for k in counts if k <= 50 and k % each == 0]
         net: Any = learning.recorded(name)
@@ -264,7 +264,7 @@ def commit_or_react(
     policy = learning.recorded("mixture")
     panel = Panel(
         "Success of the mixture, chunks of 8 steps",
-        "executed steps of 8",
+        "executed steps of each chunk",
         "success rate",
         ticks=executed,
         scale="log x",
@@ -272,20 +272,20 @@ def commit_or_react(
     )
     for noise in (0.0, 0.02, 0.05):
         rates = [passed(learning.Commit(policy, k), n, noise) for k in executed]
-        panel.series.append(shares(f"disturbed by {1e3 * noise:g} mm", executed, rates, n))
+        panel.series.append(shares(f"disturbed by {1e3 * noise:g} mm a step", executed, rates, n))
     yield panel
     shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED, injected=0.05)
     # The same head, trained on demonstrations that were disturbed (DART).
     taught = HEADS["mixture"](*learning.windows(shown, CHUNK), SEED, steps=fit)
     panel = Panel(
-        "Success of each remedy",
-        "standard deviation of the disturbance [mm]",
+        "Mixture: success of each remedy",
+        "disturbance in a step, std. dev. [mm]",
         "success rate",
         ylim=(0.0, 1.05),
     )
     cures: dict[str, Any] = {f"{k} executed": learning.Commit(policy, k) for k in (1, 2, 8)}
     cures |= {
-        "ensemble": learning.Ensemble(policy),
+        "temporal ensembling": learning.Ensemble(policy),
         "delayed by 1": learning.Delayed(policy, 1),
         "trained on disturbed data": learning.Commit(taught, 1),
     }
@@ -298,7 +298,7 @@ def commit_or_react(
     noise = 0.05
     result = [switches_and_mismatch(policy, k, n, noise) for k in executed]
     yield Panel(
-        "Observing often: changes of side (50 mm)",
+        "Executing few: changes of side (50 mm)",
         "executed steps of each chunk",
         "changes of side per run",
         scale="log x",
@@ -313,14 +313,14 @@ def commit_or_react(
         ],
     )
     yield Panel(
-        "Observing rarely: drift (50 mm)",
+        "Executing many: drift (50 mm)",
         "executed steps of each chunk",
         "deviation from the plan, rms [mm]",
         scale="log x",
         ticks=executed,
         series=[
             Series(
-                "measured",
+                "simulated",
                 executed,
                 [1e3 * d for _, d in result],
                 style="",

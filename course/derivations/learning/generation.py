@@ -193,8 +193,9 @@ def diffusion_between(result):
     "the exact velocity points to their mean. A step of size h ends at {formula}, a full step at "
     "m. A trained network smooths "
     "the field near time 0: with one step {net:.0%} of its first chunks lead into the obstacle, "
-    "of the mean's {mean:.0%}. A few steps separate the modes but get their width wrong: with "
-    "two steps a mode of width {exact:.3f} comes out {two:.2f} wide, with ten {ten:.3f}.",
+    "of the mean's {mean:.0%}. Two steps are too few: even with the exact field {between:.0%} of "
+    "the samples of two narrow modes end between them. A few more separate the modes but get "
+    "their width wrong: with ten steps a mode of width {exact:.3f} comes out {ten:.3f} wide.",
     ask=(
         "A sample starts as noise z at time 0. The data have mean m, and the velocity field of "
         "flow matching is exact. Where does one Euler step of size h end?",
@@ -232,11 +233,14 @@ def one_euler_step(result):
         end = integrate(two_modes().velocity, start, steps, "euler")
         return end[end > 0.0].std()
 
-    two, ten, exact = (result.measure(name, spread(n), 1e-3)
-                       for name, n in (("two", 2), ("ten", 10), ("exact", 160)))  # fmt: skip
+    ten, exact = (
+        result.measure(name, spread(n), 1e-3) for name, n in (("ten", 10), ("exact", 160))
+    )
     # Up to four components in up to four dimensions.
     worst = max(deviation(*result.rng.integers(1, 5, 2)) for _ in range(20))
     half = integrate(two_modes().velocity, start, 2, "euler")  # its first step is 1/2 of a step
+    # Between them: nearer to the middle than to either mode.
+    remaining = result.measure("between", np.mean(np.abs(half) < 0.5), 0.02)
     first = 0.5 * start + 0.5 * two_modes().velocity(0.5 * start, 0.5)
     result.statement = (
         "20 random mixtures with exact fields, two modes of width 0.1, and the stored flow network."
@@ -256,7 +260,7 @@ def one_euler_step(result):
         outside=[net > 0.9, bool(np.abs(paired - data.mean()).max() < 1e-9)],
     )
     result.correction_holds(
-        np.allclose(half, first), two > 2.0 * exact, ten < 0.9 * exact, net < 0.9 * mean
+        np.allclose(half, first), remaining > 0.3, ten < 0.9 * exact, net < 0.9 * mean
     )
 
 

@@ -117,15 +117,15 @@ TIME = "return c / (closing + math.sqrt(root))"
 
 SLIPS = slips(
     squares_subtracted=(
-        "root = speed * (reach * reach - float(across @ across))",
-        "root = closing * closing - speed * c",
-        "The formula is right, but it loses its digits: far away, closing^2 and speed * c are two "
-        "huge numbers that agree in nearly all digits. Use the part of the distance that is "
-        "perpendicular to the motion: speed * (reach^2 - across^2) has the same value.",
+        "root = speed_squared * (reach * reach - float(across @ across))",
+        "root = closing * closing - speed_squared * c",
+        "The formula is right, but it loses its digits: far away, closing^2 and speed^2 * c are "
+        "two huge numbers that agree in nearly all digits. Use the part of the distance that is "
+        "perpendicular to the motion: speed^2 * (reach^2 - across^2) has the same value.",
     ),
     second_root=(
         TIME,
-        "return (closing + math.sqrt(root)) / speed",
+        "return (closing + math.sqrt(root)) / speed_squared",
         "That is the larger root, the time at which they separate again. They touch at the smaller "
         "root.",
     ),
@@ -143,12 +143,12 @@ SLIPS = slips(
     ),
     nearest_approach=(
         TIME,
-        "return closing / speed",
+        "return closing / speed_squared",
         "That is the time of closest approach. They touch before it.",
     ),
     distance_over_speed=(
         TIME,
-        "return (distance - reach) / math.sqrt(speed)",
+        "return (distance - reach) / math.sqrt(speed_squared)",
         "Gap over speed is right only for a head-on impact. Off-centre, the balls travel farther.",
     ),
     own_velocity_only=(

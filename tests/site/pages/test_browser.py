@@ -39,6 +39,11 @@ TOO_WIDE = """() => {
     `${e.tagName}.${e.className}: ${(e.textContent || '').slice(0, 60)}`);
 }"""
 
+# Tables of three columns or more with a column that is hardly a word wide.
+SQUEEZED = """() => [...document.querySelectorAll('article table')].filter(e =>
+  e.rows[0]?.cells.length > 2 && [...e.rows[0].cells].some(c => c.offsetWidth < 90))
+  .map(e => e.textContent.slice(0, 60))"""
+
 # What a reader who cannot see the page misses: names, levels of headings, doubled ids.
 UNNAMED = """() => {
   const said = [];
@@ -173,6 +178,8 @@ def test_every_page_opens_alone_and_fits(
                 page = reader.open(path.name)
                 assert page.evaluate(TOO_WIDE) == [], (path.name, wide)
                 assert page.evaluate("document.documentElement.scrollWidth") <= wide, path.name
+                if wide < 600:
+                    assert page.evaluate(SQUEEZED) == [], path.name
                 assert reader.wrong == [], path.name
 
 
