@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from course.middleware import QoS, compatible
-from course.oracles import cyclonedds, qos_matrix, slow_reader
+from course.oracles import cyclonedds, discovery, qos_matrix, slow_reader
 from tests.optional import REQUIRED
 
 pytestmark = pytest.mark.skipif(
@@ -156,3 +156,22 @@ def test_a_reliable_topic_loses_what_its_depth_lets_go():
 def test_bad_input(call, report):
     with pytest.raises(ValueError, match=report):
         call()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "participants", "types", "matched", "policy"),
+    [
+        ("works", 1, ["course::Joint"], True, ""),
+        ("other domain", 0, [], False, ""),
+        ("other type", 1, ["course::Pose"], False, ""),
+        ("other policy", 1, ["course::Joint"], False, "reliability"),
+        ("no peer", 0, [], False, ""),
+        ("with a peer", 1, ["course::Joint"], True, ""),
+    ],
+)
+def test_what_is_listed_and_what_is_matched(case, participants, types, matched, policy):
+    result = discovery.discover(case)
+    assert result == discovery.Discovered(participants, bool(types), types, matched, policy)
+    with pytest.raises(ValueError, match="case must be"):
+        discovery.discover("no cable")
