@@ -723,8 +723,8 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 #
 # On the left, every point is a posture with the same pose of the hand. On the right, each method looks for one posture
 # within the joint limits. The numbers say how many angles of the last joint, or how many random starts, it tries. Our
-# compiled search needs about the same time. The closed form is worth it for something else: it gives all postures,
-# its error is rounding instead of the tolerance of a search, and no answer is a proof that there is none for this angle.
+# compiled search needs about the same time. The closed form is worth it for something else: it gives all postures, and
+# its error is rounding instead of the tolerance of a search. If it has no answer, there is none for this angle.
 
 # %%
 figures(read("seven_joint"), summary="Time, answers and errors")
