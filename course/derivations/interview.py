@@ -6,7 +6,6 @@ from course.derivations import Symbol, claim
 
 SYMBOLS = {
     "p": Symbol("probability", 0.05, 0.95),
-    "n": Symbol("lanes of a group", 2.0, 64.0),
     "d": Symbol("half width of the interval", 0.01, 0.2),
     "D": Symbol("distance [m]"),
     "a": Symbol("acceleration [m/s^2]"),
@@ -707,19 +706,19 @@ def joints_by_sums(result):
 @claim(
     "If only one world in a hundred is in contact, the contact code of a batch costs about a "
     "hundredth of the full price.",
-    "Lanes that share their instructions run a branch together: a group of n lanes runs it with "
-    "the probability {formula}. With {p:.0%} of the worlds in contact and {lanes:.0f} lanes that "
-    "are {groups:.0%} of the groups, so {ratio:.0f} times as many lanes are occupied as need it. "
-    "Arms of this course behind a wall, in random order, gave {measured:.0f} times; the same arms "
-    "sorted by contact gave {sorted:.2f} times.",
+    "Lanes that share their instructions run a branch together, so a group skips it only if all of "
+    "its lanes do. A group of four runs it with the probability {formula}. With {p:.0%} of the "
+    "worlds in contact and {lanes:.0f} lanes, {groups:.0%} of the groups run it, so {ratio:.0f} "
+    "times as many lanes are occupied as need it. Arms of this course behind a wall, in random "
+    "order, gave {measured:.0f} times; the same arms sorted by contact gave {sorted:.2f} times.",
     ask=(
         "Each world is in contact with probability p, independently. With which probability does a "
-        "group of n lanes execute the contact branch?",
-        "1 - (1 - p)^n",
+        "group of four lanes execute the contact branch?",
+        "1 - (1 - p)^4",
         {
-            "n*p": "That counts groups with two contacts twice.",
-            "p^n": "That is the probability that all of them are in contact.",
-            "(1 - p)^n": "That is the probability that none is.",
+            "4*p": "That counts groups with two contacts twice.",
+            "p^4": "That is the probability that all of them are in contact.",
+            "(1 - p)^4": "That is the probability that none is.",
         },
     ),
     source="NVIDIA, CUDA C++ Programming Guide, SIMT architecture, 2024",
@@ -731,11 +730,12 @@ def rare_contact_is_cheap(result):
 
     p, n, k = sympy.symbols("p n k", positive=True)
     chance = sympy.binomial(n, k) * p**k * (1 - p) ** (n - k)
-    result.formula = sympy.simplify(1 - chance.subs(k, 0))
+    executes = 1 - chance.subs(k, 0)
+    result.formula = sympy.simplify(executes.subs(n, 4))
     share, lanes = result.input("p", 0.01), int(result.input("lanes", 32))
 
     def theory(share, lanes):
-        return float(result.formula.subs({p: share, n: lanes}))
+        return float(executes.subs({p: share, n: lanes}))
 
     groups = result.measure("groups", theory(share, lanes), 1e-9)
     ratio = result.measure("ratio", groups / share, 1e-9)

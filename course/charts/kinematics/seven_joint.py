@@ -20,12 +20,13 @@ from course.measure.work_precision import machine
 from course.oracles.pinocchio import Arm
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Answer = Callable[[Array, np.random.Generator], Array | None]
 # A posture in the middle of the ranges: the pose of its tip has branches on both sides [rad].
 POSTURE = np.array([0.3, 0.4, -0.2, -1.9, 0.5, 1.8, 0.4])
 
 
-def curve(target: Array, count: int = 721) -> tuple[Array, Array, Array, Array]:
+def curve(target: Array, count: int = 721) -> tuple[Array, Array, Flags, Array]:
     """Return the branches of a pose by the last joint angle.
 
     Returns:
@@ -86,7 +87,7 @@ def library(starts: int) -> Answer:
 def closed_batch(poses: Array, number: int, rng: np.random.Generator) -> Array:
     """Return the first posture within the limits for each pose (7, N), or NaN, all at once."""
     arm, size = panda(), poses.shape[1]
-    share = (rng.uniform(size=size)[:, None] + np.arange(number) / number) % 1.0
+    share = (rng.uniform(size=(size, 1)) + np.arange(number) / number) % 1.0
     last = arm.lower[6] + (arm.upper[6] - arm.lower[6]) * share
     q = closed_form(arm, np.repeat(poses, number, axis=1), last.ravel())
     low, high = arm.lower[:, None, None], arm.upper[:, None, None]
@@ -187,11 +188,9 @@ def seven_joint(
                 spent = (time.process_time() - begin) / len(poses)
                 seconds.setdefault((name, n), []).append(spent)
                 known = np.isfinite(q[0]) & np.asarray(within(arm, np.nan_to_num(q)))
-                error = np.full(len(poses), np.inf)
-                error[known] = np.abs(pose_error(whole[:, known], tip(arm, q[:, known]))).max(
-                    axis=0
-                )
-                errors.setdefault((name, n), []).extend(error.tolist())
+                off = np.full(len(poses), np.inf)
+                off[known] = np.abs(pose_error(whole[:, known], tip(arm, q[:, known]))).max(axis=0)
+                errors.setdefault((name, n), []).extend(off.tolist())
     for name in dict.fromkeys(name for name, _ in seconds):
         sizes = [n for other, n in seconds if other == name]
         # The mean over poses, as a few of them need many starts; the median over batches.
