@@ -171,6 +171,10 @@ def _write(path: Path, form: Form[T], content: T) -> None:
         # Atomic: a reader sees the old file or the new one.
         os.replace(part, target)
         _sync_folder(target.parent)
+    except KeyboardInterrupt:
+        with contextlib.suppress(OSError):
+            part.unlink()
+        raise
     except OSError as error:
         with contextlib.suppress(OSError):
             part.unlink()

@@ -15,7 +15,7 @@ from typing import Any
 
 import click
 
-from drills import agenda, chapters, commands, progress, task_text, workspace
+from drills import agenda, chapters, commands, interrupts, progress, task_text, workspace
 from drills import cards as catalogue
 from drills.cards import Card
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Reading, Record
@@ -71,7 +71,11 @@ def main() -> None:
     signal.signal(signal.SIGTERM, stop)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, stop)
-    cli.main(prog_name="drills")
+    interrupts.note()
+    try:
+        cli.main(prog_name="drills")
+    finally:
+        interrupts.ignore()
 
 
 @click.group(

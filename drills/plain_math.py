@@ -35,6 +35,7 @@ _POWERS = dict(zip("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ", stri
 
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.S)
 _MATH = re.compile(r"\$\$?([^$]+?)\$\$?", re.S)
+_CODE_OR_MATH = re.compile(r"(`[^`\n]*`|\$[^$]+\$)", re.S)
 _GROUP = r"(?:\{([^{}]*)\}|(\\[A-Za-z]+|\w))"  # an argument: a group without groups, or one sign
 _STEPS = [
     (re.compile(r"\\[td]?frac\s*" + _GROUP + r"\s*" + _GROUP), "fraction"),
@@ -55,6 +56,16 @@ def readable(markdown: str) -> str:
 def plain(markdown: str) -> str:
     """Return a line of Markdown with its formulas as plain text, for output that is not set."""
     return _MATH.sub(lambda m: formula(m[1]), markdown)
+
+
+def literal(sentence: str) -> str:
+    """Return a sentence as Markdown that shows its signs, as the products in 2*a*b.
+
+    Code in backquotes and formulas between dollars stay what they are.
+    """
+    pieces = _CODE_OR_MATH.split(sentence)
+    pieces[::2] = map(_escaped, pieces[::2])
+    return "".join(pieces)
 
 
 def formula(tex: str) -> str:

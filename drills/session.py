@@ -18,7 +18,7 @@ import click
 
 from course.json_store import Problem
 from course.libraries import import_error, missing_shared_library
-from drills import progress, workspace
+from drills import interrupts, progress, workspace
 from drills.cards import UnknownExercise
 from drills.terminal import SCHEMA, OutputLost, Terminal, listed
 from drills.workspace import Misuse
@@ -97,7 +97,13 @@ class Session:
         """Ask a person; false where there is nobody to ask."""
         if self.terminal.json or sys.stdin is None or not sys.stdin.isatty():
             return False
-        return click.confirm(question, default=False)
+        from drills.interview import read_line  # which most commands don't need
+
+        while True:
+            line = read_line(f"{question} [y/N]: ").strip().lower()
+            if line in ("", "n", "no", "y", "yes"):
+                return line in ("y", "yes")
+            self.say("Answer y or n.")
 
 
 Body = Callable[..., int]
@@ -220,6 +226,8 @@ class Commands(click.Group):
             text += f" See {path} --help." if path else ""
             return self._end(args, known, MISUSE, "misuse", text)
         except Exception as error:
+            if interrupts.came():  # what Ctrl-C has broken is no fault of ours
+                return self._end(args, known, STOPPED, "interrupted", "Stopped.")
             if os.environ.get("DRILLS_DEBUG"):
                 import traceback
 
@@ -241,6 +249,8 @@ class Commands(click.Group):
             terminal = Terminal("--json" in before_end)
             name = next((word for word in args if word in self.commands), "drills")
             session = Session(name, terminal, Path())
+        if code == STOPPED and sys.stderr is not None and sys.stderr.isatty():
+            session.terminal.complain("")  # behind a prompt, a bar or ^C
         session.terminal.complain(message)
         error: dict[str, Any] = {"kind": kind, "message": message, "nearest": nearest or []}
         if code == FAILED:

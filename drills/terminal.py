@@ -14,7 +14,7 @@ import shutil
 import sys
 import textwrap
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, TextIO
 
 SCHEMA = "drills/1"
@@ -50,6 +50,7 @@ _ASCII = str.maketrans(
         **{"⌈": "ceil(", "⌉": ")", "⌊": "floor(", "⌋": ")"},
     }
 )
+_CODES = re.compile(r"\x1b\[[0-9;]*m")
 _POWERS = re.compile("[⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ]+")
 
 
@@ -70,11 +71,48 @@ class Terminal:
         self.colour = _wants_colour(sys.stdout)
         columns = shutil.get_terminal_size((80, 24)).columns
         self.width = max(_NARROWEST, min(columns, _WIDEST))
+        self._read: Callable[..., str] | None = None  # after a screen, where a person watches
+        self._rows = 0  # written since something was typed
+
+    def paged(self, read_line: Callable[..., str]) -> Callable[..., str]:
+        """Stop after each screen from now on, where a person watches, and wait for Enter.
+
+        Args:
+            read_line: reads a line behind a prompt.
+
+        Returns:
+            What reads a line in its stead: a new screen begins with what was typed.
+        """
+        watched = sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty()
+        if self.json or not watched:
+            return read_line
+        self._read, self._rows = read_line, 0
+
+        def read(*prompt: str) -> str:
+            try:
+                return read_line(*prompt)
+            finally:
+                self._rows = 0
+
+        return read
 
     def say(self, text: str = "") -> None:
         """Write a text to standard output, unless JSON is asked for."""
-        if not self.json:
+        if self.json:
+            return
+        if self._read is None:
             _write(sys.stdout, text + "\n", self.unicode)
+            return
+        size = shutil.get_terminal_size((80, 24))
+        for line in text.split("\n"):
+            rows = max(-(-len(_CODES.sub("", line)) // max(size.columns, 1)), 1)
+            if self._rows and self._rows + rows > max(size.lines - 1, 5):
+                self._read("-- Enter for more --")
+                self._rows = 0
+                if self.colour:
+                    _write(sys.stdout, "\x1b[A\x1b[2K", True)  # the text goes on in its place
+            _write(sys.stdout, line + "\n", self.unicode)
+            self._rows += rows
 
     def wrap(self, text: str, indent: str = "", first: str | None = None) -> None:
         """Write a paragraph that fits the width."""

@@ -206,8 +206,9 @@ def write_over(path: Path, text: str) -> None:
             os.fsync(file.fileno())
         os.chmod(part, 0o644)
         os.replace(part, path)
-    except OSError:
-        os.unlink(part)
+    except BaseException:  # an interrupt too leaves nothing half written behind
+        with contextlib.suppress(OSError):
+            os.unlink(part)
         raise
 
 

@@ -13,17 +13,33 @@ digital control systems, 1988, the integral of the logarithm of S.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
+from numba import types
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, invalid
-from course.control.sampled import STABLE, Held, Law, growth, loop_matrix, open_loop
+from course.compiled import loop
+from course.control.sampled import (
+    _PARTS,
+    STABLE,
+    Held,
+    Law,
+    _parts,
+    _response,
+    _responses,
+    growth,
+    loop_matrix,
+    open_loop,
+)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+_LOOP, _SENSITIVITY, _COMPLEMENTARY = range(3)  # the curves of `_height`
 
 
 @dataclass(frozen=True)
@@ -111,48 +127,78 @@ def loop_shape(plant: Held, law: Law) -> LoopShape:
     """
     if growth(loop_matrix(plant, law)) > STABLE:
         raise invalid("law", law, "a controller with which the loop is stable")
-    # Log spacing for the low end, linear for narrow peaks near half the sample rate.
-    half = math.pi / plant.dt
-    w = np.union1d(frequencies(plant.dt), np.linspace(1e-3, 1.0, 1000) * half)
-    grid = response(plant, law, w)
-
-    def closer(low: float, high: float) -> Response:
-        return response(plant, law, np.linspace(low, high, 40))
-
-    def fall(read: Callable[[Response], Array], level: float, last: bool) -> float:
-        """Return where a curve falls through a level: bracketed on ever finer grids."""
-        y = read(grid)
-        falls = np.flatnonzero((y[:-1] >= level) & (y[1:] < level))
-        if not falls.size:
-            return math.inf if y[-1] >= level else 0.0
-        k = falls[-1 if last else 0]
-        low, high = float(w[k]), float(w[k + 1])
-        for _ in range(8):
-            fine = closer(low, high)
-            k = int(np.argmax(read(fine) < level))
-            low, high = float(fine.w[max(k - 1, 0)]), float(fine.w[k])
-        return 0.5 * (low + high)
-
-    def top(read: Callable[[Response], Array]) -> tuple[float, float]:
-        """Return the largest value of a curve and where it is, likewise."""
-        fine = grid
-        for _ in range(6):
-            k = int(np.argmax(read(fine)))
-            fine = closer(float(fine.w[max(k - 1, 0)]), float(fine.w[min(k + 1, fine.w.size - 1)]))
-        k = int(np.argmax(read(fine)))
-        return float(read(fine)[k]), float(fine.w[k])
-
-    def sensitivity(x: Response) -> Array:
-        return np.abs(x.sensitivity)
-
-    def complementary(x: Response) -> Array:
-        return np.abs(x.complementary)
-
-    peak, peak_at = top(sensitivity)
+    crossover, bandwidth, peak, peak_at, resonance = _shaped(*_parts(plant, law))
     return LoopShape(
-        crossover=fall(lambda x: x.size, 1.0, True),
-        bandwidth=fall(complementary, math.sqrt(0.5), False),
-        peak=peak,
-        peak_at=peak_at,
-        resonance=top(complementary)[0],
+        crossover=float(crossover / plant.dt),
+        bandwidth=float(bandwidth / plant.dt),
+        peak=float(peak),
+        peak_at=float(peak_at / plant.dt),
+        resonance=float(resonance),
     )
+
+
+@register_jitable
+def _height(value, curve):
+    """Return |L|, |S| or |T| of an open loop L."""
+    # A loop at its limit may meet -1 exactly.
+    away = max(abs(1.0 + value), 1e-300)
+    if curve == _LOOP:
+        return abs(value)
+    return 1.0 / away if curve == _SENSITIVITY else abs(value) / away
+
+
+@register_jitable
+def _fall(turns, values, curve, level, last, parts):
+    """Return where a curve falls through a level, the first or the last time [rad a sample].
+
+    It is 0 if the curve is below the level throughout, infinity if it stays above.
+    """
+    k, above = -1, _height(values[0], curve) >= level
+    for i in range(turns.size - 1):
+        higher, above = above, _height(values[i + 1], curve) >= level
+        if higher and not above and (last or k < 0):
+            k = i
+    if k < 0:
+        return math.inf if above else 0.0
+    low, high = turns[k], turns[k + 1]
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if _height(_response(*parts, middle), curve) >= level:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@register_jitable
+def _top(turns, values, curve, parts):
+    """Return the largest value of a curve and where it is [rad a sample], on ever finer grids."""
+    for _ in range(6):
+        heights = np.array([_height(value, curve) for value in values])
+        k = np.argmax(heights)
+        turns = np.linspace(turns[max(k - 1, 0)], turns[min(k + 1, turns.size - 1)], 40)
+        values = _responses(*parts, turns)
+    heights = np.array([_height(value, curve) for value in values])
+    k = np.argmax(heights)
+    return heights[k], turns[k]
+
+
+@register_jitable
+def _shape(transition, now, before, whole, A, B, C, D):
+    """Return the five of `LoopShape`, with frequencies in rad a sample."""
+    parts = (transition, now, before, whole, A, B, C, D)
+    # Log spacing for the low end, linear for narrow peaks near half the sample rate.
+    low, high = 10.0 ** np.linspace(-5.0, -1.3, 1500), np.linspace(10.0**-1.3, 1.0, 950)
+    turns = math.pi * np.concatenate((low, high[1:]))
+    values = _responses(*parts, turns)
+    peak, peak_at = _top(turns, values, _SENSITIVITY, parts)
+    return (
+        _fall(turns, values, _LOOP, 1.0, True, parts),
+        _fall(turns, values, _COMPLEMENTARY, math.sqrt(0.5), False, parts),
+        peak,
+        peak_at,
+        _top(turns, values, _COMPLEMENTARY, parts)[0],
+    )
+
+
+_shaped = loop(_shape, types.UniTuple(numba.float64, 5)(*_PARTS))

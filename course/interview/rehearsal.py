@@ -21,13 +21,28 @@ MOST = 2  # items of one chapter in an interview, as long as there are others
 FULL = 90  # minutes from which a system design is asked in full
 SHORT = 15  # minutes of its short form
 WEAK = 2 / 3  # an answer below this share, all lines "quantified", is weak
-# What a follow-up asks about a line, by its mark.
+# What a follow-up asks about a line, by its mark: with a number in the line, and without one.
 PUSH = {
-    "missing": "You have not said this. Say it now.",
-    "named": "You have named it. Put a number and a unit to it.",
-    "quantified": "You have a number for it. What would change your mind?",
+    "missing": ("Your answer misses it. Say it now.",) * 2,
+    "named": (
+        "You have named it. Put a number and a unit to it.",
+        "You have named it. Give the reason, and an example.",
+    ),
+    "quantified": (
+        "You have a number for it. What would change your mind?",
+        "You have a reason for it. What would change your mind?",
+    ),
 }
 _STEM = 4  # letters by which two words are taken for one: "halves", "halving"
+# Stems of words that any question may have.
+_COMMON = frozenset(
+    word[:_STEM]
+    for word in (
+        "what which when where many much does that this with from have will must should could "
+        "would there their they them your about into over some than then want need know make just "
+        "like tell please also each ever only very been here were done"
+    ).split()
+)
 
 
 @dataclass(frozen=True)
@@ -76,6 +91,7 @@ class Entry:
         weakest, asked, reply: the line marked lowest, the follow-up on it, and the reply.
         model: the model answer, once it was shown.
         attempts: verdict and sentence of each grading of a drill.
+        code: the answer to a drill, as it was at its end.
         score: the share of all marks.
         read: what to read.
         done: whether the item is over.
@@ -97,6 +113,7 @@ class Entry:
     reply: str = ""
     model: str = ""
     attempts: list[dict[str, str]] = field(default_factory=list)
+    code: str = ""
     score: float = 0.0
     read: str = ""
     done: bool = False
@@ -187,13 +204,25 @@ def _design(one: designs.Design, minutes: int = 0) -> Item:
     )
 
 
-def usual(pool: Sequence[Item], minutes: int) -> list[Item]:
-    """Return what an interview of all parts is drawn from.
+def usual(
+    pool: Sequence[Item], minutes: int, parts: Sequence[str] = PARTS, last: Collection[str] = ()
+) -> list[Item]:
+    """Return what an interview of these parts is drawn from.
 
-    The bug is a scenario that runs, and the design a system design: in full from `FULL` minutes on,
-    else in its short form. Where the chosen chapters have none, it is any question of that part.
+    The design is a system design: in full from `FULL` minutes on, or if it is all that is asked and
+    fits; else in its short form. The bug is a scenario that runs, unless it was asked for by its
+    kind. Where the chosen chapters have none, or all were just asked, it is any question of that
+    part.
+
+    Args:
+        pool: what there is.
+        minutes: for all together.
+        parts: of `PARTS`, that are asked.
+        last: keys of the last interview's questions.
     """
-    ends = "/short" if minutes < FULL else ""
+    full = [i.minutes for i in pool if i.key.startswith("design/") and i.key.count("/") == 1]
+    alone = list(parts) == ["design"] and minutes >= max(full, default=FULL)
+    ends = "" if minutes >= FULL or alone else "/short"
 
     def fits(item: Item) -> bool:
         kind, _, name = item.key.partition("/")
@@ -204,7 +233,8 @@ def usual(pool: Sequence[Item], minutes: int) -> list[Item]:
     result = []
     for part in PARTS:
         items = [item for item in pool if item.part == part]
-        chosen = [i for i in items if fits(i)] if part in ("debugging", "design") else items
+        ready = ("debugging", "design") if set(parts) == set(PARTS) else ("design",)
+        chosen = [i for i in items if fits(i) and i.key not in last] if part in ready else items
         result += chosen or items
     return result
 
@@ -291,13 +321,31 @@ def follow_up(item: Item, marks: Sequence[str], seed: int = 0) -> tuple[str, str
     line = item.rubric[weakest]
     if item.paired:
         return line, item.follow_ups[weakest]
-    return line, f"{line} {PUSH[marks[weakest]]}"
+    return line, f"“{line}” {PUSH[marks[weakest]][not _has_number(line)]}"
+
+
+def _has_number(line: str) -> bool:
+    """Return whether a line of a rubric asks for a number: it has one, or a field for one."""
+    return re.search(r"\d|\{", line) is not None
 
 
 def reply(item: Item, question: str) -> str:
-    """Return what the interviewer replies to a clarifying question; "" if nothing fits it."""
-    result = nearest(question, item.clarify)
-    return "" if result is None else item.clarify[result].partition("? ")[2]
+    """Return what the interviewer replies to a clarifying question; "" if nothing fits it.
+
+    A reply fits if it and its question share two words with what was asked, or all that it has. One
+    word of several is no reason: "Which colour have the parts?" is not about how they change.
+    """
+    texts = [re.sub(r"\{.*?\}", "", text) for text in item.clarify]  # a field's name is no word
+    for text, whole in zip(texts, item.clarify, strict=True):
+        if text.lower().startswith(question.lower().strip(" ?") + "?"):
+            return whole.partition("? ")[2]
+    requested = _stems(question) - _COMMON
+    result = nearest(" ".join(requested), texts)
+    if result is None:
+        return ""
+    shared = requested & _stems(texts[result])
+    enough = len(shared) >= 2 or shared == requested
+    return item.clarify[result].partition("? ")[2] if enough else ""
 
 
 def markdown(interview: Interview) -> str:
@@ -323,6 +371,9 @@ def markdown(interview: Interview) -> str:
             rows = zip(one.marks, one.rubric, strict=False)
             lines += [f"| {mark} | {line.replace('|', '/')} |" for mark, line in rows]
             lines.append("")
+        if one.code:
+            fence = "```" + "`" * max(map(len, re.findall("`{3,}", one.code)), default=0)
+            lines.append(f"### Your code\n\n{fence}python\n{one.code.rstrip()}\n{fence}\n")
         lines += [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
         if one.asked:
             lines.append(f"### The follow-up\n\n**{one.asked}**\n\n{one.reply}")

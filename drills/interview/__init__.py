@@ -8,6 +8,9 @@ import sys
 
 from drills import terminal
 
+# Bytes of a line that the system's terminals pass on.
+LONGEST_LINE = 4095 if sys.platform == "linux" else 1023
+
 
 def listen() -> None:
     """Have `input` take whatever is typed for text; where there is no input, it is at its end."""
@@ -29,6 +32,14 @@ def read_line(prompt: str = "") -> str:
     terminal.write(prompt)
     wait_for_line()
     return input()
+
+
+def was_cut(line: str) -> bool:
+    """Return whether a line is as long as the longest that a terminal passes on.
+
+    A terminal that reads whole lines drops what is behind its limit, and gives no sign of it.
+    """
+    return sys.stdin.isatty() and len(line.encode("utf-8", "replace")) >= LONGEST_LINE
 
 
 def wait_for_line() -> None:

@@ -9,11 +9,13 @@ import contextlib
 import secrets
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import click
 
+from course import json_store
 from course.interview import scenarios
 from drills.interview import listen, read_line
 from drills.session import RIGHT, WRONG, Session, body, options
@@ -25,34 +27,119 @@ WORDS = {
     "program": "the listing",
     "causes": "what it may be, and what can be changed",
     "conclude CAUSE REPAIR": "name both, and get the answer with its evidence",
-    "quit": "leave it open",
+    "quit": "leave it open; your probes are stored",
 }
+OPEN = 50  # cases that are stored, the newest
+
+
+@dataclass
+class Left:
+    """The cases that are not over: "NAME/SEED" -> the probes that were run, the last case last."""
+
+    probes: dict[str, list[str]] = field(default_factory=dict)
+
+
+def _parse(content: dict[str, Any]) -> Left:
+    probes = content.get("probes")
+    if not isinstance(probes, dict):
+        raise json_store.Damaged
+    for key, names in probes.items():
+        name, _, seed = key.partition("/")
+        if name not in scenarios.scenario_names() or not seed.isdecimal():
+            raise json_store.Damaged
+        known = {probe.name for probe in scenarios.scenario(name).probes}
+        if not isinstance(names, list) or not all(one in known for one in names):
+            raise json_store.Damaged
+    return Left(probes)
+
+
+FORM = json_store.Form("drills-debug/1", "open cases", Left, _parse, asdict)
+
+
+def last_seed(left: Left, name: str) -> int | None:
+    """Return the seed of the scenario's last case that is not over, None if there is none."""
+    seeds = [int(key.partition("/")[2]) for key in left.probes if key.partition("/")[0] == name]
+    return seeds[-1] if seeds else None
+
+
+class Log:
+    """What was probed, written to the file after each probe.
+
+    Args:
+        session: whose progress the file is beside; it gets what is wrong with the file.
+        case: that is debugged; it is given the probes of the file.
+    """
+
+    def __init__(self, session: Session, case: scenarios.Diagnosis, left: Left) -> None:
+        self.session, self.case = session, case
+        self.key = f"{case.case.name}/{case.case.seed}"
+        for name in left.probes.get(self.key, []):
+            case.probe(name)
+
+    def update(self, over: bool = False) -> None:
+        """Write the probes so far; a case that is over is dropped."""
+
+        def edit(left: Left) -> None:
+            left.probes.pop(self.key, None)
+            if not over:
+                left.probes[self.key] = [finding.probe for finding in self.case.findings]
+            for key in list(left.probes)[:-OPEN]:
+                del left.probes[key]
+
+        try:
+            _, notices = json_store.change(path_of(self.session), FORM, edit)
+        except json_store.Problem as problem:
+            notices = (str(problem),)
+        report = self.session.notices
+        report += [one for one in notices if one not in report]
+
+
+def path_of(session: Session) -> Path | None:
+    """Return the file of the open cases, None where no progress is stored."""
+    return session.progress_file and session.progress_file.with_name("debug.json")
 
 
 @click.command("debug")
 @click.argument("name", required=False)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="The same case again.")
+@click.option("--new", is_flag=True, help="Begin a new case where one is open.")
 @options
 @body
-def command(session: Session, name: str | None, seed: int | None) -> int:
+def command(session: Session, name: str | None, seed: int | None, new: bool) -> int:
     """Debug a scenario: run probes, name the cause, repair it; without NAME, list them.
+
+    A case that you left open goes on, with the probes that you ran.
 
     A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
     """
     if name is None:
         result = [scenarios.scenario(one) for one in scenarios.scenario_names()]
+        left, notices = json_store.load(path_of(session), FORM)
+        session.notices += notices
         for one in result:
-            session.say(f"  {one.name:<10}{one.title}")
+            is_open = "  (open)" * (last_seed(left, one.name) is not None)
+            session.say(f"  {one.name:<10}{one.title}{is_open}")
         session.say()
-        session.say("  drills debug NAME   begins")
+        session.say("  drills debug NAME   begins, or goes on with one that is open")
         listed = [{"scenario": one.name, "title": one.title} for one in result]
         return session.finish(RIGHT, {"scenarios": listed})
+    left, notices = json_store.load(path_of(session), FORM)
+    session.notices += notices
+    if seed is None and not new:
+        seed = last_seed(left, name)
     try:
         case = scenarios.diagnose(name, secrets.randbelow(1000) if seed is None else seed)
     except ValueError as error:
         raise click.BadParameter(f"{error}.") from None
     rejected: list[str] = []
-    verdict = talk(session, case, rejected, _lines(session.terminal))
+    if new:
+        left.probes.pop(f"{name}/{case.case.seed}", None)
+    log = Log(session, case, left)
+    listen()
+    read = session.terminal.paged(read_line)
+    verdict = talk(session, case, rejected, _lines(session.terminal, read), log.update)
+    if verdict is not None:
+        log.update(over=True)
     payload: dict[str, Any] = {
         "scenario": name,
         "seed": case.case.seed,
@@ -62,13 +149,22 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
         "verdict": verdict and _data(verdict),
     }
     if verdict is None:
-        session.say(f"Left open. drills debug {name} --seed {case.case.seed} begins it again.")
+        count = len(case.findings)
+        stored = path_of(session) is not None
+        what = f"Your {count} probe{'s are' if count != 1 else ' is'} " * bool(count)
+        what += ("stored. " if stored else "not stored. ") * bool(count)
+        again = "goes on" if stored and count else "begins it again"
+        session.wrap(f"Left open. {what}drills debug {name} --seed {case.case.seed} {again}.")
     done = verdict is None or (verdict.right and verdict.cured)
     return session.finish(RIGHT if done else WRONG, payload)
 
 
 def talk(
-    session: Session, case: scenarios.Diagnosis, rejected: list[str], lines: Iterable[str]
+    session: Session,
+    case: scenarios.Diagnosis,
+    rejected: list[str],
+    lines: Iterable[str],
+    probed: Callable[[], object] = lambda: None,
 ) -> scenarios.Verdict | None:
     """Do what the lines say, until one of them concludes; return the verdict, None if none does.
 
@@ -77,6 +173,7 @@ def talk(
         case: what is debugged.
         rejected: gets what is said of lines that mean nothing.
         lines: what is typed.
+        probed: called after each probe.
     """
     one = scenarios.scenario(case.case.name)
     head = session.terminal.paint(one.title, "head")
@@ -101,13 +198,20 @@ def talk(
     shown["probes"]()
     session.say()
     _rows(session, list(WORDS.items()))
+    if case.findings:
+        session.say()
+        session.say(session.terminal.paint("You go on. So far:", "head"))
+        for finding in case.findings:
+            session.say(str(finding))
     for line in lines:
         try:
             match line.split():
                 case ["quit"]:
                     return None
                 case ["probe", name]:
-                    session.say(str(case.probe(name)))
+                    finding = case.probe(name)
+                    probed()
+                    session.say(str(finding))
                 case ["conclude", cause, repair]:
                     verdict = case.conclude(cause, repair)
                     _print_verdict(session, verdict)
@@ -124,12 +228,11 @@ def talk(
     return None
 
 
-def _lines(terminal: Terminal) -> Iterator[str]:
-    listen()
+def _lines(terminal: Terminal, read: Callable[..., str]) -> Iterator[str]:
     prompt = "> " * (sys.stdin.isatty() and not terminal.json)
     with contextlib.suppress(EOFError):
         while True:
-            yield read_line(prompt)
+            yield read(prompt)
 
 
 def _rows(session: Session, rows: list[tuple[str, str]]) -> None:

@@ -21,6 +21,12 @@ from drills import cards as catalogue
 
 KINDS = ("drill", "claim", "formula", "question", "exhibit")
 VERDICTS = {"t": "holds", "f": "false", "o": "holds only if"}
+# What else is accepted for them.
+WORDS = {
+    **dict.fromkeys(("true", "it is true", "right", "yes", "y", "holds"), "t"),
+    **dict.fromkeys(("false", "it is false", "wrong", "no", "n"), "f"),
+    **dict.fromkeys(("only if", "only", "true only if", "holds only if", "it depends"), "o"),
+}
 SEED = 1  # of the world in which an exhibit is measured
 
 
@@ -137,11 +143,12 @@ def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:
 def judge(entry: Entry, text: str) -> tuple[bool | None, str]:
     """Return whether the answer is right, and a sentence on it.
 
-    The verdict is None where only the learner can decide.
+    The verdict is None where only the learner can decide; with a sentence, the answer can't be
+    read, and the sentence says why.
 
     Args:
         entry: the card.
-        text: for a claim one of `VERDICTS`, for a formula the formula.
+        text: for a claim one of `VERDICTS` or `WORDS`, for a formula the formula.
     """
     text = text.strip()
     if entry.kind == "formula" and text:
@@ -149,9 +156,14 @@ def judge(entry: Entry, text: str) -> tuple[bool | None, str]:
         from course.derivations import answer
 
         result = answer(entry.name, text)
-        return result.correct, result.message
-    if entry.kind == "claim" and text[:1].lower() in VERDICTS:
-        right = VERDICTS[text[0].lower()] == load(entry.file)[entry.name]["verdict"]
+        readable = result.correct or result.counterexample is not None
+        return result.correct if readable else None, result.message
+    if entry.kind == "claim" and text:
+        letter = " ".join(text.lower().strip(".!?").split())
+        letter = WORDS.get(letter, letter)
+        if letter not in VERDICTS:
+            return None, "That is none of: t or true, f or false, o or only if."
+        right = VERDICTS[letter] == load(entry.file)[entry.name]["verdict"]
         return right, "Right." if right else "No."
     return None, ""
 

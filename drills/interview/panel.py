@@ -96,8 +96,11 @@ class Flashcards(ipywidgets.VBox):
         with self._lock:
             if self.entry is None or self.turned:
                 return
-            self.turned = True
             right, sentence = judge(self.entry, self.answer_box.value)
+            if right is None and sentence:
+                self.note.value = sentence  # what can't be read may be written again
+                return
+            self.turned = True
             if right is not None:
                 self.ratings[GOOD if right else AGAIN].button_style = "info"
             shown = sides(self.entry, tex)

@@ -23,8 +23,8 @@ from drills import cards as catalogue
 from drills import commands, task_text, workspace
 from drills.chapters import notebook_of
 from drills.feedback import clean
+from drills.interview import LONGEST_LINE, deck, listen, read_line, store, was_cut
 from drills.interview import debug as debugging
-from drills.interview import deck, listen, read_line, store
 from drills.plain_math import plain
 from drills.progress import SOLVED
 from drills.session import RIGHT, Session, body, options
@@ -121,11 +121,14 @@ class Talk:
         weak |= {f"drill/{n}" for n, r in records if r.attempts and r.state != SOLVED}
         seed = secrets.randbits(32) if seed is None else seed
         items, last = list(pool(chosen).values()), set(past.last)
-        if parts == PARTS:
-            items = rehearsal.usual(items, minutes)
         if past.open:
             last |= {entry.key for entry in past.open[max(past.open)].items}
-            self.session.notices.append("One is not over: drills interview --resume goes on.")
+            count = len(past.open)
+            what = "One earlier interview is" if count == 1 else f"{count} earlier interviews are"
+            text = f"{what} not over: drills interview --list shows them, --resume goes on."
+            self.session.wrap(text)  # now, when it can still be chosen
+            self.session.notices += [text] * self.session.terminal.json
+        items = rehearsal.usual(items, minutes, parts, last)
         try:
             drawn = rehearsal.draw(items, parts, minutes, weak, last, seed)
         except ValueError:
@@ -152,15 +155,60 @@ class Talk:
         self.session.notices += notices
         return store.due(deck.deck(), reviews, self.last_look)
 
-    def resume(self) -> None:
-        """Go on with the last interview that is not over, with the lines that came after it."""
+    def list_open(self) -> int:
+        """Say which interviews are not over, the last one first, each with its number."""
+        session, rows = self.session, []
         past = self.past()
-        if not past.open:
+        for number, name in enumerate(sorted(past.open, reverse=True), 1):
+            one = past.open[name]
+            self.read_journal(one)
+            done = sum(entry.done for entry in one.items)
+            title = next((e.title for e in one.items if not e.done), "the report")
+            spent = one.seconds / 60
+            when = datetime.fromisoformat(name).astimezone().strftime("%Y-%m-%d %H:%M")
+            session.wrap(
+                f"{when}, {spent:.0f} of {one.minutes} minutes, {done} of "
+                f"{len(one.items)} done. Next: {title}",
+                "      ",
+                f"  {number:>2}. ",
+            )
+            rows.append({"number": number, "started": name, "done": done, "next": title})
+        if rows:
+            session.say()
+            session.say("  drills interview --resume NUMBER   goes on")
+        else:
+            session.say("No interview is waiting to go on. drills interview begins one.")
+        return session.finish(RIGHT, {"open": rows})
+
+    def resume(self, number: int = 1) -> None:
+        """Go on with an interview that is not over, with the lines that came after it.
+
+        Args:
+            number: 1 for the last one, 2 for the one before, as `list_open` counts them.
+        """
+        names = sorted((past := self.past()).open, reverse=True)
+        if not names:
             raise Misuse("No interview is waiting to go on. drills interview begins one.")
-        self.interview = past.open[max(past.open)]
-        entries = {entry.key: entry for entry in self.interview.items}
+        if not 1 <= number <= len(names):
+            raise Misuse(
+                f"There is no open interview {number}. drills interview --list shows "
+                f"{'all ' * (len(names) > 1)}{len(names)}."
+            )
+        self.interview = past.open[names[number - 1]]
+        self.read_journal(self.interview)
+        if len(names) > 1:
+            others = "one other is" if len(names) == 2 else f"{len(names) - 1} others are"
+            self.session.wrap(
+                f"This is the interview of {self.interview.started[:16].replace('T', ', ')} UTC; "
+                f"{others} open: drills interview --list shows them."
+            )
+
+    def read_journal(self, interview: Interview) -> None:
+        """Enter the lines that were typed after the interview was last written as a whole."""
+        journal = self.journal_of(interview)
+        entries = {entry.key: entry for entry in interview.items}
         with contextlib.suppress(OSError):
-            for row in self.journal.read_text("utf-8").splitlines() if self.journal else ():
+            for row in journal.read_text("utf-8").splitlines() if journal else ():
                 with contextlib.suppress(ValueError, KeyError, TypeError):
                     line = json.loads(row)  # the last one is cut if the machine has stopped
                     entry, name = entries[line["key"]], str(line["name"])
@@ -170,14 +218,13 @@ class Talk:
                         entry.seconds = float(line["seconds"])
 
     @property
-    def digits(self) -> str:
-        """The name of this interview in the names of its files."""
-        return re.sub("[^0-9]", "", self.interview.started)
-
-    @property
     def journal(self) -> Path | None:
         """The file to which each line is appended until the interview is written as a whole."""
-        return self.file and self.file.with_name(f"interviews-{self.digits}.lines")
+        return self.journal_of(self.interview)
+
+    def journal_of(self, interview: Interview) -> Path | None:
+        """Return the file with the lines of an interview, None where nothing is stored."""
+        return self.file and self.file.with_name(f"interviews-{digits(interview)}.lines")
 
     def store(self, edit: Callable[[Past], object]) -> None:
         """Change the file of the interviews; where that is not possible, it is said once."""
@@ -191,13 +238,35 @@ class Talk:
 
     def begin(self) -> None:
         """Write the draw, so that it is there whatever happens before the first line."""
+        closed: list[Interview] = []
 
         def edit(past: Past) -> None:
             past.open[self.interview.started] = self.interview
-            for name in sorted(past.open)[:-OPEN]:
-                del past.open[name]
+            closed[:] = [past.open.pop(name) for name in sorted(past.open)[:-OPEN]]
+            for one in closed:  # before it leaves the file
+                self.read_journal(one)
+                self.write_report(one)
 
         self.store(edit)
+        for one in closed:
+            if journal := self.journal_of(one):
+                journal.unlink(missing_ok=True)
+            path = workspace.shown(self.report_path(one).with_suffix(".md"))
+            self.session.wrap(
+                f"{OPEN} interviews stay open. The oldest one is closed, with its report: {path}"
+            )
+
+    def report_path(self, interview: Interview) -> Path:
+        """Return the file of a report, as JSON."""
+        return self.folder / f"report-{digits(interview)[:17]}.json"
+
+    def write_report(self, interview: Interview) -> dict[str, Any]:
+        """Write the report as JSON and as Markdown; return its data."""
+        path = self.report_path(interview)
+        result = {**asdict(interview), "seconds": interview.seconds}
+        workspace.write_over(path, json.dumps(result, indent=2, ensure_ascii=False) + "\n")
+        workspace.write_over(path.with_suffix(".md"), rehearsal.markdown(interview))
+        return result
 
     def add_time(self, entry: Entry) -> None:
         """Add the time since the last look to an entry."""
@@ -216,6 +285,12 @@ class Talk:
 
     def add(self, entry: Entry, name: str, line: str) -> None:
         """Add a line to a text and to the journal; one that is too long is refused."""
+        if was_cut(line):
+            self.session.wrap(
+                f"A terminal passes on at most {LONGEST_LINE:,} bytes of a line. Yours is as long, "
+                "so its end may be lost. It is stored as far as it came; give the rest in shorter "
+                "lines."
+            )
         line = clean(line[: LONGEST + 1].rstrip())
         text = getattr(entry, name)
         if len(text) + len(line) >= LONGEST:
@@ -246,12 +321,17 @@ class Talk:
             for line in task_text.markdown_lines(markdown, self.session.terminal):
                 self.session.say(line)
 
+    def show_typed(self, text: str) -> None:
+        """Write what was typed as it is: its signs are no Markdown."""
+        for line in text.splitlines():
+            self.session.wrap(line)
+
     def take(self, entry: Entry, name: str) -> None:
         """Take an answer: lines up to a dot, or what an editor leaves; blank lines belong to it.
 
         What was pasted behind the dot belongs to it too, and is taken for nothing else.
         """
-        self.show(getattr(entry, name))  # before the terminal was killed
+        self.show_typed(getattr(entry, name))  # before the terminal was killed
         opens = " A first line of e opens your editor." * self.editor
         how = f"A line with nothing but a dot ends your answer; blank lines belong to it.{opens}"
         self.session.wrap(how)
@@ -274,7 +354,7 @@ class Talk:
 
     def edit(self, entry: Entry, name: str) -> None:
         """Take an answer from an editor; one that is too long stays in its file."""
-        draft = self.folder / f"{self.digits}.md"
+        draft = self.folder / f"{digits(self.interview)}.md"
         draft.touch()  # what an editor that was killed has saved is there
         click.edit(filename=str(draft))
         text = draft.read_text(encoding="utf-8", errors="replace")
@@ -312,7 +392,7 @@ class Talk:
             self.book_time(entry)
         levels = ", ".join(f"{i} {mark}" for i, mark in enumerate(MARKS))
         self.session.say(f"\nHow good was that? {levels}")
-        hints = [f" [by its words {mark}]" for mark in item.aid(entry.answer)]
+        hints = [f" [your words suggest: {mark}]" for mark in item.aid(entry.answer)]
         for at in range(len(entry.marks), len(item.rubric)):
             line = item.fill(item.rubric[at], figure) + (hints[at] if hints else "")
             self.session.wrap(plain(line), "      ", f"  {at + 1:>2}. ")
@@ -387,6 +467,8 @@ class Talk:
                     entry.attempts.append({"verdict": report.verdict, "sentence": report.sentence})
                     verdicts.append(report.verdict)
             self.book_time(entry)
+        with contextlib.suppress(OSError):
+            entry.code = clean(path.read_text(encoding="utf-8", errors="replace")[:LONGEST])
         entry.score = 1 / len(verdicts) if "pass" in verdicts else 0.0
         entry.weakest = item.rubric[0]
         if "pass" in verdicts:
@@ -414,10 +496,8 @@ class Talk:
                 entry.done = True
                 self.book_time(entry)
             self.interview.cards_due = [card.key for card in self.due()]
-            path = self.folder / f"report-{self.digits[:17]}.json"
-            result = {**asdict(self.interview), "seconds": self.interview.seconds}
-            workspace.write_over(path, json.dumps(result, indent=2, ensure_ascii=False) + "\n")
-            workspace.write_over(path.with_suffix(".md"), rehearsal.markdown(self.interview))
+            path = self.report_path(self.interview)
+            result = self.write_report(self.interview)
         except (KeyboardInterrupt, EOFError, OutputLost, click.ClickException):
             if self.file:
                 self.book_time(entry)
@@ -443,6 +523,11 @@ class Talk:
             session.say(f"{len(due)} cards are due: drills review")
         session.wrap(f"The report: {workspace.shown(path.with_suffix('.md'))}, also as .json")
         return session.finish(RIGHT, {"report": str(path.absolute()), **result})
+
+
+def digits(interview: Interview) -> str:
+    """Return the name of an interview in the names of its files."""
+    return re.sub("[^0-9]", "", interview.started)
 
 
 def _too_long(length: int) -> str:
@@ -481,7 +566,15 @@ def chapters_of(context: object, option: object, text: str | None) -> frozenset[
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Of the draw.")
 @click.option("--chapters", metavar="1,5", callback=chapters_of, help="Of these chapters only.")
 @click.option("--kind", multiple=True, type=click.Choice(PARTS), help="Of this kind only.")
-@click.option("--resume", is_flag=True, help="Go on with the one that is not over.")
+@click.option("--list", "listing", is_flag=True, help="List those that are not over.")
+@click.option(
+    "--resume",
+    type=click.IntRange(1),
+    is_flag=False,
+    flag_value=1,
+    metavar="[NUMBER]",
+    help="Go on with the last one that is not over, or with that of --list.",
+)
 @options
 @body
 def command(
@@ -490,14 +583,17 @@ def command(
     seed: int | None,
     chapters: frozenset[int],
     kind: tuple[str, ...],
-    resume: bool,
+    listing: bool,
+    resume: int | None,
 ) -> int:
     """Rehearse an interview: asked, timed, marked by yourself, a drill by the grader."""
     listen()
     person = sys.stdin.isatty() and sys.stdout.isatty() and not session.terminal.json
-    talk = Talk(session, editor=person)
+    talk = Talk(session, session.terminal.paged(read_line), editor=person)
+    if listing:
+        return talk.list_open()
     if resume:
-        talk.resume()
+        talk.resume(resume)
     else:
         talk.draw(minutes, seed, chapters, tuple(p for p in PARTS if p in (kind or PARTS)))
     return talk.run()

@@ -17,6 +17,7 @@ from drills.interview import listen, read_line, store
 from drills.interview.deck import Entry, deck, judge, sides
 from drills.interview.rehearse import EVERY, chapters_of
 from drills.interview.store import AGAIN, GOOD, HARD, RATINGS
+from drills.plain_math import literal
 from drills.progress import Loaded, Reading
 from drills.session import RIGHT, Session, body, options
 
@@ -81,7 +82,7 @@ class Round:
 
     def ask(self, entry: Entry) -> bool:
         """Ask one card; return whether it was rated and not passed over."""
-        shown = sides(entry)
+        shown = sides(entry, literal)
         self._show(shown.front)
         grades: list[bool] = []
         while True:
@@ -93,7 +94,14 @@ class Round:
                 break
             if self._graded(entry, grades):
                 break
-        right, sentence = judge(entry, line)
+        while True:
+            right, sentence = judge(entry, line)
+            if right is not None or not sentence:
+                break
+            self.session.wrap(f"{sentence} A blank line shows the answer.")
+            line = self._line()
+            if line == "skip":
+                return False
         if grades:
             right = any(grades)
         self.session.wrap(sentence)
@@ -203,4 +211,6 @@ def span(time: timedelta) -> str:
 def command(session: Session, chapters: frozenset[int], limit: int, seed: int | None) -> int:
     """Ask back what you learned: cards that are due, then new ones, rated by you."""
     listen()
-    return Round(session).run(chapters, limit, secrets.randbits(32) if seed is None else seed)
+    return Round(session, session.terminal.paged(read_line)).run(
+        chapters, limit, secrets.randbits(32) if seed is None else seed
+    )

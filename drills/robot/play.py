@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from course.check import count
+from drills import interrupts
 from drills.robot import inside
 from drills.robot.cell import Level, World
 from drills.robot.levels import exact_world
@@ -92,17 +93,37 @@ def play(
         All outcomes; up to the failure where a part stops the run.
     """
     count("tasks", tasks, 1)
+    world = world or exact_world()
     if all(part.holder != YOURS for part in parts):
-        return _known(parts, level, tasks, seed, world or exact_world(), fault, filmed, progress)
+        with interrupts.heeded(ends_process=True):
+            return _known(parts, level, tasks, seed, world, fault, filmed, progress)
+    with interrupts.heeded():
+        return _own(parts, level, tasks, seed, world, fault, filmed, progress)
+
+
+def _own(
+    parts: list[Part],
+    level: Level,
+    tasks: int,
+    seed: int,
+    world: World,
+    fault: tuple[str, float] | None,
+    filmed: frozenset[int],
+    progress: Progress | None,
+) -> Played:
+    """Play with a part of the learner's, in child processes."""
     outcomes: list[Outcome] = []
     stop, lock, remaining = threading.Event(), threading.Lock(), iter(range(tasks))
     source = inside.bundle()
-    settings = _settings(parts, level, world or exact_world(), seed, fault)
+    settings = _settings(parts, level, world, seed, fault)
+    opened: list[Child] = []
+    abandoned = threading.Event()
     workers = min(CHILDREN, tasks, os.cpu_count() or 1)
 
     def worker() -> None:
         with _child(source) as child:
-            failed = _prepare(child, settings)
+            opened.append(child)
+            failed = None if abandoned.is_set() else _prepare(child, settings)
             if failed is not None:
                 stop.set()
                 with lock:
@@ -113,7 +134,12 @@ def play(
                     number = next(remaining, None)
                 if number is None:
                     return
-                outcome = _one(child, source, settings, number, number in filmed)
+                outcome = _one(child, settings, number, number in filmed)
+                if isinstance(outcome, Ended):
+                    if abandoned.is_set():
+                        return  # the command has ended the child itself: no part is to blame
+                    stop.set()
+                    outcome = _stopped(_culprit(source, settings, number, outcome, opened))
                 with lock:
                     outcomes.append(outcome)
                 if outcome["failure"]:
@@ -130,8 +156,14 @@ def play(
                     future.result()
                 if progress is not None:
                     progress(len(outcomes), tasks)
+        except BaseException:
+            abandoned.set()  # first, so that a child that starts now is seen by its worker
+            for child in list(opened):
+                child.kill()
+            raise
         finally:
             stop.set()
+    interrupts.check()
     return gather(outcomes)
 
 
@@ -155,6 +187,7 @@ def _known(
     outcomes: list[Outcome] = []
     for number in range(tasks):
         outcomes.append(robot.play(number, number in filmed))
+        interrupts.check()
         if progress is not None:
             progress(len(outcomes), tasks)
         if outcomes[-1]["failure"]:
@@ -189,18 +222,18 @@ def _prepare(child: Child, settings: tuple[Any, ...]) -> Failure | None:
     return None if answer is None else _failure(answer)
 
 
-def _one(
-    child: Child, source: str, settings: tuple[Any, ...], number: int, filmed: bool
-) -> Outcome:
-    """Play one task; where the child does not survive it, find out in which part it ended."""
+def _one(child: Child, settings: tuple[Any, ...], number: int, filmed: bool) -> Outcome | Ended:
+    """Play one task; return how the child ended where it does not survive the task."""
     try:
         outcome = child.given("play", number, filmed)
     except Ended as ended:
-        return _stopped(_culprit(source, settings, number, ended))
+        return ended
     return _checked(outcome, number)
 
 
-def _culprit(source: str, settings: tuple[Any, ...], number: int, ended: Ended) -> Failure:
+def _culprit(
+    source: str, settings: tuple[Any, ...], number: int, ended: Ended, opened: list[Child]
+) -> Failure:
     """Play a task again in a new child that reports each call before it makes it."""
     last: list[Any] = ["", 0, ""]
 
@@ -209,6 +242,7 @@ def _culprit(source: str, settings: tuple[Any, ...], number: int, ended: Ended) 
 
     try:
         with _child(source) as child:
+            opened.append(child)
             if _prepare(child, settings) is None:
                 child._value(child._call("given", "trace", (number, entering), {}, 0, 1, HANG), "")
     except (Ended, Raised):

@@ -10,6 +10,7 @@ from typing import Any
 
 from course import json_store
 from course.json_store import Problem
+from drills import interrupts
 from drills.robot import store
 from drills.robot.holders import Holder, holders
 from drills.robot.levels import LEVELS
@@ -41,6 +42,7 @@ def load(session: Session) -> tuple[Stored, dict[str, Holder]]:
 
 def change(session: Session, edit: Callable[[Stored], object]) -> None:
     """Edit what is stored; a notice says where that is not possible."""
+    interrupts.check()
     path = store.path_of(session.work, session.progress_file)
     try:
         _, notices = json_store.change(path, store.FORM, edit)
@@ -96,7 +98,7 @@ def announcing(session: Session) -> Iterator[None]:
 
 def compile_known(session: Session) -> None:
     """Load the compiled parts; only an installation's first run has to compile them."""
-    with announcing(session):
+    with announcing(session), interrupts.heeded(ends_process=True):
         from drills.robot import compiled
 
         compiled.warm()

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from drills import workspace
+from drills import interrupts, workspace
 from drills.robot import records, report
 from drills.robot.play import Played
 from drills.robot.report import Summary
@@ -135,6 +135,7 @@ def say_call(session: Session, name: str, text: str, call: str, parts: list[Part
             for short in wrapper.wrap(line):
                 session.say(short)
     part = next(part for part in parts if part.slot == name)
+    interrupts.check()
     path = session.work / "robot_call.py"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

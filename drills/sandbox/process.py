@@ -8,6 +8,7 @@ child can end is an `Ended` with a reason of the closed list.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import math
 import os
 import secrets
@@ -241,6 +242,16 @@ class Child:
         _open.discard(self)
         if remaining:
             raise RuntimeError(f"processes {remaining} of a submission could not be ended")
+
+    def kill(self) -> None:
+        """End the process at once, from any thread; what waits for its answer raises `Ended`.
+
+        The thread that works with the child closes it afterwards, as always.
+        """
+        process = self._process
+        if process is not None and process.returncode is None:
+            with contextlib.suppress(OSError):
+                os.killpg(process.pid, signal.SIGKILL)
 
     # Questions
 

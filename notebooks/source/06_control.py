@@ -385,9 +385,8 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# The course computes all margins exactly for the sampled loop; change a slider on the first screen and watch them. For
-# a robot, quote the delay margin. It is in milliseconds, like the latency that communication, motor drive and filters
-# will add.
+# The course computes all margins exactly for the sampled loop. For a robot, quote the delay margin. It is in
+# milliseconds, like the latency that communication, motor drive and filters will add.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
@@ -413,39 +412,16 @@ plt.show()
 # example:** for $M_s = 2$ the curve stays 0.5 away from $-1$, so it does not cross the axis between $-1$ and $-0.5$.
 # The gain must at least double before a crossing reaches $-1$.
 #
-# The picture shows the PD loop of the Bode plot (blue) and the same loop with 8 times the gains (orange):
+# The simulation begins with the PD loop of the Bode plot, with D on the error. Drag the gain up or the phase down. The
+# preset *High sensitivity* has 8 times the gain:
 
-# %% tags=["hide-code"]
-figure_, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
-turn = np.linspace(0.0, 2.0 * math.pi, 200)
-rows = []
-for name, times, ink in (("gains as above", 1.0, "C0"), ("8 times the gains", 8.0, "C1")):
-    law = control.pid_law(times * kp, 0.0, times * kd, dt=dt)
-    loop, shape = frequency.response(plant, law, w), frequency.loop_shape(plant, law)
-    margin = control.margins(A, B, law, dt, late)
-    _ = left.plot(loop.loop.real, loop.loop.imag, color=ink, label=name)
-    _ = left.plot(np.cos(turn) / shape.peak - 1.0, np.sin(turn) / shape.peak, ":", color=ink)
-    _ = right.loglog(w, np.abs(loop.sensitivity), color=ink, label=f"|S|, {name}")
-    _ = right.loglog(w, np.abs(loop.complementary), "--", color=ink, label=f"|T|, {name}")
-    rows.append(
-        f"{name:<18} crossover {shape.crossover:4.0f} rad/s, bandwidth {shape.bandwidth:4.0f} rad/s, "
-        f"Ms {shape.peak:.2f}\n{'':<18} gain margin {margin.gain:5.2f}, phase margin "
-        f"{math.degrees(margin.phase):2.0f} degrees, delay margin {1e3 * margin.delay:4.1f} ms"
-    )
-_ = left.plot(np.cos(turn), np.sin(turn), color="0.8", lw=1, zorder=0)
-_ = left.plot(-1.0, 0.0, "kx", ms=8, mew=2)
-_ = left.set(xlim=(-2.4, 0.6), ylim=(-1.6, 1.2), aspect="equal", title="Nyquist plot; cross: -1")
-_ = left.set(xlabel="real part of L", ylabel="imaginary part")
-_ = left.legend(fontsize=8, loc="lower right")
-_ = right.axhline(1.0, color="0.4", lw=1)
-_ = right.set(xlabel="angular frequency [rad/s]", ylim=(3e-3, 5.0), title="sensitivities")
-_ = right.legend(fontsize=8, loc="lower center")
-plt.show()
-print("\n".join(rows))
+# %%
+simulation("nyquist")
 
 # %% [markdown]
-# The dotted circles around $-1$ have the radius $1/M_s$, and each curve touches its own. With higher gains the loop is
-# faster and removes more of a slow disturbance. Look at the right chart between 100 and 1000 rad/s before you answer:
+# The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. At the gain margin, the step response
+# oscillates at the frequency at which the curve crosses $-1$. Now compare $\lvert S\rvert$ between 100 and 1000 rad/s
+# in *High sensitivity* and *Comfortable*:
 
 # %%
 show("more_gain_rejects_everywhere")
@@ -641,10 +617,16 @@ print(f"three equal poles in the formula: {s:.1f} 1/s; slowest poles of the samp
 print(", ".join(f"{pole:.1f}" for pole in slowest))
 
 # %% [markdown]
+# <details><summary>Why the poles are not exactly equal</summary>
+#
 # In the sampled loop P is half a sample less late than in the formula. This splits the triple pole: one pole is about a
 # quarter slower, and the other two are a pair that oscillates but decays faster. All other poles decay several times
-# faster. The chart repeats the test over a wide range of delays. The three rules are the upper curves, the equal poles
-# the one at the bottom:
+# faster.
+#
+# </details>
+#
+# The chart repeats the test over a wide range of delays. The three rules are the upper curves, the equal poles the one
+# at the bottom:
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 #
@@ -731,11 +713,41 @@ show("adaptive_finds_parameters")
 
 # %% [markdown]
 # To find the true parameters as well, the motion must excite all of them. This condition is called **persistent
-# excitation**. A second warning: the proof that adaptation is stable needs an update at every instant. With a large
-# $\Gamma$, a low sample rate or sensor noise, the estimate can run away. In practice, limit it to plausible values.
+# excitation**. A second warning: with a large $\Gamma$, a low sample rate or sensor noise, the estimate can run away.
+# In practice, limit it to plausible values.
+#
+# <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
+#
+# **Limit.** Let the regressor $Y$ of one joint be constant, and $\varphi$ be the error of the estimated torque. One
+# sample maps $s$ to $(a - \sigma K)s - \sigma\varphi$ and $\varphi$ to $\varphi + dt\,\Gamma Y^2 s$, with
+# $a = e^{-b\,dt/J}$ and $\sigma = (1 - a)/b$. Both eigenvalues are inside the unit circle only if the determinant
+# $a - \sigma K + \sigma\,dt\,\Gamma Y^2$ is below 1. That is $dt\,\Gamma Y^2 < K + b$.
+#
+# **Drift.** At rest the regressor of the inertia is $\Lambda\dot e$, and $s$ contains the same noisy $\dot e$. The
+# mean of their product is not zero, so the estimated inertia grows by
+# $\Gamma\Lambda\,(2\eta^2/dt^2 + \Lambda\eta^2/dt)$ per second, where $\eta$ is the standard deviation of the angle.
+# It multiplies the noisy rate like a $K_d$, and the loop ends where PD ends.
+#
+# **Cures.** A *dead zone* stops the update while $s$ is as small as the noise. *Projection* limits the estimate.
+# *Leakage* pulls it to a nominal value. *Normalisation* divides the update by $1 + \lvert Y\rvert^2$:
+#
+# ![Drift of an estimate at rest, and the price of four cures](../docs/charts/adaptive_cures.png)
+#
+# </details>
 
 # %%
-more_claims("perfect_model_perfect_tracking", "adaptive_sum_can_only_fall")
+figures(
+    read("adaptive_cures"),
+    "adaptation off",
+    summary="Drift at rest and error on a motion, with each cure, 12 seeds",
+)
+
+# %%
+more_claims(
+    "perfect_model_perfect_tracking",
+    "adaptive_sum_can_only_fall",
+    "estimate_rests_with_the_arm",
+)
 
 # %% [markdown]
 # ### How a wrong inertia shows in the error
@@ -883,10 +895,10 @@ for name, named in causes.items():
     print(f"real change: {name:<18} diagnosed cause: {', '.join(named)}")
 
 # %% [markdown]
-# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level, while the
-# integral form (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are identified at
-# every noise level. (*Constant* is the torque constant; the torque limit is not drawn.) Only Coulomb friction (green)
-# is lost in the largest noise:
+# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral form
+# (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are always identified.
+# (*Constant* is the torque constant; the torque limit is not drawn.) Only Coulomb friction (green) is lost in the
+# largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -1273,10 +1285,8 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # Without a controller, $v\sqrt{m k_e}$ would give 20 N. The soft controller and the damping of the force controller
-# slow the hand down before it touches. The stiff one is so well damped that its force rises to the pressing force,
-# without a separate impact. In the chart nothing is damped, and the impact shows as a peak of its own. It hardly
-# changes while the controller is softer than the wall. A stiffer one (last point of each curve) pushes the hand on into
-# the wall.
+# slow the hand down before it touches. In the chart nothing is damped. The peak hardly changes while the controller is
+# softer than the wall. A stiffer one (last point of each curve) pushes the hand on into the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
@@ -1315,6 +1325,66 @@ plt.show()
 #
 # </details>
 #
+# ### Around PID: feed-forward, observer, predictor, notch
+#
+# Four blocks extend the loop of one joint:
+#
+# * A **feed-forward** adds the torque that the planned motion needs. It cannot make the loop unstable, and is as
+#   accurate as its model.
+# * A **disturbance observer** solves the joint's equation for the load torque, filters it, and subtracts it from the
+#   command.
+# * A **Smith predictor** gives PD the state that a model predicts for the moment at which the command arrives.
+# * A **notch filter** removes the frequency of a resonance from the command.
+
+# %%
+predict("delay_predicted")
+
+# %% [markdown]
+# In the chart, all loops drive the joint with 10 ms of delay. Each curve ends at its fastest stable tuning. Left, the
+# feed-forward (90 % of the true torque) gains more than any feedback. Right, cascade and observer integrate the error
+# of a load away. The predictor reaches the fastest tunings, but at equal noise it rejects a load no better than PD:
+#
+# ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
+#
+# <details><summary>Derive: what each block is, and where it ends</summary>
+#
+# **Cascade.** Let the outer loop ask for the speed $k(q_d - q)$, and let a PI controller with gains $k_v$ and $k_i$
+# follow it. The integral of the measured rate is the angle, so the torque is that of PID with
+# $K_p = k_v k + k_i$, $K_i = k_i k$ and $K_d = k_v$. Only the share $k_v k/K_p$ of the set-point enters the P term. Its
+# zeros are $-k$ and $-k_i/k_v$, so a PID controller is a cascade only if $K_p^2 \ge 4 K_i K_d$. What the cascade adds
+# are limits: one on the speed and one on the torque.
+#
+# **Disturbance observer.** With a filter of first order, $\hat d = \frac{g}{s+g}(J\ddot q + b\dot q - u)$. Insert
+# $u = u_c - \hat d$: then $s\,\hat d = g\,(J\ddot q + b\dot q - u_c)$. So $-\hat d$ is $g$ times the integral of
+# $u_c - b\dot q$, minus $gJ\dot q$. With PD as $u_c$ this is a PID controller again, and a constant load leaves no
+# error. The extra damping $gJ$ is late by the delay, so $g$ has a limit. If the observer delays $u$ as the drive does,
+# only an error of the model limits $g$.
+#
+# **Smith predictor.** The command is $-K\hat x$, and $\hat x$ is the state carried over the commands under way. If
+# delay and model are exact, $\hat x$ is the state at which the command acts. The polynomial of the loop is then that
+# of $A - BK$ times a power of $z$. The model does not know a load, so an error remains under it. Smith's original
+# block diagram runs the model beside the plant. For a joint, which integrates, this leaves an eigenvalue at 1.
+#
+# **Notch.** Its gain is smallest at the resonance. It lags below its frequency and leads above it. Tuned too high, it
+# adds lag exactly where the elastic joint has its largest gain:
+#
+# ![Delay error that a predictor stands, and frequency error of a notch](../docs/charts/structure_limits.png)
+#
+# **Angles that wrap.** A joint that turns endlessly needs the error $q_d - q$ moved by whole turns to the range from
+# $-\pi$ to $\pi$, and the same for the difference of two encoder angles. This rate is right only for speeds below
+# $\pi/dt$. A joint with stops must not wrap its error, because the short way can lead through a stop.
+#
+# </details>
+
+# %%
+more_claims(
+    "smith_removes_the_delay",
+    "cascade_beats_pid",
+    "observer_as_fast_as_possible",
+    "notch_can_only_help",
+)
+
+# %% [markdown]
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position or
@@ -1488,9 +1558,13 @@ plt.show()
 # 1. Triangles there mean that no limit was found. The attribute `delay` of a position actuator delays the set-point,
 # not the feedback.
 #
+# <details><summary>Force control at MuJoCo's soft contact</summary>
+#
 # In MuJoCo's soft contact, a fixed share $d$ of the command appears at once as contact force, before the hand has
 # moved. (A spring would give none.) So a force loop with gain $g$ multiplies its own command by $g\,d$ in each sample.
 # That stays bounded only for $g\,d < 1$, so the limit is about $1/d$ at nearly every wall.
+#
+# </details>
 #
 # <div class="alert alert-block alert-warning">
 #

@@ -13,7 +13,7 @@ from course.control.adaptive import (
     run_adaptive,
 )
 from course.control.joint import Joint
-from course.control.sampled import growth, pd_limit
+from course.control.sampled import growth, held, joint_system, loop_matrix, pid_law
 
 J, B, DT = 0.5, 0.5, 2e-3
 
@@ -103,19 +103,26 @@ def test_noise_alone_drives_the_estimate_at_the_predicted_speed(noise, slope) ->
     assert np.mean(drift) == pytest.approx(drift_rate(2.0, slope, noise, DT), rel=0.1)
 
 
-def test_the_drift_ends_where_the_matrix_of_pd_says() -> None:
-    """The estimate of the inertia adds to the damping, which has a sampled limit."""
-    slope, damping, noise = 10.0, 5.0, 3e-4
+def test_the_joint_is_lost_when_the_estimate_passes_the_limit_of_pd() -> None:
+    """The estimate of the inertia adds to the damping, whose sampled limit is 2 J / dt."""
+    slope, damping, noise, seeds = 10.0, 5.0, 3e-4, 10
     law = JointAdaptive(slope, damping, 5.0)
     run = run_adaptive(
-        Joint(J, B), law, at_rest(8000), DT, estimate=(J, B, 0.0), noise=noise, seeds=10
+        Joint(J, B), law, at_rest(8000), DT, estimate=(J, B, 0.0), noise=noise, seeds=seeds
     )
-    # A small kp of the same loop: the largest kd that PD with a difference stands is J / dt.
-    assert pd_limit(0.99 * 2.0 * J / DT, J, DT, "difference") > 0.0
-    largest = (J / DT - damping) / slope
-    expected = (largest - J) / drift_rate(5.0, slope, noise, DT)
-    lost = DT * np.argmax(~(np.abs(run.error) < 0.5), axis=0)
-    assert np.median(lost) == pytest.approx(expected, rel=0.15)
+    largest = (2.0 * J / DT - damping) / slope
+    # The friction of the joint counts little against that damping.
+    plant = held(*joint_system(J, B), DT)
+    for factor, stable in ((0.98, True), (1.02, False)):
+        kd = damping + slope * factor * largest
+        matrix = loop_matrix(plant, pid_law(slope * damping, 0.0, kd, dt=DT))
+        assert (growth(matrix) < 1.0) == stable
+    passed = np.argmax(~(run.estimate[:, 0] < largest), axis=0)
+    lost = np.argmax(~(np.abs(run.error) < 0.5), axis=0)
+    for i in range(seeds):
+        assert np.abs(run.error[: passed[i], i]).max() < 0.05
+    assert (lost > passed).all()
+    assert ((lost - passed) * DT < 1.0).all()
 
 
 @pytest.mark.parametrize(

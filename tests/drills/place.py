@@ -169,7 +169,12 @@ def in_terminal(
     except OSError as error:
         pytest.skip(f"nothing was run in a terminal: the system gives no pseudo-terminal: {error}")
     process = place.popen(
-        *arguments, stdin=theirs, stdout=theirs, stderr=theirs, env=extra, start_new_session=True
+        *arguments,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        env={"LINES": "500", **extra},  # no screen is full
+        start_new_session=True,
     )
     os.close(theirs)
     os.write(ours, typed.encode())

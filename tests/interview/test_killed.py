@@ -38,7 +38,7 @@ CONCEPT = ("interview", "--kind", "concept", "--chapters", "1", "--seed", "7")
 class Terminal:
     """A command whose controlling terminal is ours: what is typed, and Ctrl-C, reach it as keys."""
 
-    def __init__(self, place: Place, *arguments: str) -> None:
+    def __init__(self, place: Place, *arguments: str, lines: int = 500) -> None:
         try:
             self.ours, theirs = pty.openpty()
         except OSError as error:
@@ -52,7 +52,7 @@ class Terminal:
             stdin=theirs,
             stdout=theirs,
             stderr=theirs,
-            env={"COLUMNS": "80"},
+            env={"COLUMNS": "80", "LINES": str(lines)},
             start_new_session=True,
             preexec_fn=take_terminal,
         )
@@ -265,7 +265,7 @@ def test_the_answer_to_a_drill_is_kept(place: Place, end: str, phase: str) -> No
 
 @ENDS
 @pytest.mark.parametrize("phase", ["begun", "probed"])
-def test_debugging_that_ends_leaves_nothing_behind(place: Place, end: str, phase: str) -> None:
+def test_debugging_that_ends_keeps_the_probes(place: Place, end: str, phase: str) -> None:
     terminal = Terminal(place, "debug", "touch", "--seed", "5")
     terminal.until("leave it open")
     if phase == "probed":
@@ -274,9 +274,12 @@ def test_debugging_that_ends_leaves_nothing_behind(place: Place, end: str, phase
     terminal.end(end)
     causes = [cause.name for cause in scenarios.scenario("touch").causes]
     assert not any(f"it is {cause}" in terminal.text for cause in causes)
-    assert not place.work.exists() or whole(place) == {}
-    again = place.json("debug", "touch", "--seed", "5", text="probe quarter_gain\nquit\n")
-    assert len(again["findings"]) == 1
+    bought = ["quarter_gain"] * (phase == "probed")
+    stored = whole(place) if place.work.exists() else {}
+    assert stored.get("debug.json", {}).get("probes", {}) == ({"touch/5": bought} if bought else {})
+    again = place.json("debug", "touch", text="probe integral_off\nquit\n")
+    assert [one["probe"] for one in again["findings"]] == [*bought, "integral_off"]
+    assert not bought or again["seed"] == 5
 
 
 def test_an_interrupt_that_comes_with_the_prompt_is_not_lost(place: Place) -> None:
@@ -329,3 +332,20 @@ def test_a_check_that_ends_counts_nothing_and_loses_nothing(place: Place, end: s
     assert whole(place)["progress.json"]["exercises"] == before["exercises"]
     assert path.read_text("utf-8") == ENDLESS
     assert place.run("check", "verlet").code == 0
+
+
+# --- Long texts ---------------------------------------------------------------------------------
+
+
+def test_a_long_text_stops_after_each_screen(place: Place) -> None:
+    """No more lines than the screen has come at once, and Ctrl-C works between them."""
+    terminal = Terminal(place, "debug", "touch", "--seed", "5", lines=8)
+    read = 0
+    for _ in range(2):
+        terminal.until("-- Enter for more --")
+        assert terminal.text[read : terminal.seen].count("\n") <= 9, terminal.text[read:]
+        read = terminal.seen
+        terminal.type("\n")
+    terminal.until("-- Enter for more --")
+    terminal.end("ctrl-c")
+    assert "Stopped." in terminal.text

@@ -92,9 +92,88 @@ def test_the_follow_up_names_the_weakest_line(levels: list[int], seed: int) -> N
         assert weakest == "" and question in one.follow_ups
     else:
         assert levels[lines.index(weakest)] == min(levels)
-        assert question == f"{weakest} {rehearsal.PUSH[MARKS[min(levels)]]}"
+        push = rehearsal.PUSH[MARKS[min(levels)]][1]  # no line has a number
+        assert question == f"“{weakest}” {push}" and "number" not in question
     with pytest.raises(ValueError, match="must be 4 of missing"):
         rehearsal.follow_up(one, ["named"])
+
+
+def test_a_number_is_asked_for_where_the_line_has_one() -> None:
+    """Of every question, as it is on record: "put a number" comes with a figure or a field."""
+    asked = 0
+    for one in rehearsal.spoken(["rigid_body", "contact", "interview"]):
+        for at, line in enumerate(one.rubric if not one.paired else ()):
+            marks = ["named" if i == at else "defended" for i in range(len(one.rubric))]
+            weakest, question = rehearsal.follow_up(one, marks)
+            assert weakest == line and line in question
+            assert ("Put a number" in question) == any(c.isdigit() or c == "{" for c in line)
+            asked += "Put a number" in question
+    assert asked > 3
+
+
+@pytest.mark.parametrize(
+    ("text", "reply"),
+    [
+        ("How many picks an hour?", "One pick"),
+        ("What does a miss cost?", "One pick"),
+        ("Is there a fence?", "behind a fence"),
+        ("Which gripper?", "parallel jaws"),
+        ("What colour is the camera of the neighbours?", ""),
+        ("Which budget does the hour of the lawyer have?", ""),
+        ("What would that have been?", ""),
+        ("xyzzy", ""),
+    ],
+)
+def test_one_word_of_several_gets_no_reply(text: str, reply: str) -> None:
+    one = rehearse.pool()["design/pick_and_place"]
+    result = rehearsal.reply(one, text)
+    assert reply in result and bool(result) == bool(reply)
+
+
+def test_designs_are_drawn_where_designs_are_asked_for(place: Place) -> None:
+    """In full where it fits, short else; spoken questions only where no design is left."""
+    for minutes, ends in ((45, ""), (15, "/short"), (30, "/short")):
+        keys = set()
+        for seed in range(8):
+            talk = Talk(Session("interview", Terminal(), place.work))
+            talk.draw(minutes, seed, rehearse.EVERY, ("design",))
+            keys.add(talk.interview.items[0].key)
+        assert all(key.startswith("design/") for key in keys) and len(keys) > 1
+        assert all(key.endswith("/short") == bool(ends) for key in keys)
+
+
+def test_open_interviews_are_listed_and_resumed_by_number(place: Place) -> None:
+    """Each one that is open; beyond five the oldest gets its report, and says so."""
+    assert "No interview is waiting" in place.run("interview", "--list").out
+    said = []
+    for n in range(rehearse.OPEN + 1):
+        begun = place.run(
+            "interview", "--kind", "concept", "--minutes", "10", text=f"Number {n}.\n"
+        )
+        said.append(" ".join(begun.out.split()))
+    assert "not over" not in said[0] and "One earlier interview is not over" in said[1]
+    assert "2 earlier interviews are not over: drills interview --list shows them" in said[2]
+    assert "The oldest one is closed, with its report" in said[-1]
+    (report,) = place.work.glob("interview/report-*.md")
+    assert "Number 0." in report.read_text("utf-8")
+    rows = place.json("interview", "--list")["open"]
+    assert [row["number"] for row in rows] == [1, 2, 3, 4, 5]
+    assert [row["started"] for row in rows] == sorted((r["started"] for r in rows), reverse=True)
+    for number, which in (((), 5), (("1",), 5), (("4",), 2)):
+        resumed = place.run("interview", "--resume", *number)
+        assert f"Number {which}." in resumed.out and "4 others are open" in resumed.out
+    done = place.run("interview", "--resume", "6")
+    assert done.code == 2 and "There is no open interview 6" in done.err
+
+
+@pytest.mark.slow
+def test_a_line_that_the_terminal_cuts_is_said(place: Place) -> None:
+    options = ["interview", "--kind", "concept", "--chapters", "1", "--seed", "7"]
+    _, out = in_terminal(place, options, "word " * 1000 + "\n.\n", until="How good was that?")
+    assert "at most 4,095 bytes of a line" in " ".join(out.split())
+    past, _ = rehearse.json_store.load(place.work / "interviews.json", rehearse.FORM)
+    (interview,) = past.open.values()
+    assert len(interview.items[0].answer) > 4000
 
 
 def test_of_lines_that_are_as_weak_not_always_the_first_is_asked_about() -> None:
@@ -231,6 +310,7 @@ def test_a_whole_interview(
         entry = rehearsal.Entry(one.key, "coding", one.chapter, 1, "", weakest=one.rubric[0])
         assert re.search(r"section \d+: (?!Exercises|Interview)", rehearse.to_read(entry))
     assert [one["verdict"] for one in items[2]["attempts"]] == ["fail", "pass"]
+    assert items[2]["code"] == right and right.rstrip() in page
     assert place.record("fk3")["state"] == "solved" and place.record("fk3")["attempts"] == 2
     spent = np.cumsum([one["seconds"] for one in items])
     assert spent[0] < MINUTES * 60 < spent[-1] == result["seconds"]
@@ -270,7 +350,9 @@ def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatc
     assert talk.run() == 0 and talk.interview.cards_due == [card.key]
 
 
-def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(place: Place) -> None:
+def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(
+    place: Place, capsys: pytest.CaptureFixture[str]
+) -> None:
     talk, again = (talk_of(place, ["One line."], 15, ("concept",), 1) for _ in range(2))
     with pytest.raises(EOFError):
         talk.run()
@@ -279,7 +361,7 @@ def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(place: Place)
     assert third.interview.items[0].key != talk.interview.items[0].key
     retained = rehearse.json_store.load(talk.file, rehearse.FORM)[0].open.popitem()[1]
     assert retained.seconds == 200  # one look for the line, one at the end
-    assert "One is not over" in third.session.notices[0]
+    assert "One earlier interview is not over" in capsys.readouterr().out
 
 
 # --- What is typed --------------------------------------------------------------------------------
@@ -437,9 +519,18 @@ def test_the_report_has_marks_answers_model_answers_and_what_to_review() -> None
     weak = rehearsal.Entry("a", "concept", 1, 5, "A?", answer="My answer.", rubric=["One", "Two"])
     weak.marks, weak.score, weak.read, weak.model = ["missing", "named"], 1 / 6, "chapter 1", "So."
     weak.asked, weak.reply = "One You have not said this.", "My reply."
+    weak.code = "def f(x):\n    return x\n"
     good = rehearsal.Entry("b", "design", 12, 15, "B?", score=1.0, clarified="* Who? *They.*")
     page = rehearsal.markdown(rehearsal.Interview("2026-01-02T03:04:05", 1, 45, [weak, good]))
-    for text in ("| missing | One |", "| named | Two |", "My answer.", "My reply.", "So.", "Who?"):
+    for text in (
+        "```python\ndef f(x):\n    return x\n```",
+        "| missing | One |",
+        "| named | Two |",
+        "My answer.",
+        "My reply.",
+        "So.",
+        "Who?",
+    ):
         assert text in page
     assert "* Read chapter 1." in page and "`drills review --chapters 1`" in page
 

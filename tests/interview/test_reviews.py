@@ -19,6 +19,7 @@ from drills import cards as catalogue
 from drills import plain_math
 from drills.interview import review, store
 from drills.interview.deck import KINDS, VERDICTS, Entry, deck, judge, sides
+from drills.plain_math import literal
 from drills.session import Session
 from drills.task_text import markdown_lines
 from drills.terminal import Terminal, to_ascii
@@ -99,7 +100,48 @@ def test_a_claim_and_a_formula_are_judged_and_the_rest_is_not() -> None:
         requested = formula(entry.name)
         assert judge(entry, f"1*({requested.expression})")[0] is True
         assert [judge(entry, slip)[0] for slip in requested.slips] == [False] * len(requested.slips)
-    assert judge(ONE, "") == judge(ONE, "perhaps") == (None, "")
+    assert judge(ONE, "") == (None, "")
+    unread, sentence = judge(ONE, "perhaps")
+    assert unread is None and "t or true, f or false" in sentence
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"), [("claim", "talk to me"), ("claim", "of course"), ("formula", "2 ** ) h")]
+)
+def test_what_cannot_be_read_is_asked_again_and_shows_no_answer(
+    kind: str, text: str, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = one_kind(kind, monkeypatch)
+    done = place.run("review", "--limit", "1", text=f"{text}\nquit\n")
+    back = " ".join(re.findall(r"\w+", sides(entry).back))
+    assert done.code == 0 and back[:40] not in " ".join(re.findall(r"\w+", done.out)), done
+    assert "A blank line shows the answer." in " ".join(done.out.split()) and "0 rated" in done.out
+    again = place.json("review", "--limit", "1", text=f"{text}\n\n3\n")
+    assert [one["right"] for one in again["rated"]] == [None]
+
+
+@pytest.mark.parametrize(
+    ("text", "letter"), [("True", "t"), ("false.", "f"), (" only  if ", "o"), ("It depends", "o")]
+)
+def test_a_claim_is_answered_in_words_too(text: str, letter: str) -> None:
+    entry = next(e for e in deck() if e.kind == "claim")
+    assert judge(entry, text) == judge(entry, letter)
+    assert judge(entry, text)[0] is not None
+
+
+def test_no_sign_of_a_formula_is_lost_in_a_terminal() -> None:
+    """Every sign of multiplication of a claim or a formula is on the screen."""
+    terminal = Terminal()
+    terminal.colour = False
+    checked = 0
+    for entry in [e for e in deck() if e.kind in ("claim", "formula")]:
+        shown, raw = sides(entry, literal), sides(entry)
+        text = f"{raw.front}\n\n{raw.back}".replace("**", "").replace("\n* ", "\n")
+        if "*" in text:
+            written = "\n".join(markdown_lines(f"{shown.front}\n\n{shown.back}", terminal))
+            assert written.count("*") == text.count("*"), entry.key
+            checked += 1
+    assert checked > 100
 
 
 # --- The schedule ---------------------------------------------------------------------------------

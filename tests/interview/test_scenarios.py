@@ -476,3 +476,31 @@ def test_a_case_is_left_open_or_failed(place: Place) -> None:
     assert place.run("debug", "tuch").code == 2
     listed = place.json("debug")["scenarios"]
     assert [entry["scenario"] for entry in listed] == list(scenarios.scenario_names())
+
+
+def test_probes_are_there_again_and_a_case_that_is_over_is_not(place: Place) -> None:
+    """What was bought stays bought: its figures and its minutes, until a conclusion."""
+    first = place.json("debug", "touch", "--seed", "5", text="probe integral_off\nquit\n")
+    done = place.run("debug", "touch", text="quit\n")
+    assert "You go on. So far:" in done.out and "Your 1 probe is stored." in done.out
+    assert "(open)" in place.run("debug").out
+    second = place.json("debug", "touch", text="probe quarter_gain\nquit\n")
+    assert second["seed"] == 5 and second["findings"][:1] == first["findings"]
+    assert second["minutes"] > first["minutes"]
+    other = place.json("debug", "touch", "--seed", "5", "--new", text="quit\n")
+    assert other["findings"] == [] and other["minutes"] == 0
+    cause = scenarios.offered(scenarios.drawn("touch", 5))[0].name
+    place.json("debug", "touch", text=f"conclude {cause} soften\n")
+    assert "(open)" not in place.run("debug").out
+    unkept = place.run(
+        "debug", "touch", "--seed", "5", text="probe integral_off\nquit\n", DRILLS_PROGRESS="none"
+    )
+    assert "Your 1 probe is not stored." in unkept.out
+
+
+@pytest.mark.parametrize("text", ['{"schema": "drills-debug/1", "probes": {"x/1": ["a"]}}', "[]"])
+def test_a_damaged_file_of_open_cases_is_put_aside(text: str, place: Place) -> None:
+    place.work.mkdir()
+    (place.work / "debug.json").write_text(text)
+    data = place.json("debug", "touch", "--seed", "5", text="quit\n")
+    assert data["findings"] == [] and "damaged" in data["notices"][0]

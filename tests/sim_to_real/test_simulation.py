@@ -7,9 +7,9 @@ from course import sim_to_real as chapter
 from course.control import Gains, joint_system, margins
 from course.measure.success import paired
 from course.sim_to_real import plants
-from course.simulations import sim_to_real as arms
 from course.simulations import simulation
 from course.simulations.model import Experiment
+from course.simulations.sim_to_real import arms
 
 POSED = chapter.tasks(256, 91)  # other tasks than those that the picture counts
 
@@ -130,6 +130,6 @@ def test_the_target_is_dragged_and_the_ghost_is_the_simulated_arm():
     posed = chapter.Tasks(np.reshape(arms.START, (2, 1)), np.array([[-0.5], [0.0]]), arms.SEED)
     run = chapter.watch(chapter.nominal(), gains(arms.NOMINAL), posed)
     np.testing.assert_allclose(now.state["q"][arms.SIMULATED], run.q[:, 0], rtol=0, atol=1e-12)
-    panel = simulation("sim_to_real", "No gap")
+    panel = simulation("arms", "No gap")
     assert "success, real: 100 % (99-100)" in repr(panel)
     panel.close()

@@ -33,7 +33,8 @@ EXPENSIVE = {
     "kinematics.elbow",
     "learning.denoising",
     "learning.two_ways",
-    "sim_to_real",
+    "sim_to_real.arms",
+    "sim_to_real.faults",
 }
 # Compiled anew by the tests, and the constant that one of them changes.
 SMALL, CONSTANT, OTHER = "role.development", "tries * real / 86_400.0", "tries * real / 80_000.0"

@@ -214,7 +214,8 @@ def levels(design: Design, text: str) -> dict[str, str]:
     for block in re.split(r"\n\s*\n", text):
         sentences = re.split(r"(?<=[.!?])\s+", block.strip())
         for item in design.rubric:
-            number = re.compile(rf"\d[\d.,e+-]*\s*(?:[a-z]+ )?(?:{item.units})(?!\w)", re.I)
+            # Not "3 m" of "3 m/s": a unit ends where no letter and no fraction follows.
+            number = re.compile(rf"\d[\d.,e+-]*\s*(?:[a-z]+ )?(?:{item.units})(?!\w|/\w)", re.I)
             for i, sentence in enumerate(sentences):
                 if re.search(item.words, sentence, re.I):
                     figures = number.search(" ".join(sentences[i : i + _NUMBER_WITHIN]))
