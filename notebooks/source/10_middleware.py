@@ -1485,8 +1485,8 @@ with loop.urgent() as granted:
 #
 # * A **page fault**: memory that the loop touches is not in RAM yet. *Locking* the memory beforehand prevents it.
 # * A **garbage collection**: Python pauses the program to find unused objects.
-# * Locks and hardware interrupts. Also two scheduling classes that Linux asks first: *stop* (one kernel thread on each
-#   core, for instance to move tasks between cores), then SCHED_DEADLINE (`kernel/sched`, since 3.14; `man 7 sched`).
+# * Locks and hardware interrupts. Also two scheduling classes that Linux serves first: *stop* (one kernel thread on
+#   each core, for instance to move tasks between cores), then SCHED_DEADLINE (`kernel/sched`, since 3.14; `man 7 sched`).
 # * **Real-time throttling**: until version 6.11, Linux by default gave real-time tasks at most 950 ms of each second
 #   (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never slept was stopped for the other 50 ms. Since 6.12 a
 #   deadline server reserves time for ordinary tasks instead.
@@ -1590,7 +1590,8 @@ plt.show()
 # installed from PyPI, so we compare with its source code and with SciPy.)
 
 # %% tags=["nbval-ignore-output", "hide-code"]
-print(next(line for line in read("transform_lookups").splitlines() if "time of a lookup" in line))
+timing = next(line for line in read("transform_lookups").splitlines() if "of a lookup" in line)
+print(textwrap.fill(timing, 90))
 
 # %% [markdown]
 # **Which clock?** With the parameter `use_sim_time`, a node takes its time from the topic `/clock`, which a simulator
@@ -1688,9 +1689,40 @@ more_claims(
 # %% [markdown]
 # ### Listed, and yet not matched
 #
-# `ros2 topic list` shows your topic, and still nothing arrives. Discovery and matching are two steps: first the
-# programs find each other, then a writer and a reader are **matched** if domain, name, type and QoS agree. We ran two
-# processes on Cyclone DDS for each row; its **built-in topics** list what discovery has found.
+# `ros2 topic list` shows your topic, and still nothing arrives. Discovery and matching are two steps. First the
+# programs find each other (DDS calls each a **participant**), and each lists the writers and readers of the other.
+# Then a writer and a reader are **matched** if domain, name, type and QoS agree:
+
+# %% tags=["hide-code"]
+figure_, axes = plt.subplots(1, 3, figsize=(8.4, 2.1), layout="constrained")
+for axis, title, reason, ink, listed, matched in (
+    (axes[0], "not discovered", "other domain id; or\nno multicast, no peer", RED, False, False),
+    (axes[1], "listed, not matched", "other type; or\nincompatible QoS", RED, True, False),
+    (axes[2], "listed and matched", "messages arrive", BLUE, True, True),
+):
+    for x, end in ((0.0, "writer"), (2.0, "reader")):
+        box = plt.Rectangle((x - 0.5, -0.5), 1.0, 1.2, fc="#f5f5f5", ec=GREY, lw=1.2)
+        _ = axis.add_patch(box)
+        _ = axis.text(x, 0.52, "participant", ha="center", va="center", fontsize=7.5)
+        _ = axis.plot(x, -0.2, "o", color=BLUE)
+        _ = axis.text(x, 0.08, end, ha="center", va="center", fontsize=8.5)
+    if listed:
+        both = {"arrowstyle": "<->", "ls": "--", "color": "#757575"}
+        _ = axis.annotate("", (1.52, 0.52), (0.48, 0.52), arrowprops=both)
+        _ = axis.text(1.0, 0.6, "lists", ha="center", va="bottom", fontsize=8.5, color="#616161")
+        line = {"arrowstyle": "->" if matched else "-", "ls": "-" if matched else ":"}
+        line |= {"color": ink, "lw": 1.6}
+        _ = axis.annotate("", (1.9, -0.2), (0.1, -0.2), arrowprops=line)
+    if not matched:
+        _ = axis.plot(1.0, -0.2 if listed else 0.52, "x", color=RED, ms=10, mew=2.5)
+    _ = axis.text(1.0, -0.65, reason, ha="center", va="top", fontsize=8.5, color=ink)
+    _ = axis.set_title(title, fontsize=9.5)
+    _ = axis.set(xlim=(-0.6, 2.6), ylim=(-1.35, 0.95))
+    axis.axis("off")
+plt.show()
+
+# %% [markdown]
+# We ran two processes on Cyclone DDS for each row. Its **built-in topics** list what discovery has found.
 #
 # | cause | other end listed | matched | how to tell |
 # |---|---|---|---|
