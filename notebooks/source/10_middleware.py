@@ -1486,7 +1486,8 @@ with loop.urgent() as granted:
 # * A **page fault**: memory that the loop touches is not in RAM yet. *Locking* the memory beforehand prevents it.
 # * A **garbage collection**: Python pauses the program to find unused objects.
 # * Locks and hardware interrupts. Also two scheduling classes that Linux serves first: *stop* (one kernel thread on
-#   each core, for instance to move tasks between cores), then SCHED_DEADLINE (`kernel/sched`, since 3.14; `man 7 sched`).
+#   each core, for instance to move tasks between cores), then SCHED_DEADLINE (`kernel/sched`, since 3.14;
+#   `man 7 sched`).
 # * **Real-time throttling**: until version 6.11, Linux by default gave real-time tasks at most 950 ms of each second
 #   (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never slept was stopped for the other 50 ms. Since 6.12 a
 #   deadline server reserves time for ordinary tasks instead.
