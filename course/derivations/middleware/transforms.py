@@ -6,7 +6,7 @@ import numpy as np
 
 from course.derivations import claim
 
-SYMBOLS = {}
+SYMBOLS: dict[str, str] = {}
 
 
 def largest_error(motion, period, ahead, beyond, ends, noise=0.0, rng=None):
