@@ -1826,7 +1826,14 @@ check(mppi_step)
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
 # %%
-more_claims("below_the_friction_angle")
+more_claims(
+    "below_the_friction_angle",
+    "capture_point_stops",
+    "enough_steps_stop",
+    "centroidal_without_legs",
+    "pyramid_halves_its_loss",
+    "gain_notices_sooner",
+)
 
 # %%
 card("standing_qp")
