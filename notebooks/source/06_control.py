@@ -197,7 +197,8 @@ show("error_derivative_kick")
 #
 # A **continuous joint** has no stops, and its encoder starts again at the end of each turn. Wrap the error of such a
 # joint to half a turn on each side with $\operatorname{atan2}(\sin e, \cos e)$, so that the joint takes the short
-# direction. The claim *The error of a continuous joint* below shows where that goes wrong.
+# direction. Wrap the difference of two encoder angles as well: the rate made from it is right for speeds below
+# $\pi/dt$. The claim *The error of a continuous joint* below shows where a wrapped error goes wrong.
 #
 # </details>
 
@@ -1383,10 +1384,6 @@ predict("delay_predicted")
 # adds lag exactly where the elastic joint has its largest gain:
 #
 # ![Delay error that a predictor stands, and frequency error of a notch](../docs/charts/structure_limits.png)
-#
-# **Angles that wrap.** A joint that turns endlessly needs the error $q_d - q$ moved by whole turns to the range from
-# $-\pi$ to $\pi$, and the same for the difference of two encoder angles. This rate is right only for speeds below
-# $\pi/dt$. A joint with stops must not wrap its error, because the short way can lead through a stop.
 #
 # </details>
 
