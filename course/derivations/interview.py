@@ -701,3 +701,114 @@ def joints_by_sums(result):
     result.statement = "Twenty drawn arms, against products of homogeneous transforms."
     result.statement_holds(deviation < 1e-14)
     result.correction_holds(deviation < 1e-14)
+
+
+@claim(
+    "If only one world in a hundred is in contact, the contact code of a batch costs about a "
+    "hundredth of the full price.",
+    "Lanes that share their instructions run a branch together, so a group skips it only if all of "
+    "its lanes do. A group of four runs it with the probability {formula}. With {p:.0%} of the "
+    "worlds in contact and {lanes:.0f} lanes, {groups:.0%} of the groups run it, so {ratio:.0f} "
+    "times as many lanes are occupied as need it. Arms of this course behind a wall, in random "
+    "order, gave {measured:.0f} times; the same arms sorted by contact gave {sorted:.2f} times.",
+    ask=(
+        "Each world is in contact with probability p, independently. With which probability does a "
+        "group of four lanes execute the contact branch?",
+        "1 - (1 - p)^4",
+        {
+            "4*p": "That counts groups with two contacts twice.",
+            "p^4": "That is the probability that all of them are in contact.",
+            "(1 - p)^4": "That is the probability that none is.",
+        },
+    ),
+    source="NVIDIA, CUDA C++ Programming Guide, SIMT architecture, 2024",
+)
+def rare_contact_is_cheap(result):
+    import sympy
+
+    from course.charts.sim_to_real.layouts import executed, touching
+
+    p, n, k = sympy.symbols("p n k", positive=True)
+    chance = sympy.binomial(n, k) * p**k * (1 - p) ** (n - k)
+    executes = 1 - chance.subs(k, 0)
+    result.formula = sympy.simplify(executes.subs(n, 4))
+    share, lanes = result.input("p", 0.01), int(result.input("lanes", 32))
+
+    def theory(share, lanes):
+        return float(executes.subs({p: share, n: lanes}))
+
+    groups = result.measure("groups", theory(share, lanes), 1e-9)
+    ratio = result.measure("ratio", groups / share, 1e-9)
+    arms = touching(share)
+    measured = result.measure("measured", executed(arms, lanes), 0.1)
+    after = result.measure("sorted", executed(np.sort(arms), lanes), 0.1)
+
+    def gap(share, lanes, count=400_000):
+        """Return how far random lanes are from theory, in standard deviations of the groups."""
+        flags = result.rng.random(count // lanes * lanes) < share
+        chance = theory(share, lanes)
+        observed = executed(flags, lanes) * flags.sum() / flags.size
+        return (observed - chance) / np.sqrt(chance * (1.0 - chance) * lanes / flags.size)
+
+    draws = [
+        (0.5 * 10.0 ** (-3.0 * u), int(2 ** (1 + 5.99 * w))) for u, w in result.rng.random((24, 2))
+    ]
+    # Chosen to break it: contacts in runs of neighbours are not independent.
+    runs = np.repeat(result.rng.random(6400) < 10 * share, lanes)[: 64 * 3200]
+    result.statement = "Random lanes, and 65,536 arms of which some reach beyond a wall."
+    result.statement_holds(ratio < 2.0)
+    result.correction_holds(
+        max(abs(gap(*draw)) for draw in draws) < 4.5,
+        abs(measured / ratio - 1.0) < 0.12,
+        after < 1.2,
+        executed(runs, lanes) < 0.5 * theory(10 * share, lanes) / (10 * share),
+    )
+
+
+@claim(
+    "A pass that reads four of seventeen numbers moves 17/4 times as many bytes if they lie in an "
+    "array of structures.",
+    "Memory moves in cache lines. Of a structure of {size:.0f} bytes the pass reads {read:.0f}, "
+    "and touches {touched:.0f} bytes of lines of {line:.0f} bytes on average, since some "
+    "structures begin so that the numbers straddle a line. A structure of arrays touches "
+    "{dense:.0f}: {factor:.2f} times fewer instead of {naive:.2f}. A pass that reads all "
+    "numbers moves the same in both layouts. Measured times can differ more, since a "
+    "processor also fetches lines in advance.",
+    source="U. Drepper, What every programmer should know about memory, 2007",
+)
+def bytes_by_fields(result):
+    from course.charts.sim_to_real import layouts
+
+    arms, line = layouts.start(8192), int(result.input("line", 64))
+    size, read = result.input("size", layouts.BYTES), int(result.input("read", 32))
+
+    def touched(numbers, width=256):
+        """Return bytes of lines per arm: structures, then blocks of arrays."""
+        return [
+            layouts.lines_touched(make(arms, width), numbers, line)
+            for make in (layouts.structures, layouts.blocks)
+        ]
+
+    loose, dense = touched(read // 8)
+    result.measure("touched", loose, 1e-6)
+    result.measure("dense", dense, 1e-6)
+    factor = result.measure("factor", loose / dense, 1e-6)
+    naive = result.measure("naive", size / (8 * len(arms[: read // 8])), 1e-6)
+
+    def expected(numbers):
+        """Return the average over all eight places in a line at which a structure can begin."""
+        ends = [(8 * start + 8 * numbers - 1) // line + 1 for start in range(line // 8)]
+        return line * float(np.mean(ends))
+
+    # Neighbours share a line where the numbers read are nearly all: no more than all lines count.
+    some = [(touched(k)[0], min(expected(k), size)) for k in range(1, 10)]
+    every = touched(layouts.NUMBERS)
+    result.statement = "Counted from the addresses of 8,192 arms in both layouts."
+    result.statement_holds(abs(factor / naive - 1.0) < 0.05)
+    result.correction_holds(
+        all(abs(a - b) < 1.0 for a, b in some),
+        abs(every[0] / every[1] - 1.0) < 1e-3,
+        abs(dense - read) < 1e-9,
+        # Chosen to break it: one structure as wide as the batch is a structure of arrays.
+        abs(layouts.lines_touched(layouts.blocks(arms, 8192), read // 8, line) - read) < 1e-9,
+    )

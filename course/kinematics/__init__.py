@@ -14,6 +14,8 @@ The chapter's algorithms, and the functions of their steps:
   the loop, `step` and `_marquardt` its steps, `_held` the joint limits.
 - Differential inverse kinematics within limits (Stark and Parker, 1995):
   `differential.bounded_velocity`, an active-set method.
+- Closed form of a 7-R arm (He and Liu, 2021): `seven_joint._closed_form`, wrist, elbow, cone and
+  plane, shoulder.
 - Geometric Jacobian (Whitney, 1972): `motion.place` does the forward kinematics, `columns` the
   Jacobian.
 
@@ -69,6 +71,7 @@ from course.kinematics.motion import (
     tip,
     within,
 )
+from course.kinematics.seven_joint import closed_form, postures_within_limits, swivel_angle
 from course.kinematics.two_link import TwoLink, TwoLinkIK, two_link_ik
 
 __all__ = [
@@ -83,6 +86,7 @@ __all__ = [
     "analytic_jacobian",
     "bias",
     "bounded_velocity",
+    "closed_form",
     "compose",
     "condition_number",
     "damped_velocity",
@@ -107,9 +111,11 @@ __all__ = [
     "panda",
     "planar",
     "pose_error",
+    "postures_within_limits",
     "random_chain",
     "regressor",
     "singular_values",
+    "swivel_angle",
     "tip",
     "turn_to",
     "two_link_ik",
@@ -124,11 +130,12 @@ def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
     import numpy as np
 
-    from course.kinematics import dynamics, inverse, motion
+    from course.kinematics import dynamics, inverse, motion, seven_joint
     from course.rigid_body import System, simulate
 
     motion.kernels()
     dynamics.kernels()
     inverse.kernel()
+    seven_joint.kernel()
     arm = planar([1.0])
     simulate(System("arm", acceleration, pack(arm), np.zeros(1), np.zeros(1)), "rk4", 1e-3, 1)

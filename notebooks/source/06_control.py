@@ -192,9 +192,23 @@ show("error_derivative_kick")
 # The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
 # switch to the derivative of the measurement. The spike is gone. Stability does not change, because for a constant
 # set-point both derivatives are the same. So differentiate the measurement.
+#
+# <details><summary>A continuous joint: wrap the error</summary>
+#
+# A **continuous joint** has no stops, and its encoder starts again at the end of each turn. Wrap the error of such a
+# joint to half a turn on each side with $\operatorname{atan2}(\sin e, \cos e)$, so that the joint takes the short
+# direction. The claim *The error of a continuous joint* below shows where that goes wrong.
+#
+# </details>
 
 # %%
-more_claims("p_alone_overshoots", "critical_settles_fastest", "one_gain_one_symptom", "too_much_d")
+more_claims(
+    "p_alone_overshoots",
+    "critical_settles_fastest",
+    "one_gain_one_symptom",
+    "too_much_d",
+    "angle_error_wraps",
+)
 
 # %% [markdown]
 # ### Windup and anti-windup
@@ -1812,7 +1826,14 @@ check(mppi_step)
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
 # %%
-more_claims("below_the_friction_angle")
+more_claims(
+    "below_the_friction_angle",
+    "capture_point_stops",
+    "enough_steps_stop",
+    "centroidal_without_legs",
+    "pyramid_halves_its_loss",
+    "gain_notices_sooner",
+)
 
 # %%
 card("standing_qp")

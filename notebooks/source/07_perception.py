@@ -1028,7 +1028,7 @@ more_claims("averaging_pictures_helps")
 # Right: squared error over the variance that the filter reports.*
 
 # %%
-more_claims("gate_replaces_contact")
+more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
 
 # %% [markdown]
 # ## 4 · Design: which estimate for which question

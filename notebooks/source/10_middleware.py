@@ -55,7 +55,7 @@ from course.cards import figures, interview
 from course.charts import read, stored
 from course.control.sampled import delay_limit
 from course.derivations import more_claims, show
-from course.middleware import controller, launch, loop, schedule, transport
+from course.middleware import controller, launch, loop, schedule, transforms, transport
 from course.middleware.bus import ActionClient, Bus, Group
 from course.middleware.executor import Executor, Work, bounds, deadlocks, respond, run_chain
 from course.middleware.qos import QoS, compatible
@@ -1150,9 +1150,12 @@ folded = f"<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n<
 Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 
 # %% [markdown]
-# `update` returns `ERROR` in two cases. A joint with an invalid reading gets zero torque, and without brakes it falls.
-# If a torque cannot be written (`set_value` fails), the last one remains in force. A real system then engages the
-# brakes, or holds the last safe position.
+# `update` returns `ERROR` in two cases. A joint with an invalid reading (NaN) gets zero torque. What does a brake do
+# then? Nothing by itself: a brake does not see NaN. It engages when somebody cuts its current, and closes some time $t$
+# later. Until then the joint falls; a mass in free fall drops by $g\,t^2/2$. If a torque cannot be
+# written (`set_value` fails), the last one remains in force. In ros2_control the controller manager deactivates a
+# controller whose `update` returns `ERROR`, and activates its `fallback_controllers` (Jazzy, 2024). The hardware
+# component has to engage the brakes.
 #
 # The common alternative computes inside a subscription's callback, like this:
 
@@ -1482,7 +1485,9 @@ with loop.urgent() as granted:
 #
 # * A **page fault**: memory that the loop touches is not in RAM yet. *Locking* the memory beforehand prevents it.
 # * A **garbage collection**: Python pauses the program to find unused objects.
-# * Locks and hardware interrupts. Also tasks of the class SCHED_DEADLINE, which run before those of SCHED_FIFO.
+# * Locks and hardware interrupts. Also two scheduling classes that Linux serves first: *stop* (one kernel thread on
+#   each core, for instance to move tasks between cores), then SCHED_DEADLINE (`kernel/sched`, since 3.14;
+#   `man 7 sched`).
 # * **Real-time throttling**: until version 6.11, Linux by default gave real-time tasks at most 950 ms of each second
 #   (`/proc/sys/kernel/sched_rt_runtime_us`). A FIFO loop that never slept was stopped for the other 50 ms. Since 6.12 a
 #   deadline server reserves time for ordinary tasks instead.
@@ -1528,6 +1533,130 @@ for axis, stamps, parts in (
 plt.show()
 
 # %% [markdown]
+# ### Transforms and clocks: where was the camera at that moment?
+#
+# Perception finds a cup in an image that is 80 ms old. Since then the arm has moved the camera. To compute where the
+# cup is in the room, you need the pose of the camera *when the image was taken*. In ROS 2, **tf2** answers this. Nodes
+# publish the pose of one frame in another, each with a time stamp: a **transform**. Every node that needs transforms
+# has a **transform buffer**, which stores those of the last 10 s.
+#
+# A **lookup** names two frames and a time. Between two stamps the buffer *interpolates*: it moves the position along
+# the straight line and turns the orientation along the shortest rotation (**slerp**). With transforms every $T$ seconds
+# and an acceleration of at most $a$, the error is at most $a\,T^2/8$. After the newest stamp, interpolation is
+# impossible. To guess the pose there is **extrapolation**, and tf2 refuses it with an exception:
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(8.2, 2.4), layout="constrained")
+swing = transforms.SwingingFrame(rate=2.0 * np.pi, radius=1.0)
+known, end = np.arange(0.0, 0.61, 0.15), 0.6
+fine = np.linspace(0.0, 0.95, 300)
+buffer_ = transforms.TransformBuffer()
+for stamp in known:
+    one = swing.at(stamp)
+    buffer_.insert(stamp, one.position[:, 0], one.quaternion[:, 0])
+later = np.linspace(end, 0.95, 50)
+_ = axis.plot(1e3 * fine, swing.at(fine).position[1], color=GREY, lw=3)
+_ = axis.plot(1e3 * known, swing.at(known).position[1], "o", color=BLUE)
+inside = np.linspace(0.0, end, 200)
+_ = axis.plot(1e3 * inside, buffer_.lookup(inside).position[1], color=BLUE)
+for how, ink in (("hold", ORANGE), ("linear", RED)):
+    _ = axis.plot(1e3 * later, buffer_.lookup(later, how).position[1], "--", color=ink)
+_ = axis.axvspan(1e3 * end, 950, color="#ffebee", zorder=0)
+for x, y, words, ink in (
+    (615, 0.85, "tf2 refuses every time after this", "black"),
+    (960, buffer_.lookup(0.95, "hold").position[1], "hold the newest", "#a06a00"),
+    (960, buffer_.lookup(0.95, "linear").position[1], "continue linearly", RED),
+    (960, swing.at(0.95).position[1, 0] + 0.15, "true motion", "#757575"),
+    (90, 0.8, "stored transforms (dots), interpolated between", BLUE),
+):
+    _ = axis.text(x, y, words, color=ink, va="center", fontsize=8.5)
+_ = axis.set(xlabel="time [ms]", ylabel="y [m]", xlim=(-20, 1150), ylim=(-1.6, 1.1))
+plt.show()
+
+# %% [markdown]
+# So request the time of the *image*, and wait until a transform that is at least as new has arrived (tf2's timeout).
+# The wait is a part of the age from section 3. Some programs request the newest transform instead. For an image from
+# the past, that is the pose of another moment.
+#
+# **A worked example.** The camera moves with at most $v = 0.94$ m/s and accelerates with at most $a = 3.0$ m/s², and
+# there is a transform every $T = 20$ ms. Between the stamps the error is at most $3.0 \cdot 0.02^2/8 = 0.15$ mm. Now
+# look $h = 20$ ms ahead of the newest stamp. Holding the newest pose costs up to $v\,h = 19$ mm. The line through the
+# last two poses costs up to $a\,h\,(h + T)/2 = 1.2$ mm. The chart compares these three bounds with lookups:
+#
+# ![Error of a lookup against look-ahead, and against the time between transforms](../docs/charts/transform_lookups.png)
+#
+# The bound of the line grows with the square of the look-ahead once that exceeds $T$. So the line loses in the end:
+# beyond 0.3 of a swing (dotted) the camera has turned back, and the line has not. Noise makes the line worse sooner.
+# SciPy's Slerp, with NumPy's interpolation for the position, has the same error as our buffer. (tf2 itself cannot be
+# installed from PyPI, so we compare with its source code and with SciPy.)
+
+# %% tags=["nbval-ignore-output", "hide-code"]
+timing = next(line for line in read("transform_lookups").splitlines() if "of a lookup" in line)
+print(textwrap.fill(timing, 90))
+
+# %% [markdown]
+# **Which clock?** With the parameter `use_sim_time`, a node takes its time from the topic `/clock`, which a simulator
+# or a recording publishes. All nodes have to agree on it. What happens if they don't?
+
+# %%
+predict("clock_behind")
+
+# %% tags=["hide-code"]
+motion = transforms.SwingingFrame()
+
+
+def lookup_at(requested, offset=0.0, back=None, clear=False):
+    """Return what a lookup says, after 20 s of transforms whose sender's clock is off [s]."""
+    buffer = transforms.sample(motion, 0.01, 20.0, offset=offset)
+    if back is not None:
+        buffer.clear() if clear else None
+        for k in range(10):
+            # The new run: the camera rests one metre above the axis.
+            buffer.insert(20.0 - back + 0.01 * k, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0])
+        try:
+            place = buffer.lookup(buffer.newest).position
+        except transforms.ExtrapolationError as error:
+            return str(error)
+        which = "new" if place[2] > 0.5 else "previous"
+        return f"newest transform is of the {which} run; {buffer.ignored} of 10 ignored"
+    try:
+        place = buffer.lookup(requested).position
+    except transforms.ExtrapolationError as error:
+        return "refused: extrapolation into the " + ("past" if "past" in str(error) else "future")
+    true = motion.at(requested).position[:, 0]
+    return f"no message; wrong by {1e3 * np.linalg.norm(place - true):.0f} mm"
+
+
+table(
+    ("what is wrong", "lookup of the pose 0.1 s ago", "how to tell"),
+    ("nothing", lookup_at(19.9), ""),
+    ("the sender's clock is 50 ms behind", lookup_at(19.9, -0.05),
+     "compare the clocks; the error grows with the speed"),
+    ("the sender's clock is 200 ms behind", lookup_at(19.9, -0.2), "exception"),
+    ("sender on wall time, this node on simulated time", lookup_at(19.9, 1.7e9),
+     "stamps of about 1.7e9 s next to stamps near 0"),
+    ("sender on simulated time, this node on wall time", lookup_at(1.7e9 - 0.1),
+     "the same, the other way round"),
+    ("simulation restarted, clock back by 5 s", lookup_at(0, back=5.0), "poses jump"),
+    ("simulation restarted, clock back by 15 s", lookup_at(0, back=15.0),
+     "warnings about old data"),
+    ("the same, and the buffer is cleared", lookup_at(0, back=15.0, clear=True), ""),
+)  # fmt: skip
+
+# %% [markdown]
+# The dangerous row is the second one: a small offset raises no exception. The error is about speed times offset. tf2's
+# buffer clears itself when its own node's clock jumps back. A node without `use_sim_time` never notices the jump.
+
+# %% tags=["hide-code"]
+more_claims(
+    "tf_extrapolates",
+    "half_period_half_error",
+    "linear_beats_hold",
+    "wrong_clock_fails",
+    "restart_continues",
+)
+
+# %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Messages arrive late.* Record the four timestamps. The longest interval tells you where the
@@ -1558,8 +1687,63 @@ plt.show()
 #
 # </div>
 
+# %% [markdown]
+# ### Listed, and yet not matched
+#
+# `ros2 topic list` shows your topic, and still nothing arrives. Discovery and matching are two steps. First the
+# programs find each other (DDS calls each a **participant**), and each lists the writers and readers of the other.
+# Then a writer and a reader are **matched** if domain, name, type and QoS agree:
+
 # %% tags=["hide-code"]
-more_claims("mismatch_is_late")
+figure_, axes = plt.subplots(1, 3, figsize=(8.4, 2.1), layout="constrained")
+for axis, title, reason, ink, listed, matched in (
+    (axes[0], "not discovered", "other domain id; or\nno multicast, no peer", RED, False, False),
+    (axes[1], "listed, not matched", "other type; or\nincompatible QoS", RED, True, False),
+    (axes[2], "listed and matched", "messages arrive", BLUE, True, True),
+):
+    for x, end in ((0.0, "writer"), (2.0, "reader")):
+        box = plt.Rectangle((x - 0.5, -0.5), 1.0, 1.2, fc="#f5f5f5", ec=GREY, lw=1.2)
+        _ = axis.add_patch(box)
+        _ = axis.text(x, 0.52, "participant", ha="center", va="center", fontsize=7.5)
+        _ = axis.plot(x, -0.2, "o", color=BLUE)
+        _ = axis.text(x, 0.08, end, ha="center", va="center", fontsize=8.5)
+    if listed:
+        both = {"arrowstyle": "<->", "ls": "--", "color": "#757575"}
+        _ = axis.annotate("", (1.52, 0.52), (0.48, 0.52), arrowprops=both)
+        _ = axis.text(1.0, 0.6, "lists", ha="center", va="bottom", fontsize=8.5, color="#616161")
+        line = {"arrowstyle": "->" if matched else "-", "ls": "-" if matched else ":"}
+        line |= {"color": ink, "lw": 1.6}
+        _ = axis.annotate("", (1.9, -0.2), (0.1, -0.2), arrowprops=line)
+    if not matched:
+        _ = axis.plot(1.0, -0.2 if listed else 0.52, "x", color=RED, ms=10, mew=2.5)
+    _ = axis.text(1.0, -0.65, reason, ha="center", va="top", fontsize=8.5, color=ink)
+    _ = axis.set_title(title, fontsize=9.5)
+    _ = axis.set(xlim=(-0.6, 2.6), ylim=(-1.35, 0.95))
+    axis.axis("off")
+plt.show()
+
+# %% [markdown]
+# We ran two processes on Cyclone DDS for each row. Its **built-in topics** list what discovery has found.
+#
+# | cause | other end listed | matched | how to tell |
+# |---|---|---|---|
+# | another domain id (`ROS_DOMAIN_ID`) | no | no | no participant is discovered; compare the ids |
+# | no multicast, no peer named | no | no | no participant is discovered, although the ids agree |
+# | no multicast, one end names the other as a peer | yes | yes | it works; one direction is enough |
+# | same topic name, other type | yes | no | no event; compare the type names of both ends |
+# | incompatible QoS | yes | no | the event *offered incompatible QoS* names the policy |
+#
+# <details><summary>Same type name, other definition: the type hash of ROS 2</summary>
+#
+# Two computers may have different versions of one message. Since Iron (2023), ROS 2 computes a **type hash** for each
+# interface: the text `RIHS01_` and a SHA-256 of its description (REP 2016, a draft). Discovery sends it along, and
+# `ros2 topic info -v` shows it for each end. So a difference can be seen. Whether the ends are matched nevertheless
+# depends on the middleware.
+#
+# </details>
+
+# %% tags=["hide-code"]
+more_claims("mismatch_is_late", "listed_is_matched")
 
 # %% [markdown]
 # <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>nothing arrives</td>

@@ -305,6 +305,30 @@ predict("twice_the_planner")
 show("computing_and_cycle")
 
 # %% [markdown]
+# <details><summary>Simulation on GPUs: what you can measure on one core</summary>
+#
+# Interviewers ask why thousands of small worlds run well on a GPU. Two causes can be measured on a processor. The first
+# is the **layout**. An *array of structures* stores all numbers of a world next to each other. A *structure of arrays*
+# stores one number of all worlds next to each other. *Blocks* are structures of arrays for a few hundred worlds each.
+# The second cause is **divergence**: lanes that share their instructions all wait while one of them runs a branch.
+#
+# ![Time per arm by layout, by block width, and lanes occupied by contact](../docs/charts/batch_layout.png)
+#
+# All layouts run the same compiled source on the two-link arm of chapter 8, and agree to the last bit. Upper left, a
+# full Runge-Kutta step uses all numbers of an arm, so its layout matters little. What matters is the number of arms in
+# a call. The upper right panel shows a pass that reads 4 of 17 numbers, where structures carry unused bytes along.
+# MuJoCo takes longer per arm because it is a general engine: it builds the equations of any robot at every step.
+#
+# The lower left panel varies the width of a block. Lower right, groups of lanes execute the contact branch if one lane
+# needs it. The lines are the formula of the card below, divided by the share of arms in contact. Nothing here was
+# measured on a GPU.
+#
+# </details>
+
+# %%
+more_claims("rare_contact_is_cheap", "bytes_by_fields")
+
+# %% [markdown]
 # ### Six estimates
 #
 # Six numbers about an arm that you should be able to estimate aloud. The **stopping distance** is the distance that a

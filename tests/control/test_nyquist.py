@@ -79,9 +79,9 @@ def test_curve_and_step_response_are_those_of_scipy(values):
 def test_the_numbers_are_the_exact_ones_of_the_chapter(values):
     experiment = chosen(**values)
     state = experiment.state
-    system, law, dt, delay = loop_of(experiment.controls)
-    exact = control.margins(*system, law, dt, delay)
-    shape = frequency.loop_shape(control.held(*system, dt, delay), law)
+    (A, B), law, dt, delay = loop_of(experiment.controls)
+    exact = control.margins(A, B, law, dt, delay)
+    shape = frequency.loop_shape(control.held(A, B, dt, delay), law)
     assert state["gain_margin"] == pytest.approx(exact.gain, rel=1e-9)
     assert state["phase_margin"] == pytest.approx(exact.phase, rel=1e-9)
     # A hold of a part of a sample is no pure delay.

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from course import charts
-from course.charts.kinematics import dynamics, inverse
+from course.charts.kinematics import dynamics, inverse, seven_joint
 from course.kinematics import ik, panda, planar, tip
+from course.kinematics.seven_joint import swivel_angle
 from course.oracles.mujoco import chain
 from course.oracles.pinocchio import Arm
 
@@ -150,3 +151,19 @@ def test_the_plane_ends_at_a_fault_of_a_tenth_of_a_degree() -> None:
     assert (
         np.abs(dynamics.spatial() - tip(dynamics.ARM.chain(), dynamics.closed())[:3]).max() < 1e-12
     )
+
+
+def test_the_closed_form_misses_only_what_its_grid_leaves_out() -> None:
+    left, right = charts.build(
+        "seven_joint", targets=60, slow=3, grids=(1, 8, 64), starts=(1, 32), batches=1
+    )
+    fits = next(s for s in left.series if s.label == "within the limits")
+    # The posture that the pose was made from lies on the curve.
+    q = seven_joint.POSTURE
+    place = [q[6], float(swivel_angle(panda(), q))]
+    assert np.min(np.hypot(np.asarray(fits.x) - place[0], np.asarray(fits.y) - place[1])) < 0.05
+    closed, batch = right["closed form"], right["closed form, a batch"]
+    for series in (closed, batch):
+        # More angles of the last joint can only find more.
+        assert series.y[0] > series.y[1] > series.y[2] and series.y[2] <= 0.05
+    assert right["compiled search"].y[-1] <= 0.05

@@ -1,4 +1,4 @@
-"""Claims of chapter 6: integral windup."""
+"""Claims of chapter 6: integral windup, and angles that wrap."""
 
 import numpy as np
 
@@ -95,4 +95,121 @@ def integral_clamp(result):
         run(None, kp, ki)[0] < 0,
         max(added) < 0.01,
         short > 0.05,
+    )
+
+
+def _wrap(angle):
+    """Return an angle, or an array of them, in [-pi, pi] [rad]."""
+    return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def _turn(reference, angle, *, wrapped, noise=None, stop=np.inf, kd=8.0):
+    """Return the angle of a continuous joint under PD control, counted over turns, shape (n,).
+
+    Args:
+        reference: desired angle [rad].
+        angle: of the joint at the start [rad].
+        wrapped: whether the law wraps its error; the encoder always reports one turn.
+        noise: of each measurement, shape (n - 1,) [rad]; None for 3 s without.
+        stop: where hard stops end the motion on both sides [rad].
+        kd: rate gain [N m s/rad]; 8 is more than critical damping.
+    """
+    from course.control.joint import Actuator, Encoder, Joint, run_joint
+    from course.control.pid import Gains
+
+    parts = Joint(0.5, 0.5), Actuator(), Encoder(), Gains(20.0, 0.0, kd, rate="exact")
+    noise = np.zeros(1500) if noise is None else noise
+    q, v, dt = np.full(noise.size + 1, float(angle)), 0.0, 2e-3
+    for k, wrong in enumerate(noise):
+        error = reference - _wrap(q[k] + wrong)
+        error = _wrap(error) if wrapped else error
+        # A PD law with the exact rate has no memory, so one sample at a time is the same loop.
+        step = run_joint(*parts, q[k] + error, dt, dt, start=(q[k], v, 0.0))
+        q[k + 1], v = step.q[-1], step.v[-1]
+        if abs(q[k + 1]) > stop:
+            q[k + 1], v = np.copysign(stop, q[k + 1]), 0.0
+    return q
+
+
+@claim(
+    "The error of a continuous joint is reference minus angle.",
+    "That is right only while the difference is less than half a turn. With a reference of "
+    "{reference_deg:.0f} degrees and an angle of -{reference_deg:.0f} degrees the plain difference "
+    "is {plain_error_deg:.0f} degrees, and the joint turns by {plain_travel_deg:.0f} degrees. The "
+    "wrapped error atan2(sin e, cos e) is -{wrapped_error_deg:.0f} degrees, and the joint turns by "
+    "{wrapped_travel_deg:.0f}. Half a turn apart, noise or rounding chooses the direction: with "
+    "{noise_deg:g} degrees of noise {forwards:.0f} of {runs:.0f} runs turn forwards. A joint with "
+    "stops must not wrap its error. With stops at {stop_deg:.0f} degrees on both sides, the "
+    "wrapped error from -{far_deg:.0f} to {far_deg:.0f} degrees pushes the joint against the wrong "
+    "stop, {left_deg:.0f} degrees from its reference. Compute the rate from the unwrapped angle or "
+    "from the wrapped difference of two samples: with samples of {dt_ms:.0f} ms the plain "
+    "difference jumps to {spike:.0f} rad/s at the end of a turn, about 2 pi / dt.",
+    source="K. M. Lynch, F. C. Park, Modern Robotics, 2017, sec. 2.3 (configuration spaces)",
+)
+def angle_error_wraps(result):
+    degrees = np.pi / 180.0
+    at = result.input("reference_deg", 179.0) * degrees
+    plain, short = (_turn(at, -at, wrapped=wrapped) for wrapped in (False, True))
+    error = result.measure("plain_error_deg", 2.0 * at / degrees, 1e-9)
+    least = result.measure("wrapped_error_deg", abs(_wrap(2.0 * at)) / degrees, 1e-6)
+    long = result.measure("plain_travel_deg", np.abs(np.diff(plain)).sum() / degrees, 1e-2)
+    travel = result.measure("wrapped_travel_deg", np.abs(np.diff(short)).sum() / degrees, 1e-2)
+
+    # Opposite angles: every measurement is noisy, and the reference is half a turn away.
+    noise, runs = result.input("noise_deg", 0.1) * degrees, result.input("runs", 20)
+    ends = [
+        _turn(np.pi / 2, -np.pi / 2, wrapped=True, noise=noise * result.rng.standard_normal(1500))[
+            -1
+        ]
+        for _ in range(runs)
+    ]
+    forwards = result.measure("forwards", np.sum(np.array(ends) > -np.pi / 2), 1e-6)
+
+    stop = result.input("stop_deg", 170.0) * degrees
+    far = result.input("far_deg", 160.0) * degrees
+    jammed = _turn(far, -far, wrapped=True, stop=stop)
+    free = _turn(far, -far, wrapped=False, stop=stop)
+    result.measure("left_deg", (far - jammed[-1]) / degrees, 1e-3)
+
+    # What a derivative of the encoder sees in the short motion through the seam.
+    dt = 1e-3 * result.input("dt_ms", 2.0)
+    jumps = np.diff(_wrap(short))
+    spike = result.measure("spike", np.abs(jumps).max() / dt, 1e-3)
+    true = np.abs(np.diff(short)).max() / dt
+    # With less damping the plain error sees a joint that overshoots the seam a whole turn away.
+    again = _turn(at, at - 1.0, wrapped=False, kd=1.0)
+    calm = _turn(at, at - 1.0, wrapped=True, kd=1.0)
+    result.statement = (
+        f"From -179 to 179 degrees the joint turns {long:.1f} degrees with the plain error and "
+        f"{travel:.2f} with the wrapped one; {forwards:.0f} of {runs} noisy runs from the opposite "
+        f"side turn forwards."
+    )
+
+    def shortest(gap):
+        """Return whether the plain error takes the short way over a difference [rad]."""
+        low, high = max(-np.pi, -np.pi - gap), min(np.pi, np.pi - gap)
+        angle = result.rng.uniform(low, high)
+        moved = _turn(angle + gap, angle, wrapped=False)
+        return abs(np.abs(np.diff(moved)).sum() - abs(_wrap(gap))) < 0.05
+
+    signs = np.resize([1.0, -1.0], 8)
+    result.statement_holds(
+        long < 2.0 * travel,
+        only_if="the difference stays below half a turn during the whole motion, overshoot "
+        "included",
+        inside=[shortest(gap) for gap in signs * result.rng.uniform(0.1, np.pi - 0.01, 8)],
+        outside=[shortest(gap) for gap in signs * result.rng.uniform(1.02, 1.3, 8) * np.pi],
+    )
+    result.correction_holds(
+        abs(long - error) < 1.0,
+        abs(travel - least) < 0.05,
+        0 < forwards < runs,
+        # Rounding alone: two references that are the same angle go opposite directions.
+        _wrap(np.pi) > 0 > _wrap(-np.pi),
+        jammed[-1] == -stop,
+        abs(free[-1] - far) < 0.01,
+        abs(spike - 2.0 * np.pi / dt) < 1.01 * true,
+        np.abs(_wrap(jumps)).max() / dt < 1.001 * true,
+        abs(again[-1] - at) > np.pi,
+        abs(_wrap(calm[-1] - at)) < 0.3 and np.ptp(calm) < 2.0,
     )

@@ -301,3 +301,62 @@ def clipped_velocities(result):
         within.any(),
         np.allclose(clipped[within], program[within], rtol=1e-6),
     )
+
+
+@claim(
+    "A 7-joint arm has infinitely many postures for one pose, so its inverse kinematics has no "
+    "closed form.",
+    "It has, once one joint is chosen, for an arm whose first three axes meet in a shoulder and "
+    "whose axes 5 and 6 meet in a wrist, such as the Panda. For each angle of the last joint there "
+    "are {most:.0f} postures at most, and {mean_within:.1f} of them respect the joint limits, on "
+    "average over random poses at the angle of the posture that they came from. The worst error "
+    "of the tip is below {bound:.0e} m or rad. A branch ends where the other six joints become "
+    "singular: next to its end their smallest singular value shrinks with the square root of the "
+    "distance, with the exponent {order:.2f}.",
+    source="He and Liu, Analytical inverse kinematics for Franka Emika Panda (2021)",
+)
+def seven_joints_have_no_closed_form(result):
+    from course.kinematics import jacobian, pose_error, singular_values, tip
+    from course.kinematics.seven_joint import BRANCHES, closed_form, postures_within_limits
+
+    arm, q = panda_postures(result.rng, 300)
+    goal = tip(arm, q)
+    solved = closed_form(arm, goal, q[6])
+    there = np.isfinite(solved[0])
+    wide = np.broadcast_to(goal[:, None], (7, BRANCHES, 300))
+    error = np.abs(pose_error(wide[:, there], tip(arm, solved[:, there]))).max()
+    kept = [postures_within_limits(arm, goal[:, k], q[6, k]) for k in range(300)]
+    back = [np.abs(x - q[:, k, None]).max(axis=0).min() for k, x in enumerate(kept)]
+
+    def ends(pose: np.ndarray) -> list[float]:
+        """Return the exponents at which the singular value vanishes at the ends of branches."""
+        grid, exponents = np.linspace(-np.pi, np.pi, 200), []
+        shown = np.isfinite(closed_form(arm, pose, grid)[0])
+        for branch in range(BRANCHES):
+            for k in np.flatnonzero(shown[branch, :-1] != shown[branch, 1:])[:1]:
+                inside, outside = grid[[k, k + 1]] if shown[branch, k] else grid[[k + 1, k]]
+                for _ in range(50):
+                    middle = 0.5 * (inside + outside)
+                    good = np.isfinite(closed_form(arm, pose, middle)[0, branch])
+                    inside, outside = (middle, outside) if good else (inside, middle)
+                way = np.sign(inside - outside)
+                near = [closed_form(arm, pose, inside + way * d)[:, branch] for d in (1e-8, 1e-6)]
+                s = [singular_values(jacobian(arm, x)[:, :6])[-1] for x in near]
+                exponents.append(float(np.log(s[1] / s[0]) / np.log(100.0)))
+        return exponents
+
+    orders = [x for k in range(20) for x in ends(goal[:, k])]
+    result.measure("most", there.sum(axis=0).max())
+    result.measure("mean_within", np.mean([x.shape[1] for x in kept]), 0.05)
+    result.measure("bound", 10.0 ** np.ceil(np.log10(error) + 1.0))
+    result.measure("order", np.median(orders), 0.01)
+    result.statement = (
+        f"300 random postures of the 7-R arm within its limits, and {len(orders)} ends of branches."
+    )
+    result.statement_holds(not there.any())
+    result.correction_holds(
+        error < 1e-12,
+        max(back) < 1e-6,
+        set(there.sum(axis=0)) <= {4, 8},
+        np.allclose(orders, 0.5, atol=0.05),
+    )

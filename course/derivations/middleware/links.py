@@ -446,3 +446,36 @@ def service_takes_five(result):
         abs(last - 5e3 * work) < 0.1,
         received == depth,
     )
+
+
+@claim(
+    "If a tool lists a subscriber of your topic, your publisher's messages reach it.",
+    "Being listed only means that discovery works. On Cyclone DDS, {listed:.0f} of {cases:.0f} "
+    "ways to disagree left the other end listed and not matched: another type under the same topic "
+    "name, and incompatible quality of service. Only the latter raises an event, which named "
+    "{policy}. With another domain id, or without multicast and without a peer, {unlisted:.0f} of "
+    "{silent:.0f} cases listed nothing. Naming the other computer as a peer helped, and one "
+    "direction was enough.",
+    source="OMG, DDS 1.4, 2015, built-in topics; Cyclone DDS, measured",
+)
+def listed_is_matched(result):
+    from course.oracles.discovery import discover
+
+    apart = {case: discover(case) for case in ("other type", "other policy")}
+    unseen = {case: discover(case) for case in ("other domain", "no peer")}
+    works = {case: discover(case) for case in ("works", "with a peer")}
+    result.measure("cases", len(apart))
+    listed = result.measure("listed", sum(x.listed and not x.matched for x in apart.values()))
+    result.measure("policy", apart["other policy"].policy)
+    result.measure("silent", len(unseen))
+    unlisted = result.measure("unlisted", sum(not x.listed for x in unseen.values()))
+    result.statement = "Two processes on Cyclone DDS in each case, without multicast."
+    result.statement_holds(all(x.matched for x in apart.values()))
+    result.correction_holds(
+        listed == len(apart),
+        apart["other policy"].policy == "reliability",
+        apart["other type"].policy == "",
+        unlisted == len(unseen),
+        sum(x.participants for x in unseen.values()) == 0,
+        all(x.matched and x.listed for x in works.values()),
+    )

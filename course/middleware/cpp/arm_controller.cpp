@@ -1,7 +1,9 @@
 // A joint controller in ros2_control's shape. Sizes are checked once, when it is configured and
 // activated. update() is called by the controller manager at its own rate; it neither allocates nor
-// locks, and what is not a number goes out as no torque. An arm without torque falls unless it has
-// brakes: a real one sets them, or holds the last position, where this one reports ERROR.
+// locks, and what is not a number goes out as no torque. A brake does not see NaN: it engages when
+// its current is cut, and until then the arm falls. So update() reports ERROR. In Jazzy the
+// controller manager then deactivates this controller and activates its fallback_controllers; the
+// hardware component has to cut the current of the brakes.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
