@@ -208,7 +208,6 @@ def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
         text = (place / "work" / name).read_text(encoding="utf-8")
         assert "docs/charts" not in text
         pictures = (ROOT / chapter.notebook).read_text("utf-8").count("](../docs/charts/")
-        pictures -= chapter.topic == "kinematics"  # which links to the gallery as well
         assert text.count("(the picture is in the project's tree)") == pictures
 
 
