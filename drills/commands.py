@@ -245,7 +245,7 @@ def graded(
 
         def enter(record: Record) -> None:
             diagnosis = report.diagnosis or report.sentence
-            progress.note_attempt(record, report.passed, costs, found=diagnosis)
+            progress.note_attempt(record, report.passed, costs, diagnosis=diagnosis)
 
         session.record(card.name, enter)
     return report

@@ -136,7 +136,7 @@ def note_attempt(
     passed: bool,
     costs: dict[str, tuple[float, str]],
     now: str | None = None,
-    found: str = "",
+    diagnosis: str = "",
 ) -> None:
     """Enter one grading into a record.
 
@@ -145,9 +145,9 @@ def note_attempt(
         passed: the verdict.
         costs: of this attempt: value and unit by name; they count only for a right answer.
         now: the time, ISO 8601; the clock's if None.
-        found: what is wrong, for the next hint.
+        diagnosis: what is wrong, for the next hint.
     """
-    record.found = "" if passed else "".join(c if c.isprintable() else " " for c in found)[:500]
+    record.found = "" if passed else "".join(c if c.isprintable() else " " for c in diagnosis)[:500]
     now = now or timestamp()
     record.attempts += 1
     record.first = record.first or now

@@ -190,9 +190,9 @@ def run_adaptive(
             errors[k], estimates[k] = q_d - q, theta
             if not np.isfinite(q).any():
                 break
-            seen = q + blur[k]
-            speed, last = (seen - last) / dt, seen
-            e, de = q_d - seen, v_d - speed
+            reading = q + blur[k]
+            speed, last = (reading - last) / dt, reading
+            e, de = q_d - reading, v_d - speed
             s = de + law.slope * e
             # Y of (inertia, damping, load): reference acceleration, reference speed, one.
             Y = np.stack([a_d + law.slope * de, v_d + law.slope * e, ones])[None]

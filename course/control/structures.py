@@ -147,17 +147,17 @@ def observer_law(
     decay, gain = _rate_model(inertia, damping, dt)
     # Rows over (w, last angle, commands sent, newest first), and over the measurement (q, v).
     size = 2 + n
-    rated, seen = np.zeros(size), np.array([0.0, 1.0])
+    rated, measured = np.zeros(size), np.array([0.0, 1.0])
     if rate == "difference":
-        rated[1], seen = -1.0 / dt, np.array([1.0 / dt, 0.0])
+        rated[1], measured = -1.0 / dt, np.array([1.0 / dt, 0.0])
     scale = share / gain
     # Estimated load: scale v - w. The law takes it off the PD command.
-    C, D = -(kd + scale) * rated, -(kd + scale) * seen
+    C, D = -(kd + scale) * rated, -(kd + scale) * measured
     C[0] += 1.0
     D[0] -= kp
     A, B = np.zeros((size, size)), np.zeros((size, 2))
     A[0] = scale * (share - 1.0 + decay) * rated
-    B[0] = scale * (share - 1.0 + decay) * seen
+    B[0] = scale * (share - 1.0 + decay) * measured
     A[0, 0] += 1.0 - share
     B[1, 0] = 1.0
     if n == 0:
@@ -222,21 +222,21 @@ def predictor_law(
     transition, added = _free(inertia, damping, dt)
     # Over (last angle, commands sent, newest first); n + 1 of them.
     size = 2 + n
-    state, seen = np.zeros((2, size)), np.zeros((2, 2))
-    seen[0, 0] = 1.0
+    state, measured = np.zeros((2, size)), np.zeros((2, 2))
+    measured[0, 0] = 1.0
     if rate == "exact":
-        seen[1, 1] = 1.0
+        measured[1, 1] = 1.0
     else:
         # v before this sample from q = last + phi v + gamma u, then over the sample.
         share = transition[1, 1] / transition[0, 1]
-        seen[1, 0], state[1, 0] = share, -share
+        measured[1, 0], state[1, 0] = share, -share
         state[1, -1] = added[1] - share * added[0]
     # Carry the state over the commands under way, the oldest first.
     for k in range(n, 0, -1):
-        state, seen = transition @ state, transition @ seen
+        state, measured = transition @ state, transition @ measured
         state[:, k] += added
     gains = np.array([kp, kd], dtype=float)
-    C, D = -gains @ state, -gains @ seen
+    C, D = -gains @ state, -gains @ measured
     A, B = np.zeros((size, size)), np.zeros((size, 2))
     B[0, 0] = 1.0
     A[1], B[1] = C, D

@@ -148,14 +148,14 @@ def _main(role: str, case: str, seconds: float) -> None:
     status = source.get_offered_incompatible_qos_status()
     mine = member.get_guid()
     types = [one.type_name for one in ends.take(100) if one.topic_name == "joints"]
-    found = Discovered(
+    discovered = Discovered(
         participants=sum(one.key != mine for one in people.take(100)),
         listed=bool(types),
         types=sorted(types),
         matched=matched(),
         policy=NAMES.get(status.last_policy_id, "") if status.total_count else "",
     )
-    print(json.dumps(vars(found)))
+    print(json.dumps(vars(discovered)))
 
 
 if __name__ == "__main__":

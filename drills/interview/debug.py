@@ -56,9 +56,9 @@ def _parse(content: dict[str, Any]) -> Left:
 FORM = json_store.Form("drills-debug/1", "open cases", Left, _parse, asdict)
 
 
-def last_seed(left: Left, name: str) -> int | None:
+def last_seed(saved: Left, name: str) -> int | None:
     """Return the seed of the scenario's last case that is not over, None if there is none."""
-    seeds = [int(key.partition("/")[2]) for key in left.probes if key.partition("/")[0] == name]
+    seeds = [int(key.partition("/")[2]) for key in saved.probes if key.partition("/")[0] == name]
     return seeds[-1] if seeds else None
 
 
@@ -70,21 +70,21 @@ class Log:
         case: that is debugged; it is given the probes of the file.
     """
 
-    def __init__(self, session: Session, case: scenarios.Diagnosis, left: Left) -> None:
+    def __init__(self, session: Session, case: scenarios.Diagnosis, saved: Left) -> None:
         self.session, self.case = session, case
         self.key = f"{case.case.name}/{case.case.seed}"
-        for name in left.probes.get(self.key, []):
+        for name in saved.probes.get(self.key, []):
             case.probe(name)
 
     def update(self, over: bool = False) -> None:
         """Write the probes so far; a case that is over is dropped."""
 
-        def edit(left: Left) -> None:
-            left.probes.pop(self.key, None)
+        def edit(saved: Left) -> None:
+            saved.probes.pop(self.key, None)
             if not over:
-                left.probes[self.key] = [finding.probe for finding in self.case.findings]
-            for key in list(left.probes)[:-OPEN]:
-                del left.probes[key]
+                saved.probes[self.key] = [finding.probe for finding in self.case.findings]
+            for key in list(saved.probes)[:-OPEN]:
+                del saved.probes[key]
 
         try:
             _, notices = json_store.change(path_of(self.session), FORM, edit)
@@ -114,27 +114,27 @@ def command(session: Session, name: str | None, seed: int | None, new: bool) -> 
     """
     if name is None:
         result = [scenarios.scenario(one) for one in scenarios.scenario_names()]
-        left, notices = json_store.load(path_of(session), FORM)
+        saved, notices = json_store.load(path_of(session), FORM)
         session.notices += notices
         for one in result:
-            is_open = "  (open)" * (last_seed(left, one.name) is not None)
+            is_open = "  (open)" * (last_seed(saved, one.name) is not None)
             session.say(f"  {one.name:<10}{one.title}{is_open}")
         session.say()
         session.say("  drills debug NAME   begins, or goes on with one that is open")
         listed = [{"scenario": one.name, "title": one.title} for one in result]
         return session.finish(RIGHT, {"scenarios": listed})
-    left, notices = json_store.load(path_of(session), FORM)
+    saved, notices = json_store.load(path_of(session), FORM)
     session.notices += notices
     if seed is None and not new:
-        seed = last_seed(left, name)
+        seed = last_seed(saved, name)
     try:
         case = scenarios.diagnose(name, secrets.randbelow(1000) if seed is None else seed)
     except ValueError as error:
         raise click.BadParameter(f"{error}.") from None
     rejected: list[str] = []
     if new:
-        left.probes.pop(f"{name}/{case.case.seed}", None)
-    log = Log(session, case, left)
+        saved.probes.pop(f"{name}/{case.case.seed}", None)
+    log = Log(session, case, saved)
     listen()
     read = session.terminal.paged(read_line)
     verdict = talk(session, case, rejected, _lines(session.terminal, read), log.update)

@@ -48,8 +48,8 @@ def say_summary(
     row("cycle, quartiles", *(cycle(one) for _, one in robots))
     for name, one in robots[1:]:
         change = report.compare(one, mine)
-        whose = "the libraries'" if name == "libraries" else name
-        session.say(f"  yours minus {whose}, same tasks and noise, 95 % intervals:")
+        owner = "the libraries'" if name == "libraries" else name
+        session.say(f"  yours minus {owner}, same tasks and noise, 95 % intervals:")
         say_change(session, change)
     session.say()
     if not np.isfinite(mine.rms).all():

@@ -138,8 +138,8 @@ def test_no_forces_are_decided_by_rounding(changed):
         limit=standing.limit * (1.0 + 1e-12),
     )
     for k in range(3):
-        here, there = (np.asarray(standing_qp(*s)[k]) for s in (standing, moved))
-        np.testing.assert_allclose(here, there, atol=1e-6)
+        before, after = (np.asarray(standing_qp(*s)[k]) for s in (standing, moved))
+        np.testing.assert_allclose(before, after, atol=1e-6)
 
 
 COMMON = """

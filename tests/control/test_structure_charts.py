@@ -40,14 +40,14 @@ def test_a_faster_predictor_stands_less_and_a_high_notch_harms() -> None:
 @pytest.mark.slow
 def test_each_cure_bounds_or_slows_the_drift() -> None:
     drift, price = build("adaptive_cures", seconds=12.0, seeds=10)
-    none = drift["none"].y
+    uncured = drift["none"].y
     for name in ("dead zone", "projection", "leakage"):
-        assert max(drift[name].y) < 0.2 * max(none)
-    assert max(drift["normalisation"].y) < 0.3 * max(none)
+        assert max(drift[name].y) < 0.2 * max(uncured)
+    assert max(drift["normalisation"].y) < 0.3 * max(uncured)
     # Early the drift is the predicted one.
     at = np.array(drift["none"].x)
     early = at < 2.0
     assert drift["none"].theory is not None
     known = drift["none"].theory(at[early])
-    assert np.array(none)[early] == pytest.approx(known, rel=0.15)
+    assert np.array(uncured)[early] == pytest.approx(known, rel=0.15)
     assert price["projection"].y[0] < price["dead zone"].y[0]

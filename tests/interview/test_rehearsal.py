@@ -100,15 +100,15 @@ def test_the_follow_up_names_the_weakest_line(levels: list[int], seed: int) -> N
 
 def test_a_number_is_asked_for_where_the_line_has_one() -> None:
     """Of every question, as it is on record: "put a number" comes with a figure or a field."""
-    asked = 0
+    with_number = 0
     for one in rehearsal.spoken(["rigid_body", "contact", "interview"]):
         for at, line in enumerate(one.rubric if not one.paired else ()):
             marks = ["named" if i == at else "defended" for i in range(len(one.rubric))]
             weakest, question = rehearsal.follow_up(one, marks)
             assert weakest == line and line in question
             assert ("Put a number" in question) == any(c.isdigit() or c == "{" for c in line)
-            asked += "Put a number" in question
-    assert asked > 3
+            with_number += "Put a number" in question
+    assert with_number > 3
 
 
 @pytest.mark.parametrize(
@@ -145,15 +145,15 @@ def test_designs_are_drawn_where_designs_are_asked_for(place: Place) -> None:
 def test_open_interviews_are_listed_and_resumed_by_number(place: Place) -> None:
     """Each one that is open; beyond five the oldest gets its report, and says so."""
     assert "No interview is waiting" in place.run("interview", "--list").out
-    said = []
+    printed = []
     for n in range(rehearse.OPEN + 1):
         begun = place.run(
             "interview", "--kind", "concept", "--minutes", "10", text=f"Number {n}.\n"
         )
-        said.append(" ".join(begun.out.split()))
-    assert "not over" not in said[0] and "One earlier interview is not over" in said[1]
-    assert "2 earlier interviews are not over: drills interview --list shows them" in said[2]
-    assert "The oldest one is closed, with its report" in said[-1]
+        printed.append(" ".join(begun.out.split()))
+    assert "not over" not in printed[0] and "One earlier interview is not over" in printed[1]
+    assert "2 earlier interviews are not over: drills interview --list shows them" in printed[2]
+    assert "The oldest one is closed, with its report" in printed[-1]
     (report,) = place.work.glob("interview/report-*.md")
     assert "Number 0." in report.read_text("utf-8")
     rows = place.json("interview", "--list")["open"]

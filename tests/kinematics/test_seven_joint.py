@@ -43,12 +43,12 @@ def test_every_branch_reaches_the_pose_and_one_is_the_posture_it_came_from(seed:
     q = postures(seed, 50)
     goal = tip(ARM, q)
     solved = closed_form(ARM, goal, q[6])
-    there = np.isfinite(solved[0])
+    solvable = np.isfinite(solved[0])
     wide = np.broadcast_to(goal[:, None], (7, BRANCHES, 50))
-    assert np.abs(pose_error(wide[:, there], tip(ARM, solved[:, there]))).max() < 1e-10
+    assert np.abs(pose_error(wide[:, solvable], tip(ARM, solved[:, solvable]))).max() < 1e-10
     # Branches come in pairs of the shoulder, so there are 4 or 8 where a posture is known.
-    assert set(there.sum(axis=0)) <= {4, 8}
-    distance = np.where(there, apart(solved, q[:, None]), np.inf).min(axis=0)
+    assert set(solvable.sum(axis=0)) <= {4, 8}
+    distance = np.where(solvable, apart(solved, q[:, None]), np.inf).min(axis=0)
     # Close to a singular posture rounding grows as the inverse of the smallest singular value.
     assert (distance * singular_values(jacobian(ARM, q)[:, :6])[-1] < 1e-9).all()
 
@@ -59,12 +59,12 @@ def test_all_that_a_search_finds_is_among_the_branches() -> None:
     for k in range(q.shape[1]):
         branches = closed_form(ARM, goal[:, k], q[6, k])
         for seed in range(6):
-            found = ik(ARM, goal[:, k], restarts=5, tolerance=(1e-11, 1e-11), rng=seed)
-            if not found.success:
+            searched = ik(ARM, goal[:, k], restarts=5, tolerance=(1e-11, 1e-11), rng=seed)
+            if not searched.success:
                 continue
             # The search chooses a last joint of its own: the closed form must know that posture.
-            answers = closed_form(ARM, goal[:, k], found.q[6])
-            assert np.nanmin(apart(answers, found.q[:, None])) < 1e-5
+            answers = closed_form(ARM, goal[:, k], searched.q[6])
+            assert np.nanmin(apart(answers, searched.q[:, None])) < 1e-5
         assert np.nanmin(apart(branches, q[:, k, None])) < 1e-6
 
 
@@ -93,11 +93,11 @@ def test_a_branch_ends_where_the_other_six_joints_are_singular() -> None:
     ends, angles = 0, np.linspace(-np.pi, np.pi, 400)
     for q in postures(3, 12).T:
         goal = tip(ARM, q)
-        there = np.isfinite(closed_form(ARM, np.tile(goal[:, None], 400), angles)[0])
+        solvable = np.isfinite(closed_form(ARM, np.tile(goal[:, None], 400), angles)[0])
         for branch in range(BRANCHES):
-            for k in np.flatnonzero(there[branch, :-1] != there[branch, 1:])[:2]:
+            for k in np.flatnonzero(solvable[branch, :-1] != solvable[branch, 1:])[:2]:
                 pair = angles[k], angles[k + 1]
-                inside, outside = pair if there[branch, k] else pair[::-1]
+                inside, outside = pair if solvable[branch, k] else pair[::-1]
                 limit = edge(goal, branch, inside, outside)
                 toward = np.sign(inside - outside)
                 smallest = [

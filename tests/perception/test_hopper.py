@@ -130,8 +130,8 @@ def test_no_estimate_is_decided_by_rounding():
             dt=log.dt * more,
         )
         for k in range(2):
-            here, there = (hopper_filter(*one.sensors)[k] for one in (log, moved))
-            np.testing.assert_allclose(here, there, atol=1e-7)
+            before, after = (hopper_filter(*one.sensors)[k] for one in (log, moved))
+            np.testing.assert_allclose(before, after, atol=1e-7)
 
 
 INFORMATION = """

@@ -48,8 +48,8 @@ def test_the_autocorrelation_is_a_power_of_the_memory(memory):
 
 
 def test_the_first_frame_has_the_variance_of_all_others():
-    many = sample(Noise(memory=0.9), n=3, axes=100_000)
-    assert np.var(many, axis=1) == pytest.approx(np.ones(3), rel=0.02)
+    samples = sample(Noise(memory=0.9), n=3, axes=100_000)
+    assert np.var(samples, axis=1) == pytest.approx(np.ones(3), rel=0.02)
 
 
 def test_tails_are_those_of_a_scaled_student_t_on_each_axis():

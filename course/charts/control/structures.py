@@ -120,7 +120,7 @@ def loop_structures(points: int = 22) -> Iterator[Panel]:
     def derivative(p: float) -> tuple[float, float]:
         return pd_gains(p)[1], 0.0
 
-    def none(_: float) -> tuple[float, float]:
+    def no_spread(_: float) -> tuple[float, float]:
         return 0.0, 0.0
 
     panel = Panel(
@@ -136,10 +136,10 @@ def loop_structures(points: int = 22) -> Iterator[Panel]:
     for label, law, held_back, model in (
         ("PD", pd, derivative, 0.0),
         ("cascade (PID)", cascade, weights, 0.0),
-        ("cascade + feed-forward", cascade, none, LIGHT),
-        ("observer + feed-forward", observer(LATE), none, LIGHT),
-        ("predictor + feed-forward", predictor(LATE), none, LIGHT),
-        ("predictor, half the delay", predictor(LATE // 2), none, LIGHT),
+        ("cascade + feed-forward", cascade, no_spread, LIGHT),
+        ("observer + feed-forward", observer(LATE), no_spread, LIGHT),
+        ("predictor + feed-forward", predictor(LATE), no_spread, LIGHT),
+        ("predictor, half the delay", predictor(LATE // 2), no_spread, LIGHT),
     ):
         used = fastest(law, plant, speeds)
         noise = [NOISE * shapes.torque_noise(plant, law(p)) for p in used]
@@ -182,7 +182,7 @@ def _best(label: str, speeds: Array, noise: list[float], errors: list[float]) ->
 MOTOR, LINK, SPRING, LOSS = 0.2, 0.3, 3000.0, 0.3  # an elastic gear, both inertias making J
 
 
-def stable_interval(law: Law, late: int, most: float = 3.0) -> tuple[float, float]:
+def stable_interval(law: Law, late: int, longest: float = 3.0) -> tuple[float, float]:
     """Return the shortest and longest delay, over the assumed one, around it that are stable."""
 
     def stable(share: float) -> bool:
@@ -190,17 +190,17 @@ def stable_interval(law: Law, late: int, most: float = 3.0) -> tuple[float, floa
 
     def edge(end: float) -> float:
         # The first unstable delay on the way from the assumed one, then bisection.
-        way = np.linspace(1.0, end, 101)
-        bad = next((k for k, x in enumerate(way) if not stable(x)), 0)
+        factors = np.linspace(1.0, end, 101)
+        bad = next((k for k, x in enumerate(factors) if not stable(x)), 0)
         if not bad:
             return end
-        low, high = way[bad - 1], way[bad]
+        low, high = factors[bad - 1], factors[bad]
         for _ in range(30):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if stable(middle) else (low, middle)
         return float(low)
 
-    return edge(0.0), edge(most)
+    return edge(0.0), edge(longest)
 
 
 def elastic_limit(w: float | None, samples: float = 5.0) -> float:
@@ -329,9 +329,9 @@ def adaptive_cures(seconds: float = 20.0, seeds: int = 12) -> Iterator[Panel]:
         squares = np.where(np.isfinite(tail), tail, np.inf) ** 2
         return 1e3 * np.percentile(np.sqrt(np.mean(squares, axis=0)), (25, 50, 75))
 
-    off = float(motion_errors(Cures(), 1e-9)[1])
-    price.lines = [("y", off, "adaptation off")]
-    price.notes = [f"adaptation off: error on the motion {off:.3g} mrad"]
+    unadapted = float(motion_errors(Cures(), 1e-9)[1])
+    price.lines = [("y", unadapted, "adaptation off")]
+    price.notes = [f"adaptation off: error on the motion {unadapted:.3g} mrad"]
     for name, cures in CURES.items():
         still = adaptive_run(cures, True, seconds, seeds)
         estimate = still.estimate[:, 0]

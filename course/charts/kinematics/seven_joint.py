@@ -40,8 +40,8 @@ def curve(target: Array, count: int = 721) -> tuple[Array, Array, Flags, Array]:
     # The sixth joint may pass half a turn.
     q = np.where((q < low) & (q + 2.0 * np.pi <= high), q + 2.0 * np.pi, q)
     swivel = np.full(q.shape[1:], np.nan)
-    there = np.isfinite(q[0])
-    swivel[there] = swivel_angle(arm, q[:, there])
+    solved = np.isfinite(q[0])
+    swivel[solved] = swivel_angle(arm, q[:, solved])
     return last, swivel, ((q >= low) & (q <= high)).all(axis=0), q
 
 
@@ -136,11 +136,11 @@ def seven_joint(
         x = np.broadcast_to(last, swivel.shape)[chosen]
         points = Series(name, x, swivel[chosen], key=key, style="", marker=".", size=3.0)
         left.series.append(points)
-    there = np.isfinite(q[0])
-    wide = np.broadcast_to(tip(arm, POSTURE)[:, None], (7, int(there.sum())))
+    solved = np.isfinite(q[0])
+    wide = np.broadcast_to(tip(arm, POSTURE)[:, None], (7, int(solved.sum())))
     left.notes = [
-        f"{there.sum()} postures of one pose, {fits.sum()} within the limits; the largest error "
-        f"of the tip is {np.abs(pose_error(wide, tip(arm, q[:, there]))).max():.0e} m or rad"
+        f"{solved.sum()} postures of one pose, {fits.sum()} within the limits; the largest error "
+        f"of the tip is {np.abs(pose_error(wide, tip(arm, q[:, solved]))).max():.0e} m or rad"
     ]
     yield left
 
@@ -188,9 +188,11 @@ def seven_joint(
                 spent = (time.process_time() - begin) / len(poses)
                 seconds.setdefault((name, n), []).append(spent)
                 known = np.isfinite(q[0]) & np.asarray(within(arm, np.nan_to_num(q)))
-                off = np.full(len(poses), np.inf)
-                off[known] = np.abs(pose_error(whole[:, known], tip(arm, q[:, known]))).max(axis=0)
-                errors.setdefault((name, n), []).extend(off.tolist())
+                errors_of_batch = np.full(len(poses), np.inf)
+                errors_of_batch[known] = np.abs(
+                    pose_error(whole[:, known], tip(arm, q[:, known]))
+                ).max(axis=0)
+                errors.setdefault((name, n), []).extend(errors_of_batch.tolist())
     for name in dict.fromkeys(name for name, _ in seconds):
         sizes = [n for other, n in seconds if other == name]
         # The mean over poses, as a few of them need many starts; the median over batches.

@@ -57,7 +57,7 @@ def capture_point_stops(result):
     ).rhs
     # The growing part has to vanish.
     result.formula = sympy.solve(sympy.expand(solved).coeff(sympy.exp(t * w)), p)[0]
-    off, late = result.input("off", 0.01), result.input("late", 0.5)
+    short, late = result.input("off", 0.01), result.input("late", 0.5)
 
     def stops(height, x, v, error=0.0, wait=0.0, aim=False):
         """Return whether the pendulum is at rest above its foot six time constants later."""
@@ -78,8 +78,8 @@ def capture_point_stops(result):
     rate = np.sqrt(GRAVITY / 1.0)
     gaps = []
     for seconds in (3.0, 5.0):
-        x_, v_ = _pendulum(0.0, 1.0, (1.0 - off) / rate, rate, seconds / rate)
-        gaps.append(abs(x_ + v_ / rate - (1.0 - off) / rate))
+        x_, v_ = _pendulum(0.0, 1.0, (1.0 - short) / rate, rate, seconds / rate)
+        gaps.append(abs(x_ + v_ / rate - (1.0 - short) / rate))
     growth = result.measure("growth", np.log(gaps[1] / gaps[0]) / 2.0, 1e-4)
     x_, v_ = _pendulum(0.0, 1.0, 0.0, rate, late / rate)
     factor = result.measure("factor", (x_ + v_ / rate) * rate, 1e-4)
@@ -448,10 +448,10 @@ def gain_notices_sooner(result):
         gain = factor * best_gain
         return delay(k_sigma * np.sqrt(gain * density / 2.0) / touch, gain)
 
-    found = minimize_scalar(waits, bounds=(0.3, 1.9), method="bounded", options={"xatol": 1e-4})
-    share = k_sigma * np.sqrt(found.x * best_gain * density / 2.0) / touch
+    optimum = minimize_scalar(waits, bounds=(0.3, 1.9), method="bounded", options={"xatol": 1e-4})
+    share = k_sigma * np.sqrt(optimum.x * best_gain * density / 2.0) / touch
     result.measure("share", share, 0.02)
-    best = result.measure("best_ms", 1e3 * found.fun, 0.02)
+    best = result.measure("best_ms", 1e3 * optimum.fun, 0.02)
     more = result.input("more", 1.8)
     half = result.measure("half", 1e3 * waits(0.5) / best - 1.0, 0.05)
     double = result.measure("double", 1e3 * waits(more) / best - 1.0, 0.05)

@@ -9,11 +9,11 @@ from course.derivations import claim
 
 def _share_limit(stable, low, high):
     """Return where a loop stops being stable between low and high, or high if it does not."""
-    way = np.linspace(low, high, 61)
-    bad = next((k for k, x in enumerate(way) if not stable(x)), 0)
+    grid = np.linspace(low, high, 61)
+    bad = next((k for k, x in enumerate(grid) if not stable(x)), 0)
     if not bad:
         return high
-    low, high = way[bad - 1], way[bad]
+    low, high = grid[bad - 1], grid[bad]
     for _ in range(40):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stable(middle) else (low, middle)
@@ -168,10 +168,10 @@ def observer_as_fast_as_possible(result):
     def stable(*case):
         return growth(loop_matrix(plant, law(*case))) < 1.0
 
-    most = result.input("most", 2000.0)
-    ignored = _share_limit(lambda g: stable(g, False), 1.0, most)
-    known = _share_limit(lambda g: stable(g, True), 1.0, most)
-    double = _share_limit(lambda g: stable(g, True, 1.0), 1.0, most)
+    largest = result.input("most", 2000.0)
+    ignored = _share_limit(lambda g: stable(g, False), 1.0, largest)
+    known = _share_limit(lambda g: stable(g, True), 1.0, largest)
+    double = _share_limit(lambda g: stable(g, True, 1.0), 1.0, largest)
     result.measure("ignored", ignored, 1e-4)
     result.measure("double", double, 1e-4)
     rest = [
@@ -207,7 +207,7 @@ def observer_as_fast_as_possible(result):
         not stable(1.02 * ignored, False),
         stable(0.98 * double, True, 1.0),
         not stable(1.02 * double, True, 1.0),
-        known >= most,
+        known >= largest,
         all(a and b for a, b in sides),
         max(abs(run[-1]) for run in rest) < 1e-4 * plain,
     )
@@ -226,7 +226,7 @@ def notch_can_only_help(result):
     from course.charts.control.structures import LINK, MOTOR, SPRING, elastic_limit
     from course.control import structures
 
-    late, off = result.input("late", 5.0), result.input("off", 0.15)
+    late, mistuned = result.input("late", 5.0), result.input("off", 0.15)
     w = result.measure("w", structures.resonance(MOTOR, LINK, SPRING), 1e-9)
     plain = elastic_limit(None, late)
 
@@ -234,9 +234,9 @@ def notch_can_only_help(result):
         return elastic_limit(share * w, late) / plain
 
     exact = result.measure("exact", factor(1.0), 1e-3)
-    high = result.measure("high", factor(1.0 + off), 1e-3)
-    below = result.measure("below", factor(1.0 - off), 1e-3)
-    edge = _share_limit(lambda share: factor(share) > 1.0, 1.0, 1.0 + off)
+    high = result.measure("high", factor(1.0 + mistuned), 1e-3)
+    below = result.measure("below", factor(1.0 - mistuned), 1e-3)
+    edge = _share_limit(lambda share: factor(share) > 1.0, 1.0, 1.0 + mistuned)
     result.measure("edge", edge - 1.0, 1e-2)
     result.statement = "Largest stable factor on PD gains, over that without a notch."
     result.statement_holds(high >= 1.0)
@@ -294,7 +294,7 @@ def estimate_rests_with_the_arm(result):
         name: result.measure(word, moved(chart.CURES[name]), 0.05)
         for name, word in (("dead zone", "zone"), ("leakage", "leak"), ("projection", "box"))
     }
-    off = result.measure("off", moved(Cures(), 1e-9), 0.05)
+    unadapted = result.measure("off", moved(Cures(), 1e-9), 0.05)
 
     def late_drift(name):
         """Return the drift of the median estimate in the last half of a run at rest [1/s]."""
@@ -313,5 +313,5 @@ def estimate_rests_with_the_arm(result):
         all(ended),
         0.02 * predicted < late_drift("normalisation") < 0.5 * predicted,
         errors["projection"] < errors["leakage"] < errors["dead zone"],
-        math.isfinite(off),
+        math.isfinite(unadapted),
     )

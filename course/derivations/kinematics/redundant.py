@@ -322,11 +322,11 @@ def seven_joints_have_no_closed_form(result):
     arm, q = panda_postures(result.rng, 300)
     goal = tip(arm, q)
     solved = closed_form(arm, goal, q[6])
-    there = np.isfinite(solved[0])
+    solved_at = np.isfinite(solved[0])
     wide = np.broadcast_to(goal[:, None], (7, BRANCHES, 300))
-    error = np.abs(pose_error(wide[:, there], tip(arm, solved[:, there]))).max()
-    kept = [postures_within_limits(arm, goal[:, k], q[6, k]) for k in range(300)]
-    back = [np.abs(x - q[:, k, None]).max(axis=0).min() for k, x in enumerate(kept)]
+    error = np.abs(pose_error(wide[:, solved_at], tip(arm, solved[:, solved_at]))).max()
+    within = [postures_within_limits(arm, goal[:, k], q[6, k]) for k in range(300)]
+    back = [np.abs(x - q[:, k, None]).max(axis=0).min() for k, x in enumerate(within)]
 
     def ends(pose: np.ndarray) -> list[float]:
         """Return the exponents at which the singular value vanishes at the ends of branches."""
@@ -339,24 +339,26 @@ def seven_joints_have_no_closed_form(result):
                     middle = 0.5 * (inside + outside)
                     good = np.isfinite(closed_form(arm, pose, middle)[0, branch])
                     inside, outside = (middle, outside) if good else (inside, middle)
-                way = np.sign(inside - outside)
-                near = [closed_form(arm, pose, inside + way * d)[:, branch] for d in (1e-8, 1e-6)]
+                inwards = np.sign(inside - outside)
+                near = [
+                    closed_form(arm, pose, inside + inwards * d)[:, branch] for d in (1e-8, 1e-6)
+                ]
                 s = [singular_values(jacobian(arm, x)[:, :6])[-1] for x in near]
                 exponents.append(float(np.log(s[1] / s[0]) / np.log(100.0)))
         return exponents
 
     orders = [x for k in range(20) for x in ends(goal[:, k])]
-    result.measure("most", there.sum(axis=0).max())
-    result.measure("mean_within", np.mean([x.shape[1] for x in kept]), 0.05)
+    result.measure("most", solved_at.sum(axis=0).max())
+    result.measure("mean_within", np.mean([x.shape[1] for x in within]), 0.05)
     result.measure("bound", 10.0 ** np.ceil(np.log10(error) + 1.0))
     result.measure("order", np.median(orders), 0.01)
     result.statement = (
         f"300 random postures of the 7-R arm within its limits, and {len(orders)} ends of branches."
     )
-    result.statement_holds(not there.any())
+    result.statement_holds(not solved_at.any())
     result.correction_holds(
         error < 1e-12,
         max(back) < 1e-6,
-        set(there.sum(axis=0)) <= {4, 8},
+        set(solved_at.sum(axis=0)) <= {4, 8},
         np.allclose(orders, 0.5, atol=0.05),
     )

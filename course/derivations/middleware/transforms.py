@@ -248,7 +248,7 @@ def wrong_clock_fails(result):
     ]
     silent = [one for one in errors if one is not None]
     error = result.measure("error_mm", 1e3 * max(silent), 0.02)
-    gone = CACHE - late
+    dropped_after = CACHE - late
     result.statement = "A sender with its clock at random offsets; lookups 0.2 s in the past."
     result.statement_holds(
         looked_up(offset) is None,
@@ -258,20 +258,20 @@ def wrong_clock_fails(result):
             looked_up(float(x)) is None
             for x in (
                 -late - 1e-6,
-                gone + 1e-3,
+                dropped_after + 1e-3,
                 1.7e9,
                 -1.7e9,
                 *-(late + result.rng.uniform(1e-3, 5.0, 4)),
-                *(gone + result.rng.uniform(1e-2, 5.0, 4)),
+                *(dropped_after + result.rng.uniform(1e-2, 5.0, 4)),
             )
         ],
         outside=[
             looked_up(float(x)) is None
             for x in (
                 -late + 1e-6,
-                gone - 0.02,
+                dropped_after - 0.02,
                 *-result.rng.uniform(0.0, 0.95 * late, 4),
-                *result.rng.uniform(0.0, 0.95 * gone, 4),
+                *result.rng.uniform(0.0, 0.95 * dropped_after, 4),
             )
         ],
     )

@@ -143,13 +143,13 @@ def bias_to_first_order(result):
         return _apart(old.corrected(*moved), again), _apart(old, again)
 
     def share(change, spin=1.0):
-        left, full = errors(change, spin=spin)
-        return float(left[1] / full[1])
+        remaining, full = errors(change, spin=spin)
+        return float(remaining[1] / full[1])
 
     draws = range(24)
     angle = result.input("angle", 0.05)
-    left = result.measure("left", max(share(small) for _ in draws), 0.2)
-    much = result.measure("much", max(share(large) for _ in draws), 0.2)
+    remaining = result.measure("left", max(share(small) for _ in draws), 0.2)
+    remaining_large = result.measure("much", max(share(large) for _ in draws), 0.2)
     sizes = np.geomspace(0.01, 0.3, 6)
     mean = [np.mean([errors(size)[0][1] for _ in draws]) for size in sizes]
     order = result.measure("order", np.polyfit(np.log(sizes), np.log(mean), 1)[0], 0.05)
@@ -157,7 +157,7 @@ def bias_to_first_order(result):
     shares = result.rng.uniform(0.05, 0.98, 12)
     result.statement = "Half a second of samples at 200 Hz, with biases changed in any direction."
     result.statement_holds(
-        much < bound,
+        remaining_large < bound,
         only_if="the change of the gyroscope's bias times the interval is a small angle: below "
         "{angle:.2f} rad it leaves less than {bound:.0%} of the velocity's correction",
         # Chosen to break it: a sensor that spins ten times as fast.
@@ -165,4 +165,6 @@ def bias_to_first_order(result):
         + [share(angle * u / seconds, 10.0) < bound for u in shares],
         outside=[share(20.0 * angle * (1.0 + u) / seconds) < bound for u in shares],
     )
-    result.correction_holds(1.85 < order < 2.15, linear < 1e-6, left < 0.05, much > 2.0 * left)
+    result.correction_holds(
+        1.85 < order < 2.15, linear < 1e-6, remaining < 0.05, remaining_large > 2.0 * remaining
+    )

@@ -164,23 +164,25 @@ def test_compiled_and_plain_robots_agree_task_by_task(number: int) -> None:
         assert low - 1e-6 <= value <= high + 1e-6 and abs(value) < 1e-4
 
 
-@pytest.fixture(scope="module", name="worked")
+@pytest.fixture(scope="module", name="worked_answers")
 def the_worked_robot() -> Played:
     """Tasks of a robot that has the worked answer in every slot, as plain Python."""
     return played(5, FEW)
 
 
 @pytest.mark.parametrize("slot", sorted(FUNCTIONS))
-def test_swapping_a_part_for_the_course_s_changes_no_outcome(slot: str, worked: Played) -> None:
+def test_swapping_a_part_for_the_course_s_changes_no_outcome(
+    slot: str, worked_answers: Played
+) -> None:
     """One slot at a time: the worked answer, and the compiled function of its chapter."""
     one = Robot(
         parts_with(), level(5), exact_world(), 0, 0.0, engine=Engine({slot: FUNCTIONS[slot]})
     )
     after = gather([one.play(number) for number in range(FEW)])
     assert after.failure is None and after.breaches == ()
-    np.testing.assert_array_equal(after.success, worked.success)
+    np.testing.assert_array_equal(after.success, worked_answers.success)
     # The interval of each change holds 0, or the change is rounding: below 0.1 mm, no tick.
-    for value, low, high in compare(summarise(worked), summarise(after)):
+    for value, low, high in compare(summarise(worked_answers), summarise(after)):
         assert low <= 0.0 <= high or abs(value) < 1e-4
 
 

@@ -142,8 +142,10 @@ def stop_at(place: Place, seconds: float, *arguments: str) -> tuple[str, float]:
     before = content(place.work)
     terminal = Terminal(place, "robot", "run", *arguments)
     begun = time.monotonic()
-    while (left := seconds - (time.monotonic() - begun)) > 0 and terminal.process.poll() is None:
-        terminal.read(min(left, 0.05))
+    while (
+        remaining := seconds - (time.monotonic() - begun)
+    ) > 0 and terminal.process.poll() is None:
+        terminal.read(min(remaining, 0.05))
     children = descendants(terminal.process.pid)
     if terminal.process.poll() is not None:
         terminal.process.wait()
