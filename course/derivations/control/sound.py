@@ -86,6 +86,9 @@ def half_the_ultimate_gain(result):
     margins = [row.margins() for row in rows]
     over = [row.overshoot for row in rows]
     result.measure("phase_deg", np.degrees(min(m.phase for m in margins)), 1e-3)
+    # The delay as long as the time constant J / b, for comparison.
+    equal = ziegler_nichols("P", 1.0).margins()
+    result.measure("equal_deg", np.degrees(equal.phase), 1e-3)
     result.measure("least", min(over), 1e-3)
     result.measure("most", max(over), 1e-3)
     result.statement = "Margins of the row for P at five delays, and its steps."

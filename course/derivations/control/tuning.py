@@ -592,6 +592,9 @@ def ziegler_nichols_is_safe(result):
     result.measure("over_low", over, 0.02)
     mine = [placed(x) for x in shares]
     result.measure("placed", max(r.overshoot for r in mine), 0.05)
+    margins = [r.margins() for r in mine]
+    result.measure("placed_phase_deg", np.degrees(min(m.phase for m in margins)), 1e-3)
+    result.measure("placed_gain", min(m.gain for m in margins), 1e-3)
     result.statement = "Every row at 25 delays: growth, margins and a step."
     result.statement_holds(min(stable.values()) == 1 and over < 0.2)
     result.correction_holds(
