@@ -1,10 +1,10 @@
 // A joint controller for ros2_control (Kilted, 2025). It names the interfaces that it needs, and
 // checks once, when it is configured and activated, that it has them. update() is called by the
-// controller manager at its own rate; it neither allocates nor waits for a lock, and a torque that
-// is not a number goes out as no torque. A brake does not see NaN: it engages when its current is
-// cut, and until then the arm falls. So update() reports ERROR. The controller manager then
-// deactivates this controller and activates its fallback_controllers; the hardware component has to
-// cut the current of the brakes.
+// controller manager at its own rate; it neither allocates nor waits for a lock (an interface tries
+// its own ten times at most), and a torque that is not a number goes out as no torque. A brake does
+// not see NaN: it engages when its current is cut, and until then the arm falls. So update()
+// reports ERROR. The controller manager then deactivates this controller and activates its
+// fallback_controllers; the hardware component has to cut the current of the brakes.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
