@@ -59,7 +59,6 @@ LIVE_TAG = "live"
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
     "perception": "each image goes through NumPy and SciPy: rendering, k-d trees, poses",
-    "learning.point": "each change trains a policy",
     "pipeline": "each change runs the whole pipeline a hundred times, its planner in Python",
 }
 
