@@ -105,7 +105,7 @@ def loop_gaps(log: Rows) -> NDArray[np.float64]:
 
 
 def ripple(cause: str, seed: int) -> float:
-    """Return the standard deviation of the lag, by its mean."""
+    """Return the standard deviation of the lag divided by its mean."""
     behind = lags(line(cause, seed))
     return float(behind.std() / behind.mean())
 
@@ -200,7 +200,9 @@ SCENARIO = Scenario(
         ),
     ),
     probes=(
-        Probe("lag_ripple", "standard deviation of the lag, by its mean", "", 2, ripple, 0.03),
+        Probe(
+            "lag_ripple", "standard deviation of the lag divided by its mean", "", 2, ripple, 0.03
+        ),
         Probe("half_speed", "half the speed: ratio of the lags", "", 2, half_speed, 0.03),
         Probe(
             "image_age",

@@ -256,8 +256,9 @@ SCENARIO = Scenario(
     title="The policy is right on its model and fails on the robot",
     prompt="An arm of one joint presses keys of all depths and widths. Its policy was trained on "
     "a model, on which it presses every key within the time. On the robot, which stands behind a "
-    "closed door, it does not reach half of them. The program is what you may read; the robot you "
-    "can only run. Which parameter of the robot differs from the model, and what do you change?",
+    "closed door, it misses more than half of them. The program is what you may read; the robot "
+    "you can only run. Which parameter of the robot differs from the model, and what do you "
+    "change?",
     symptom_words="the share of keys pressed and held",
     unit="",
     symptom=symptom,

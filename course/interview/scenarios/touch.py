@@ -319,7 +319,12 @@ SCENARIO = Scenario(
             0.15,
         ),
         Probe(
-            "log_ticks", "longest tick of the loop, by the shortest", "", 5, read(tick_spread), 5.0
+            "log_ticks",
+            "longest tick of the loop divided by the shortest",
+            "",
+            5,
+            read(tick_spread),
+            5.0,
         ),
         Probe(
             "log_switch_on",
@@ -366,7 +371,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "fixed_rate",
-            "the loop on a clock that is never late: ratio of the swings, after to before",
+            "the loop on a clock that is never late: swing with this change divided by swing "
+            "without",
             "",
             8,
             calmer(even),
