@@ -64,7 +64,8 @@ def _even(expression, over, width):
     "{camera_hz:.0f} Hz, {see_ms:.0f} ms for perception, a planner at {plan_hz:.0f} Hz that needs "
     "{plan_ms:.0f} ms and a loop at {loop_hz:.0f} Hz, the mean age is {mean_ms:.1f} ms instead of "
     "{sum_ms:.1f}. Simulated runs give {simulated_ms:.1f} ms, and no age above the bound of "
-    "{bound_ms:.1f} ms.",
+    "{bound_ms:.1f} ms. If the clocks never drift, the mean of a run depends on its start: it lay "
+    "between {locked_least_ms:.0f} and {locked_most_ms:.0f} ms.",
     ask=(
         "Two stages with clocks of their own read the newest value. What is the mean age of the "
         "information behind the command that is in force?",
