@@ -31,12 +31,12 @@ FEW = 3  # how many `next` names
 
 def chosen(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the options that choose among the exercises; a command gets the cards that fit."""
-    chapter = click.option("--chapter", type=int, multiple=True, help="Of this chapter only.")
+    chapter = click.option("--chapter", type=int, multiple=True, help="Only this chapter.")
     level = click.option(
-        "--level", type=click.IntRange(1, 5), multiple=True, help="Of this difficulty only."
+        "--level", type=click.IntRange(1, 5), multiple=True, help="Only this difficulty."
     )
     minutes = click.option(
-        "--minutes", type=click.IntRange(1), help="Those that take so many minutes at most."
+        "--minutes", type=click.IntRange(1), help="Only tasks of at most this many minutes."
     )
     return chapter(level(minutes(function)))
 
@@ -167,7 +167,7 @@ def _list(session: Session, cards: list[Card], last: Sequence[str] = ()) -> int:
 def next_(
     session: Session, chapter: tuple[int, ...], level: tuple[int, ...], minutes: int | None
 ) -> int:
-    """Say what to do next: in the order of the chapters, and what is unsolved."""
+    """Suggest the next unsolved task, in the order of the chapters."""
     loaded, terminal = session.records(), session.terminal
     left = agenda.to_solve(loaded, _fitting(chapter, level, minutes))
     reading = agenda.to_read(loaded, agenda.standings(loaded))
@@ -209,7 +209,7 @@ def next_(
     return session.finish(RIGHT, payload)
 
 
-@cli.command()
+@cli.command(short_help="Copy a starter, or the notebook of a chapter, to work on.")
 @NAME
 @click.option("--force", is_flag=True, help="Replace an answer; it is kept under a numbered name.")
 @options
@@ -240,7 +240,7 @@ def _start_chapter(session: Session, number: int) -> int:
     return session.finish(RIGHT, payload)
 
 
-@cli.command()
+@cli.command(short_help="Mark sections of a chapter as read, or show which are.")
 @click.argument("chapter", type=int)
 @click.argument("section", type=int, nargs=-1)
 @click.option("--all", "everything", is_flag=True, help="Mark every section.")
@@ -324,7 +324,7 @@ def _start(session: Session, card: Card, force: bool, command: str) -> int:
     return session.finish(RIGHT, payload)
 
 
-@cli.command()
+@cli.command(short_help="Show a task: its inputs, its outputs and their units.")
 @NAME
 @options
 @body
@@ -351,14 +351,14 @@ def show(session: Session, name: str) -> int:
     return session.finish(RIGHT, payload)
 
 
-@cli.command()
+@cli.command(short_help="Grade an answer: an exercise by NAME, or a FILE.")
 @click.argument("target", required=False)
 @click.option("--file", "file", metavar="PATH", help="Grade this file (- for standard input).")
 @click.option("--seed", type=SEED, help="Draw the hidden cases from this seed, to replay a run.")
 @click.option("--all", "everything", is_flag=True, help="Check every answer in the work folder.")
 @click.option("--case", is_flag=True, help="Print the first case that failed, as code to run.")
 @click.option("--rendered", is_flag=True, help="Add the feedback as text and HTML to the JSON.")
-@click.option("--called", metavar="TEXT", help="How messages call the file.")
+@click.option("--called", metavar="TEXT", help="Name of the file in messages.")
 @options
 @body
 def check(
@@ -379,7 +379,7 @@ def check(
     return commands.check(session, target, file, seed, rendered, called, case)
 
 
-@cli.command()
+@cli.command(short_help="Grade an answer again each time its file is saved.")
 @NAME
 @click.option("--file", "file", metavar="PATH", help="Watch this file.")
 @click.option("--seed", type=SEED, help="Draw the hidden cases from this seed every time.")
@@ -395,7 +395,7 @@ def watch(session: Session, name: str, file: str | None, seed: int | None) -> in
 @options
 @body
 def hint(session: Session, name: str) -> int:
-    """Give one more hint on NAME each time."""
+    """Show the next hint for NAME."""
     card = catalogue.card(name)
     count = len(card.hints)
 
@@ -424,7 +424,7 @@ def hint(session: Session, name: str) -> int:
     return session.finish(RIGHT, {"drill": card.name, "hints": shown, "left": count - last})
 
 
-@cli.command()
+@cli.command(short_help="Show a worked answer: after a pass, or with --give-up.")
 @NAME
 @click.option("--give-up", is_flag=True, help="Show it before you have solved it.")
 @options
@@ -452,10 +452,10 @@ def solution(session: Session, name: str, give_up: bool) -> int:
     return session.finish(RIGHT, {"drill": card.name, "solution": text, "stands_in": card.solution})
 
 
-@cli.command()
+@cli.command(short_help="Start an exercise over; your answer is kept.")
 @NAME
-@click.option("--force", is_flag=True, help="Don't ask.")
-@click.option("--progress", "forget", is_flag=True, help="Forget what is recorded of it too.")
+@click.option("--force", is_flag=True, help="Do it without asking.")
+@click.option("--progress", "forget", is_flag=True, help="Delete its recorded progress as well.")
 @options
 @body
 def reset(session: Session, name: str, force: bool, forget: bool) -> int:
@@ -568,17 +568,19 @@ def _story(card: Card, record: Record) -> str:
     return f"{card.name}: {', '.join(parts)}"
 
 
-cli.add_command(Later("review", "drills.interview.review", "Ask back what you learned."))
-cli.add_command(Later("interview", "drills.interview.rehearse", "Rehearse an interview, timed."))
+cli.add_command(Later("review", "drills.interview.review", "Review what you learned with cards."))
+cli.add_command(
+    Later("interview", "drills.interview.rehearse", "Rehearse an interview against the clock.")
+)
 
 
-@cli.command()
+@cli.command(short_help="Check the catalogue of exercises itself.")
 @click.argument("names", nargs=-1)
 @click.option("--seeds", default=50, show_default=True, type=click.IntRange(1))
 @options
 @body
 def verify(session: Session, names: tuple[str, ...], seeds: int) -> int:
-    """Prove the catalogue: starters fail, answers pass, every slip is caught and named."""
+    """Check that every starter fails, every worked answer passes, every known slip is named."""
     from drills.verify import Finding
     from drills.verify import verify as prove
 
@@ -609,7 +611,7 @@ cli.add_command(Later("robot", "drills.robot.command", "Build a robot from your 
 cli.add_command(Later("debug", "drills.interview.debug", "Debug a program that misbehaves."))
 
 
-@cli.command()
+@cli.command(short_help="Draw speed and accuracy of your answer beside a library.")
 @NAME
 @click.option("--file", "file", metavar="PATH", help="The answer (- for standard input).")
 @click.option("--seed", type=SEED, default=0, show_default=True)
@@ -623,11 +625,11 @@ def chart(session: Session, name: str, file: str | None, seed: int, output: str 
     return commands.chart(session, card, file, seed, target)
 
 
-@cli.command()
+@cli.command(short_help="Show which protections are active, and what is installed.")
 @options
 @body
 def doctor(session: Session) -> int:
-    """Say which protections are active here, and what the course finds."""
+    """Show which protections are active, and which tools and libraries are installed."""
     from drills import doctor as examination
 
     result = examination.examine(session.work, session.progress_file)

@@ -112,9 +112,11 @@ Body = Callable[..., int]
 def options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the options that every command has."""
     work = click.option(
-        "--work", metavar="FOLDER", help="Folder of your answers (else DRILLS_WORK, else work)."
+        "--work", metavar="FOLDER", help="Folder with your answers (default: DRILLS_WORK, or work)."
     )
-    as_json = click.option("--json", "as_json", is_flag=True, help="End with one line of JSON.")
+    as_json = click.option(
+        "--json", "as_json", is_flag=True, help="Print one line of JSON at the end."
+    )
     return as_json(work(function))
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import invalid
+from course.check import invalid, one_of
 from course.libraries import import_error
 from course.perception.camera import Array, Camera, Ids, Shapes
 from course.rigid_body.quaternion import from_matrix, to_matrix
@@ -211,3 +211,84 @@ class Cloud:
         stop = r.ICPConvergenceCriteria(change, change, iterations)
         result = r.registration_icp(self.handle, target.handle, gate, matrix(start), kind, stop)
         return Registered(pose_of(result.transformation), result.fitness, result.inlier_rmse)
+
+
+# --- Without a start: features --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """A cloud on a grid, with normals and a feature for each point.
+
+    Attributes:
+        cloud: the means of the grid.
+        feature: a fast point feature histogram (FPFH) for each (Rusu, Blodow and Beetz, 2009).
+        voxel: of the grid [m].
+    """
+
+    cloud: Cloud
+    feature: Any
+    voxel: float
+
+    @classmethod
+    def of(
+        cls,
+        cloud: Cloud,
+        voxel: float,
+        towards: ArrayLike | None = None,
+        flat: float = 0.0,
+    ) -> Features:
+        """Compute them, with the radii that Open3D's documentation uses: 2 and 5 cells.
+
+        Args:
+            cloud: with normals that point outwards, if `towards` is None.
+            voxel: of the grid [m].
+            towards: the camera, (3,) [m]: normals are estimated and turned to it. A feature depends
+                on their sign, so that of model and image have to agree.
+            flat: least radius for the normals, of noisy points several deviations [m].
+        """
+        o3d = library()
+        some = cloud.handle.voxel_down_sample(voxel)
+        if towards is not None:
+            some.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(max(2.0 * voxel, flat), 100))
+            some.orient_normals_towards_camera_location(np.asarray(towards, dtype=float))
+        search = o3d.geometry.KDTreeSearchParamHybrid(5.0 * voxel, 100)
+        feature = o3d.pipelines.registration.compute_fpfh_feature(some, search)
+        return cls(Cloud.of(some), feature, voxel)
+
+
+def register_features(
+    source: Features, target: Features, method: str = "ransac", seed: int = 0
+) -> Registered:
+    """Return a registration that needs no start, by pairs of points with similar features.
+
+    Args:
+        source: of the image.
+        target: of the model.
+        method: "ransac", three pairs at a time, checked by the lengths of their edges; "fast", all
+            pairs at once with a robust cost (Zhou, Park and Koltun, 2016).
+        seed: of the samples.
+    """
+    one_of("method", method, ("ransac", "fast"))
+    o3d = library()
+    r = o3d.pipelines.registration
+    o3d.utility.random.seed(seed)
+    ends = (source.cloud.handle, target.cloud.handle, source.feature, target.feature)
+    reach = 1.5 * source.voxel
+    if method == "fast":
+        option = r.FastGlobalRegistrationOption(maximum_correspondence_distance=reach)
+        result = r.registration_fgr_based_on_feature_matching(*ends, option)
+    else:
+        result = r.registration_ransac_based_on_feature_matching(
+            *ends,
+            True,
+            reach,
+            r.TransformationEstimationPointToPoint(False),
+            3,
+            [
+                r.CorrespondenceCheckerBasedOnEdgeLength(0.9),
+                r.CorrespondenceCheckerBasedOnDistance(reach),
+            ],
+            r.RANSACConvergenceCriteria(100_000, 0.999),
+        )
+    return Registered(pose_of(result.transformation), result.fitness, result.inlier_rmse)

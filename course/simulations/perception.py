@@ -373,7 +373,7 @@ def press(controls, state, key):
 PRESETS = {
     "Clean": Preset({}, "Dashed is the truth. Drag a part, turn it by its knob, click on the bare "
         "table for a thin one; arrows, + and - do it too. Then play: new noise in each picture.",
-        "Dashed outlines are the truth, solid ones the estimate. Every frame has new noise."),
+        "Dashed outlines are the truth, solid ones the estimate."),
     "Small parts lost": Preset({"tolerance": 10.0, "least": 50, "eps": 17.0, "pieces": _placed(
         (*_SMALL, 0.003, -0.1, 0.07, 0.5), (*_SMALL, 0.006, -0.1, -0.06, 0.5),
         (*_SMALL, 0.008, 0.0, 0.07, 0.9), (*_SMALL, 0.01, 0.0, -0.08, 0.3),
@@ -408,6 +408,20 @@ PRESETS = {
     "Scale error": Preset({"scale": 1.01}, "Depths 1 % too long: each pose is about 8 mm off, with "
         "less than 0.1 mm predicted and nothing seen through. Only a length known from "
         "outside tells, or the outline once it is off by a pixel."),
+    "Close, too short": Preset({"distance": 0.5, "scale": 0.99}, "At 0.5 m, with depths 1 % too "
+        "short, the part is about 5 mm off; at 0.8 m an error of 1 % costs 8 mm. Only a shorter "
+        "distance or a calibrated scale reduces it."),
+    "Far away": Preset({"distance": 1.4, "noise": 0.2}, "The error of a depth grows with the "
+        "square of the distance. At 1.4 m with this noise, parts of the bare table stand above "
+        "the plane and form clusters of their own, and a position is millimetres off."),
+    "Far, correlated": Preset({"distance": 1.4, "noise": 0.2, "window": 7}, "The same noise, "
+        "correlated over 7 pixels, does not average out within a voxel: it makes dozens of "
+        "clusters out of a table with three parts."),
+    "Coarse voxels": Preset({"voxel": 15.0}, "Voxels of 15 mm leave so few points that none has "
+        "12 neighbours within 15 mm: no cluster forms, and all parts are lost."),
+    "Coarse, wider search": Preset({"voxel": 10.0, "eps": 40.0, "least": 4}, "With voxels of "
+        "10 mm, 4 neighbours within 40 mm are enough for a cluster: all three parts are found "
+        "again. Parts closer together than 40 mm would now be one cluster."),
 }  # fmt: skip
 
 # What each number below the picture means.

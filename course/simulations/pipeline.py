@@ -503,6 +503,12 @@ PRESETS = {
         "each: the plan runs out of samples or comes late, and the arm waits."),
     "Kp high, Kd zero": Preset({"kp": 150.0, "kd": 0.0}, "The arm overshoots and rings; only the "
         "friction of its joints damps it."),
+    "More damping": Preset({"kp": 150.0, "kd": 16.0}, "With the same Kp and more damping the arm "
+        "swings less than a third as far around its reference, and all counted seeds succeed. But "
+        "the largest stable step of the physics is about a sixth of what it is without Kd."),
+    "Physics step above its limit": Preset({"dt": 12.0}, "The step is a fifth longer than the "
+        "largest stable one. Energy appears from nowhere, a few percent, and the run still "
+        "succeeds: success alone does not show that the step is too long."),
     "Physics step to maximum": Preset({"dt": 20.0}, "The step exceeds the stability limit of the "
         "posture. The simulation creates energy, and only the torque limits keep the arm from "
         "flying off. More damping lowers the limit; folding the arm raises it."),
@@ -513,6 +519,9 @@ PRESETS = {
         "the target than either error alone would allow."),
     "Stale camera": Preset({"latency": 600.0, "speed": 0.06, "noise": 0.01}, "The estimate is "
         "where the target was. A more accurate camera does not help; a faster one does."),
+    "A faster camera": Preset({"latency": 300.0, "speed": 0.06, "noise": 0.01}, "Half the age of "
+        "a stale picture, and still no counted seed succeeds: while a picture is on its way, the "
+        "target moves by almost 2 cm."),
     "All to extremes": Preset({"noise": 0.2, "filtered": False, "edge": 0.02, "kp": 200.0,
         "kd": 0.0, "dt": 20.0, "latency": 600.0, "speed": 0.1}, "Nothing works, and no single "
         "stage cures it. Read the contract that broke first, fix that stage, and read again.",

@@ -154,8 +154,8 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
         shutil.copy(picture, pictures)
     (pictures / STILL).write_bytes(notebooks.first_picture(notebooks.FILM.read_bytes()))
     static = folder / "_static"
-    shutil.copy(HERE / "course.css", static)
-    shutil.copy(HERE / "page.js", static)
+    for name in ("course.css", "page.js", "math.woff2", "math_license.txt"):
+        shutil.copy(HERE / name, static)
     (static / "live.js").write_text(declaration.script(), encoding="utf-8")
 
 

@@ -23,6 +23,16 @@ _PARTS = {
     "msubsup": 3,
     "munderover": 3,
 }
+# Names of functions: TeX sets a thin space between them and a letter or number beside them.
+_NAME = (
+    r"<mi>(?:arccos|arcsin|arctan|cos|cosh|cot|exp|ln|log|sin|sinh|tan|tanh)</mi>"
+    r"|<msup><mi>(?:cos|sin|tan|log)</mi><m[in]>[^<]*</m[in]></msup>"
+)
+_BESIDE = re.compile(
+    rf"(?P<before></mi>|</mn>|</msub>|</msup>|</mfrac>)(?=(?:{_NAME}))"
+    rf"|(?P<name>{_NAME})(?=<m(?:i|n|sub|sup|frac|over|sqrt)\b)"
+)
+_THIN = '<mspace width="0.167em"/>'
 # What is no text: code, comments, tags. Then a formula of its own line, and one in a line.
 _PART = re.compile(
     r"<(?P<quiet>code|pre|script|style|math)\b.*?</(?P=quiet)>|<!--.*?-->|</?[A-Za-z][^<>]*>"
@@ -64,6 +74,7 @@ def mathml(tex: str, block: bool = False) -> str:
     # A frame is not part of what browsers draw of MathML; a border is.
     made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
     made = made.replace("</menclose>", "</mrow>")
+    made = _BESIDE.sub(lambda match: match[0] + _THIN, made)
     # The LaTeX stays as alternative text, for screen readers and for copying.
     message = html.escape(" ".join(tex.split()))
     return made.replace("<math ", f'<math alttext="{message}" ', 1)

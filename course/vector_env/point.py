@@ -118,7 +118,8 @@ def _observe(p, v, goal, numbers, i, row):
 _look_at = numba.extending.register_jitable(_observe)
 
 
-def _move_points(p, v, goal, steps, actions, numbers):
+@numba.extending.register_jitable
+def move_points(p, v, goal, steps, actions, numbers):
     """Step N points in place; observations, rewards, terminations, truncations."""
     dt, radius, limit, kind, prize, bonus = numbers[:6]
     n = p.shape[1]
@@ -147,7 +148,8 @@ def _move_points(p, v, goal, steps, actions, numbers):
     return observations, rewards, terminated, truncated
 
 
-def _start_points(draws, ids, p, v, goal, steps, numbers):
+@numba.extending.register_jitable
+def start_points(draws, ids, p, v, goal, steps, numbers):
     """Put the points `ids` at rest; their observations. Four draws from [0, 1) each.
 
     Point and goal are uniform in a square of 2 m; with a bonus for being near the goal is uniform
@@ -180,8 +182,8 @@ def kernels() -> tuple[Any, Any]:
     """Return the compiled functions: move, start."""
     moved = types.Tuple((MATRIX, VECTOR, _FLAGS, _FLAGS))
     return (
-        compiled(_move_points, moved(*_STATE, _ACTIONS, VECTOR)),
-        compiled(_start_points, MATRIX(MATRIX, _COUNTS, *_STATE, VECTOR)),
+        compiled(move_points, moved(*_STATE, _ACTIONS, VECTOR)),
+        compiled(start_points, MATRIX(MATRIX, _COUNTS, *_STATE, VECTOR)),
     )
 
 

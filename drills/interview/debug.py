@@ -101,16 +101,16 @@ def path_of(session: Session) -> Path | None:
 
 @click.command("debug")
 @click.argument("name", required=False)
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="The same case again.")
-@click.option("--new", is_flag=True, help="Begin a new case where one is open.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Repeat the case with this seed.")
+@click.option("--new", is_flag=True, help="Begin a new case even if one is open.")
 @options
 @body
 def command(session: Session, name: str | None, seed: int | None, new: bool) -> int:
-    """Debug a scenario: run probes, name the cause, repair it; without NAME, list them.
+    """Find the fault of a program: run probes, name the cause, repair it.
 
-    A case that you left open goes on, with the probes that you ran.
+    Without NAME, list the scenarios. A case that you left open continues, with its probes.
 
-    A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
+    What you can type: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
     """
     if name is None:
         result = [scenarios.scenario(one) for one in scenarios.scenario_names()]

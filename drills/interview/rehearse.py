@@ -563,17 +563,17 @@ def chapters_of(context: object, option: object, text: str | None) -> frozenset[
 
 @click.command("interview")
 @click.option("--minutes", default=45, show_default=True, type=click.IntRange(1, 480))
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Of the draw.")
-@click.option("--chapters", metavar="1,5", callback=chapters_of, help="Of these chapters only.")
-@click.option("--kind", multiple=True, type=click.Choice(PARTS), help="Of this kind only.")
-@click.option("--list", "listing", is_flag=True, help="List those that are not over.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of the random draw.")
+@click.option("--chapters", metavar="1,5", callback=chapters_of, help="Only these chapters.")
+@click.option("--kind", multiple=True, type=click.Choice(PARTS), help="Only this kind of question.")
+@click.option("--list", "listing", is_flag=True, help="List unfinished interviews.")
 @click.option(
     "--resume",
     type=click.IntRange(1),
     is_flag=False,
     flag_value=1,
     metavar="[NUMBER]",
-    help="Go on with the last one that is not over, or with that of --list.",
+    help="Continue the last unfinished interview, or the one with this number in --list.",
 )
 @options
 @body
@@ -586,7 +586,7 @@ def command(
     listing: bool,
     resume: int | None,
 ) -> int:
-    """Rehearse an interview: asked, timed, marked by yourself, a drill by the grader."""
+    """Rehearse an interview against the clock. You mark your answers; code is graded."""
     listen()
     person = sys.stdin.isatty() and sys.stdout.isatty() and not session.terminal.json
     talk = Talk(session, session.terminal.paged(read_line), editor=person)

@@ -201,15 +201,15 @@ def span(time: timedelta) -> str:
 
 
 @click.command("review")
-@click.option("--chapters", metavar="1,5", callback=chapters_of, help="Of these chapters only.")
+@click.option("--chapters", metavar="1,5", callback=chapters_of, help="Only these chapters.")
 @click.option(
-    "--limit", default=LIMIT, show_default=True, type=click.IntRange(1), help="Ask so many cards."
+    "--limit", default=LIMIT, show_default=True, type=click.IntRange(1), help="Number of cards."
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Draw the same new cards again.")
 @options
 @body
 def command(session: Session, chapters: frozenset[int], limit: int, seed: int | None) -> int:
-    """Ask back what you learned: cards that are due, then new ones, rated by you."""
+    """Review what you learned: cards that are due, then new ones. You rate yourself."""
     listen()
     return Round(session, session.terminal.paged(read_line)).run(
         chapters, limit, secrets.randbits(32) if seed is None else seed

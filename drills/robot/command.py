@@ -35,7 +35,7 @@ def command(context: click.Context, as_json: bool, work: str | None) -> int:
 @options
 @body
 def status(session: Session) -> int:
-    """Draw the robot with its slots: who holds each, and which levels are passed."""
+    """Draw the robot: whose part is in each slot, and which levels are passed."""
     return _status(session)
 
 

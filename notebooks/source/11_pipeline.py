@@ -579,15 +579,17 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# No difference in success or error was found. For the rows with images this says little: with their 20 runs, the
-# success rate could be anywhere in the interval in the table. MuJoCo's rays give the same images as our camera, so
-# the errors agree exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less
-# than a micrometre. So on this task both programs interpret the exchanged data alike. One mistake stays hidden: the
-# table is level, so a wrong sign of gravity has no effect.
+# No difference in success or error was found, but the interval of Open3D's error only just contains zero. For the rows
+# with images this says little: with their 20 runs, the success rate could be anywhere in the interval in the table.
+# MuJoCo's rays give the same images as our camera, so the errors agree exactly. With MuJoCo's motion, or with
+# Pinocchio's torques, the mean final error changes by less than a micrometre. So on this task both programs interpret
+# the exchanged data alike. One mistake stays hidden: the table is level, so a wrong sign of gravity has no effect.
 #
-# The *time* panel says nothing about the libraries. A foreign stage is called from Python at every step, while our
-# own run is compiled as a whole. In the rows with images our own run renders images too and is slow already, so the
-# ratio is small.
+# Our own run is compiled as a whole, while a library that moves or commands the arm is called from Python at every
+# step. The last row of the *time* panel shows what that call costs: there our own motion is called in the same way,
+# and takes about as long as MuJoCo's. So the long times of these rows come from the interface, not from the libraries.
+# In the rows with images the run spends nearly all its time on rendering and perception, which are few and long calls.
+# There the ratios do compare the libraries with our stages.
 #
 # ## 4 · Code
 #
@@ -727,8 +729,9 @@ table(
 # %% [markdown]
 # Between 4 and 1 ms, halving the step reduces the error during the motion to about a half, as it should for a
 # first-order method. At 8 ms, close to the stability limit, the error is not yet proportional to the step. The last
-# reduction looks too strong, because the reference itself has an error. Part of the distance between the two curves
-# is the overhead of calling MuJoCo through Python; we did not separate it.
+# reduction looks too strong, because the reference itself has an error. The dashed curve is our own motion, called
+# from Python at every step as MuJoCo is. It lies close to MuJoCo's curve, so most of the distance from the solid curve
+# is the price of these calls.
 #
 # Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
 # chart compares the distributions of the final error along the target's motion and across it, quantile against

@@ -64,41 +64,124 @@ def test_a_program_that_dies_says_why(program, monkeypatch):
         controller.drive(program, "update", settings(2), [[0.0] * 4])
 
 
-def test_a_handle_that_is_busy_is_no_number(program, tmp_path):
-    """As in ros2_control: without a value, or not written, where another thread has the lock."""
-    text = (controller.SOURCE.parent / "ros2_control_stub.hpp").read_text()
-    assert "std::optional<double> get_optional()" in text and "[[nodiscard]] bool set_value" in text
-    code = tmp_path / "busy.cpp"
-    code.write_text(
-        '#include "arm_controller.cpp"\n#include <cstdio>\nint main() {\n'
-        "  double state[2] = {0.5, 0.0}, command = 7.0;\n"
-        "  hardware_interface::Handle q(&state[0]), v(&state[1]), u(&command);\n"
-        "  for (int busy = 0; busy < 3; ++busy) {\n"
-        "    q.busy = busy == 1; u.busy = busy == 2;\n"
-        "    ArmController controller;\n"
-        '    controller.parameters["target"] = {1.0}; controller.parameters["stiffness"] = {4.0};\n'
-        '    controller.parameters["damping"] = {1.0}; controller.parameters["limit"] = {9.0};\n'
-        "    controller.assign({q, v}, {u});\n"
-        "    if (controller.on_configure() != controller_interface::CallbackReturn::SUCCESS ||\n"
-        "        controller.on_activate() != controller_interface::CallbackReturn::SUCCESS)\n"
-        "      return 1;\n"
-        "    const auto result = controller.update({}, {});\n"
-        "    const bool good = result == controller_interface::return_type::OK;\n"
-        '    std::printf("%d %g\\n", good ? 1 : 0, command);\n  }\n}\n'
+BY_HAND = """
+#include "arm_controller.cpp"
+#include <cstdio>
+using controller_interface::CallbackReturn;
+struct Arm {  // one joint, with interfaces of the names that are given
+  ArmController controller;
+  std::shared_ptr<hardware_interface::Handle> q, v, u;
+  CallbackReturn start(const char* first, const char* second, double limit) {
+    auto& given = controller.get_node()->overrides;
+    given["joints"] = std::vector<std::string>{"elbow"};
+    given["target"] = std::vector<double>{1.0};
+    given["stiffness"] = std::vector<double>{4.0};
+    given["damping"] = std::vector<double>{1.0};
+    given["limit"] = std::vector<double>{limit};
+    if (controller.on_init() != CallbackReturn::SUCCESS) return CallbackReturn::ERROR;
+    const auto configured = controller.on_configure(rclcpp_lifecycle::State());
+    if (configured != CallbackReturn::SUCCESS) return configured;
+    using hardware_interface::Handle;
+    q = std::make_shared<Handle>(Handle{first, 0.5});
+    v = std::make_shared<Handle>(Handle{second, 0.0});
+    u = std::make_shared<Handle>(Handle{"elbow/effort", 7.0});
+    std::vector<hardware_interface::LoanedStateInterface> states;
+    states.emplace_back(q);
+    states.emplace_back(v);
+    std::vector<hardware_interface::LoanedCommandInterface> commands;
+    commands.emplace_back(u);
+    controller.assign_interfaces(std::move(commands), std::move(states));
+    return controller.on_activate(rclcpp_lifecycle::State());
+  }
+};
+"""
+
+
+def by_hand(folder, body: str) -> subprocess.CompletedProcess[str]:
+    """Compile a program with the controller as `build` does, and return what the compiler said."""
+    (folder / "hand.cpp").write_text(f"{BY_HAND}int main() {{\n{body}\n}}\n")
+    return subprocess.run(
+        [
+            controller.compiler() or "",
+            *controller.FLAGS,
+            f"-I{controller.SOURCE.parent}",
+            str(folder / "hand.cpp"),
+            "-o",
+            str(folder / "hand"),
+        ],
+        capture_output=True,
+        text=True,
     )
-    made = tmp_path / "busy"
-    folder = controller.SOURCE.parent
-    command = [
-        controller.compiler() or "",
-        *controller.FLAGS,
-        f"-I{folder}",
-        str(code),
-        "-o",
-        str(made),
-    ]
-    subprocess.run(command, check=True)
-    done = subprocess.run([str(made)], capture_output=True, text=True, check=True)
-    assert done.stdout.split("\n")[:3] == ["1 2", "0 0", "0 0"]
+
+
+def run_by_hand(folder, body: str) -> list[str]:
+    """Return the lines that such a program prints."""
+    built = by_hand(folder, body)
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([str(folder / "hand")], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
+
+
+def test_an_interface_that_is_busy_is_no_number(program, tmp_path):
+    """As in ros2_control: without a value, or not written, where another thread has the lock."""
+    lines = run_by_hand(
+        tmp_path,
+        """
+  for (int busy = 0; busy < 3; ++busy) {
+    Arm arm;
+    if (arm.start("elbow/position", "elbow/velocity", 9.0) != CallbackReturn::SUCCESS) return 1;
+    arm.q->busy = busy == 1;
+    arm.u->busy = busy == 2;
+    const auto result = arm.controller.update(rclcpp::Time(), rclcpp::Duration(0, 1000000));
+    const bool good = result == controller_interface::return_type::OK;
+    std::printf("%d %g\\n", good ? 1 : 0, arm.u->value);
+  }""",
+    )
+    # 4 (1 - 0.5) = 2; no torque without a reading; the old torque where it cannot be written.
+    assert lines == ["1 2", "0 0", "0 7"]
+
+
+def test_it_names_its_interfaces_and_rejects_others(program, tmp_path):
+    lines = run_by_hand(
+        tmp_path,
+        """
+  Arm arm;
+  const auto code = [](CallbackReturn one) { return one == CallbackReturn::SUCCESS ? 1 : 0; };
+  std::printf("%d\\n", code(arm.start("elbow/position", "elbow/velocity", 9.0)));
+  for (const auto& name : arm.controller.state_interface_configuration().names)
+    std::printf("%s\\n", name.c_str());
+  for (const auto& name : arm.controller.command_interface_configuration().names)
+    std::printf("%s\\n", name.c_str());
+  std::printf("%d\\n", code(Arm().start("elbow/velocity", "elbow/position", 9.0)));
+  std::printf("%d\\n", code(Arm().start("wrist/position", "elbow/velocity", 9.0)));
+  std::printf("%d\\n", code(Arm().start("elbow/position", "elbow/velocity", -9.0)));
+  std::printf("%d\\n", code(Arm().start("elbow/position", "elbow/velocity", NAN)));""",
+    )
+    names = ["elbow/position", "elbow/velocity", "elbow/effort"]
+    # Swapped, of another joint, and limits that std::clamp is not defined for.
+    assert lines == ["1", *names, "0", "0", "0", "0"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("call", "report"),
+    [
+        ("const double x = one.get_value(); (void)x;", "get_value"),
+        ("one.set_value(1.0);", "nodiscard|unused-result"),
+        ("auto copy = one; (void)copy;", "deleted"),
+        ("ArmController().on_configure();", "on_configure"),
+        ("ArmController().update({}, {});", "explicit|convert|initializer"),
+    ],
+)
+def test_the_older_calls_do_not_compile(program, tmp_path, call: str, report: str):
+    body = (
+        "  hardware_interface::LoanedCommandInterface one(\n"
+        "      std::make_shared<hardware_interface::Handle>());\n"
+    )
+    assert by_hand(tmp_path, body).returncode == 0
+    built = by_hand(tmp_path, f"{body}  {call}")
+    assert built.returncode != 0
+    assert re.search(report, built.stderr)
 
 
 def test_the_common_form_reads_beyond_its_vectors(program):
@@ -119,8 +202,9 @@ def test_the_common_form_reads_beyond_its_vectors(program):
     assert len(controller.drive(program, "callback", targets, [six] * 3).torque) == 3
 
 
-def test_the_stub_is_short():
-    stub = controller.SOURCE.parent / "ros2_control_stub.hpp"
+@pytest.mark.parametrize("name", ["rclcpp_stub.hpp", "ros2_control_stub.hpp"])
+def test_the_stubs_are_short(name: str):
+    stub = controller.SOURCE.parent / name
     assert len(stub.read_text().splitlines()) <= 100
 
 

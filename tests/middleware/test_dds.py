@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from course.middleware import QoS, compatible
-from course.oracles import cyclonedds, discovery, qos_matrix, slow_reader
+from course.oracles import cyclonedds, discovery, qos_matrix, slow_reader, unserved
 from tests.optional import REQUIRED
 
 pytestmark = pytest.mark.skipif(
@@ -175,3 +175,27 @@ def test_what_is_listed_and_what_is_matched(case, participants, types, matched, 
     assert result == discovery.Discovered(participants, bool(types), types, matched, policy)
     with pytest.raises(ValueError, match="case must be"):
         discovery.discover("no cable")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "listed", "matched", "policy", "replied", "cause"),
+    [
+        ("answers", True, True, "", True, "answers"),
+        ("no server", False, False, "", False, "not discovered"),
+        ("other type", True, False, "", False, "type mismatch"),
+        ("other policy", True, False, "durability", False, "policy mismatch"),
+        ("busy", True, True, "", False, "server busy"),
+    ],
+)
+def test_a_request_without_a_reply_has_a_cause_that_discovery_shows(
+    case, listed, matched, policy, replied, cause
+):
+    result = unserved.request(case)
+    assert result == unserved.Requested(listed, matched, policy, replied)
+    assert result.cause == cause and cause in unserved.CAUSES
+
+
+def test_an_unknown_case_of_a_request_is_rejected():
+    with pytest.raises(ValueError, match="case must be"):
+        unserved.request("lost")

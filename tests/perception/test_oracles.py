@@ -5,10 +5,11 @@ import sys
 import numpy as np
 import pytest
 
+from course.charts.perception import features
 from course.kinematics.chain import invert
 from course.oracles import open3d, small_gicp
 from course.oracles.mujoco import camera as mujoco
-from course.perception import Camera, render, shape, together
+from course.perception import Camera, pose_distance, render, shape, together, yaw_net
 from course.rigid_body.quaternion import rotate, to_matrix
 from tests.perception.draws import SMALL, at, boxes, facing
 
@@ -126,3 +127,21 @@ def test_a_missing_library_says_what_to_install(monkeypatch, name, adapter, repo
     monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(ImportError, match=report):
         adapter.library()
+
+
+def test_features_find_a_known_transform_without_a_start():
+    """Of an L seen from all sides, so that nothing of it is missing."""
+    points, normals = features.surface(yaw_net.L_PART, 20_000, np.random.default_rng(0))
+    model = open3d.Cloud(points)
+    model.set_normals(normals)
+    pose = at(0.3, -0.2, 0.5, (0.4, 2.0, -1.1))
+    R = to_matrix(pose[3:])
+    moved = open3d.Cloud(R @ points + pose[:3, None])
+    moved.set_normals(R @ normals)
+    target, source = open3d.Features.of(model, 0.006), open3d.Features.of(moved, 0.006)
+    result = open3d.register_features(source, target, "ransac")
+    refined = source.cloud.icp(target.cloud, result.pose, 0.01, 50)
+    shift, turn = pose_distance(yaw_net.L_PART, invert(refined.pose[:, None])[:, 0], pose)
+    assert shift < 2e-3 and turn < 0.03
+    with pytest.raises(ValueError, match="method must be"):
+        open3d.register_features(source, target, "teaser")

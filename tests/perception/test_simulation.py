@@ -53,6 +53,19 @@ def test_points_are_of_what_they_are_said_to_be():
 
 
 @pytest.mark.slow
+def test_presets_of_distance_and_voxels_show_what_their_notes_say():
+    close, far = outcome("Close, too short")[2], outcome("Scale error")[2]
+    assert 0.004 < close[0, SHIFT] < 0.006 and 0.007 < far[0, SHIFT] < 0.009
+    report, _, result = outcome("Far away")
+    assert report[CLUSTERS] > 3 and 1e-3 < result[0, SHIFT] < 1e-2
+    assert outcome("Far, correlated")[0][CLUSTERS] >= 24
+    report, status, _ = outcome("Coarse voxels")
+    assert report[CLUSTERS] == 0 and status == ["lost"] * 3
+    report, status, _ = outcome("Coarse, wider search")
+    assert report[CLUSTERS] == 3 and status == ["found"] * 3
+
+
+@pytest.mark.slow
 def test_each_preset_shows_what_its_name_says():
     report, status, _ = outcome("Small parts lost")
     assert status == ["lost"] * 3 + ["found"] * 2 and report[CLUSTERS] == 2

@@ -115,3 +115,24 @@ def test_a_target_anywhere_is_within_reach_and_free_of_the_discs():
         assert whole.NEAREST - 1e-9 <= np.hypot(*target) <= whole.FARTHEST + 1e-9
         for u, v, size in whole.DISCS:
             assert np.hypot(*(target - (u, v))) >= size + whole.ROOM - 1e-9
+
+
+@pytest.mark.slow
+def test_presets_between_the_extremes_show_what_their_notes_say():
+    ringing, undamped = outcome("Kp high, Kd zero")
+    quiet, damped = outcome("More damping")
+    shakes = [
+        np.ptp((each.state["q"] - each.state["reference"])[:, -100:], axis=1).max()
+        for each in (ringing, quiet)
+    ]
+    assert shakes[1] < shakes[0] / 3.0
+    assert damped[whole.SHARE] == 1.0 > undamped[whole.SHARE]
+    assert damped[whole.LIMIT] / undamped[whole.LIMIT] == pytest.approx(1.0 / 6.0, abs=0.02)
+    _, report = outcome("Physics step above its limit")
+    assert 0.012 / report[whole.LIMIT] == pytest.approx(1.2, abs=0.03)
+    assert 0.01 < report[whole.GAINED] < 0.1
+    assert whole.REASONS[int(report[whole.ENDED])] == "success"
+    experiment, report = outcome("A faster camera")
+    assert report[whole.SHARE] == 0.0 == outcome("Stale camera")[1][whole.SHARE]
+    scenario, _ = whole.scenario_and_settings(tuple(experiment.state["values"].tolist()))
+    assert 0.015 < report[whole.AGE] * np.hypot(*scenario.velocity) < 0.02

@@ -457,6 +457,26 @@ def test_a_formula_that_does_not_convert_is_refused(tex: str) -> None:
         formulas.mathml(tex)
 
 
+@pytest.mark.parametrize(
+    ("tex", "spaces"),
+    [
+        (r"\sin q", 1),
+        (r"l_2 \sin q_2", 2),
+        (r"2\cos\theta", 2),
+        (r"\log p(x)", 1),
+        (r"\exp(x)", 0),
+        (r"\sin^2 q", 1),
+        (r"\sin q \cos q", 3),
+        (r"s i n", 0),
+        (r"-\sin(q)", 0),
+    ],
+)
+def test_names_of_functions_stand_apart(tex: str, spaces: int) -> None:
+    made = formulas.mathml(tex)
+    assert made.count("<mspace") == spaces
+    ElementTree.fromstring(made)
+
+
 def test_only_text_has_formulas() -> None:
     text = r'<b title="$a$">$x &lt; y$</b> <code>$b$</code> <!-- $c$ --> 3\$ $$d$$'
     made = formulas.in_html(text)

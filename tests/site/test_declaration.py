@@ -104,6 +104,15 @@ def test_one_that_is_neither_compiled_nor_recorded_is_refused(monkeypatch: Any) 
         told.bundle("rigid_body.top")
 
 
+def test_a_recording_shows_three_values_of_each_slider() -> None:
+    for name in told.RECORDED:
+        made = told.model(name)
+        for key, field in made.controls.panel():
+            if not field.choices and not field.switch:
+                shown = {each.values.get(key, field.default) for each in made.presets.values()}
+                assert len(shown) >= 3, f"{name}: {key} is only {sorted(shown)}"
+
+
 def test_whoever_is_recorded_is_a_simulation_and_says_why() -> None:
     for name, why in told.RECORDED.items():
         assert name in told.names() and why[-1:] not in ("", ".")

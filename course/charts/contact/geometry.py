@@ -182,13 +182,13 @@ def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> tuple[floa
 
 
 @chart(columns=2)
-def narrow_phase(count: int = 2000, repeats: int = 15, boxes: int = 2000) -> Iterator[Panel]:
+def narrow_phase(count: int = 1000, repeats: int = 15, boxes: int = 2000) -> Iterator[Panel]:
     """Chart time of Coal over the course's, in turns in one process; for boxes error over time."""
     shapes = kinds()
     for apart in (True, False):
         what = "apart: distance" if apart else "in each other: depth"
         panel = Panel(
-            f"Shapes {what}",
+            f"Shapes {what}, {count} pairs at a time",
             "time of Coal / time of the course",
             scale="log x",
             lines=[("x", 1.0, "")],

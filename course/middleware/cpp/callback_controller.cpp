@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "ros2_control_stub.hpp"
+#include "rclcpp_stub.hpp"
 
 class CallbackController {
 public:

@@ -13,13 +13,16 @@
 #include "callback_controller.cpp"
 
 static long allocations = 0;
-void* operator new(std::size_t size) {
+// Not inlined: else the compiler sees new without its delete, and warns of a mismatch.
+[[gnu::noinline]] void* operator new(std::size_t size) {
   ++allocations;
   if (void* memory = std::malloc(size)) return memory;
   throw std::bad_alloc();
 }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
 
 static double number() {  // strtod knows nan and inf
   std::string word;
@@ -46,28 +49,45 @@ int main(int count, char** words) {
   const std::size_t joints = std::stoul(words[2]), rows = std::stoul(words[3]);
   if (mode == "update") {
     ArmController controller;
+    const rclcpp_lifecycle::State before_it;
+    auto& given = controller.get_node()->overrides;
+    std::vector<std::string> joint_names;
+    for (std::size_t i = 0; i < joints; ++i) joint_names.push_back("joint" + std::to_string(i));
+    given["joints"] = joint_names;
     for (const char* name : {"target", "stiffness", "damping", "limit"})
-      controller.parameters[name] = numbers(joints);
-    std::vector<double> states(2 * joints), commands(joints);
-    std::vector<hardware_interface::Handle> read, write;
-    for (double& value : states) read.emplace_back(&value);
-    for (double& value : commands) write.emplace_back(&value);
-    controller.assign(read, write);
+      given[name] = numbers(joints);
     using controller_interface::CallbackReturn;
-    if (controller.on_configure() != CallbackReturn::SUCCESS) {
-      std::cerr << "on_configure failed: no joint, or lists of different lengths\n";
+    if (controller.on_init() != CallbackReturn::SUCCESS ||
+        controller.on_configure(before_it) != CallbackReturn::SUCCESS) {
+      std::cerr << "on_configure failed: no joint, a negative limit, or lists of different lengths\n";
       return 3;
     }
-    if (controller.on_activate() != CallbackReturn::SUCCESS) {
+    std::vector<std::shared_ptr<hardware_interface::Handle>> states, commands;
+    std::vector<hardware_interface::LoanedStateInterface> read;
+    std::vector<hardware_interface::LoanedCommandInterface> write;
+    for (const auto& name : controller.state_interface_configuration().names) {
+      states.push_back(std::make_shared<hardware_interface::Handle>());
+      states.back()->name = name;
+      read.emplace_back(states.back());
+    }
+    for (const auto& name : controller.command_interface_configuration().names) {
+      commands.push_back(std::make_shared<hardware_interface::Handle>());
+      commands.back()->name = name;
+      write.emplace_back(commands.back());
+    }
+    controller.assign_interfaces(std::move(write), std::move(read));
+    if (controller.on_activate(before_it) != CallbackReturn::SUCCESS) {
       std::cerr << "on_activate failed: interfaces that do not fit the joints\n";
       return 4;
     }
+    std::vector<double> torques(joints);
     for (std::size_t row = 0; row < rows; ++row) {
-      for (double& value : states) value = number();
+      for (auto& state : states) state->value = number();
       const long before = allocations;
-      const auto result = controller.update({}, {});
+      const auto result = controller.update(rclcpp::Time(), rclcpp::Duration(0, 1000000));
       const long taken = allocations - before;
-      print(result == controller_interface::return_type::OK, taken, commands);
+      for (std::size_t i = 0; i < joints; ++i) torques[i] = commands[i]->value;
+      print(result == controller_interface::return_type::OK, taken, torques);
     }
   } else {
     std::vector<double> torques(64);

@@ -1,76 +1,83 @@
-// What the controllers here use of ros2_control and rclcpp (Jazzy, 2024), just enough to compile and
-// to be driven: names and signatures are theirs, the insides are not.
+// What the controllers here use of ros2_control (Kilted, 2025), just enough to compile and to be
+// driven: names and signatures are theirs, the insides are not. What is deprecated there, such as
+// get_value() of an interface, is absent, so that code which calls it does not compile.
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
-namespace rclcpp {
-struct Time { std::int64_t nanoseconds = 0; };
-struct Duration { std::int64_t nanoseconds = 0; };
-}  // namespace rclcpp
+#include "rclcpp_stub.hpp"
 
 namespace hardware_interface {
-class Handle {  // of one number that the hardware wrote, or reads
-public:
-  explicit Handle(double* value) : value_(value) {}
-  // Without a value where another thread writes at this moment. The older get_value(), which
-  // returned a double, is deprecated in Jazzy and gone in Kilted.
-  std::optional<double> get_optional() const {
-    if (busy) return std::nullopt;
-    return *value_;
-  }
-  [[nodiscard]] bool set_value(double value) {
-    if (busy) return false;
-    *value_ = value;
-    return true;
-  }
-  bool busy = false;  // of this stub: as while another thread holds the lock
-private:
-  double* value_;
+inline constexpr char HW_IF_POSITION[] = "position", HW_IF_VELOCITY[] = "velocity",
+                      HW_IF_EFFORT[] = "effort";
+struct Handle {  // of this stub: one number of the hardware, behind a lock that is never waited for
+  std::string name;
+  double value = 0.0;
+  bool busy = false;  // as while another thread holds the lock
 };
-using LoanedStateInterface = Handle;
-using LoanedCommandInterface = Handle;
+class LoanedStateInterface {  // real ones cannot be copied either
+public:
+  explicit LoanedStateInterface(std::shared_ptr<Handle> handle) : handle_(std::move(handle)) {}
+  LoanedStateInterface(const LoanedStateInterface&) = delete;
+  LoanedStateInterface(LoanedStateInterface&&) = default;
+  const std::string& get_name() const { return handle_->name; }
+  template <typename T = double>
+  [[nodiscard]] std::optional<T> get_optional(unsigned int /*max_tries*/ = 10) const {
+    return handle_->busy ? std::nullopt : std::optional<T>(handle_->value);
+  }
+protected:
+  std::shared_ptr<Handle> handle_;
+};
+class LoanedCommandInterface : public LoanedStateInterface {
+public:
+  using LoanedStateInterface::LoanedStateInterface;
+  template <typename T>
+  [[nodiscard]] bool set_value(const T& value, unsigned int /*max_tries*/ = 10) {
+    if (!handle_->busy) handle_->value = value;
+    return !handle_->busy;
+  }
+};
 }  // namespace hardware_interface
 
 namespace controller_interface {
-enum class return_type { OK, ERROR };
-enum class CallbackReturn { SUCCESS, FAILURE };
-
-class ControllerInterface {
+using rclcpp_lifecycle::node_interfaces::LifecycleNodeInterface;
+using CallbackReturn = LifecycleNodeInterface::CallbackReturn;
+enum class return_type : std::uint8_t { OK = 0, ERROR = 1 };
+enum class interface_configuration_type : std::uint8_t { ALL = 0, INDIVIDUAL = 1, NONE = 2 };
+struct InterfaceConfiguration {
+  interface_configuration_type type;
+  std::vector<std::string> names = {};
+};
+class ControllerInterface : public LifecycleNodeInterface {
 public:
-  virtual ~ControllerInterface() = default;
-  virtual CallbackReturn on_configure() = 0;
-  virtual CallbackReturn on_activate() = 0;
+  virtual InterfaceConfiguration command_interface_configuration() const = 0;
+  virtual InterfaceConfiguration state_interface_configuration() const = 0;
+  virtual CallbackReturn on_init() = 0;
   virtual return_type update(const rclcpp::Time& time, const rclcpp::Duration& period) = 0;
-
-  // By the controller manager, before it activates; states are all positions, then all velocities.
-  void assign(std::vector<hardware_interface::Handle> states,
-              std::vector<hardware_interface::Handle> commands) {
-    state_interfaces_ = std::move(states);
-    command_interfaces_ = std::move(commands);
+  // By the controller manager, before it activates: in the order of the configurations' names.
+  virtual void assign_interfaces(
+      std::vector<hardware_interface::LoanedCommandInterface>&& command_interfaces,
+      std::vector<hardware_interface::LoanedStateInterface>&& state_interfaces) {
+    command_interfaces_ = std::move(command_interfaces);
+    state_interfaces_ = std::move(state_interfaces);
   }
-  std::map<std::string, std::vector<double>> parameters;
+  std::shared_ptr<rclcpp_lifecycle::LifecycleNode> get_node() { return node_; }
+  template <typename ParameterT>
+  auto auto_declare(const std::string& name, const ParameterT& default_value) {
+    return std::get<ParameterT>(node_->overrides.try_emplace(name, default_value).first->second);
+  }
 
 protected:
-  std::vector<hardware_interface::LoanedStateInterface> state_interfaces_;
   std::vector<hardware_interface::LoanedCommandInterface> command_interfaces_;
+  std::vector<hardware_interface::LoanedStateInterface> state_interfaces_;
+
+private:
+  std::shared_ptr<rclcpp_lifecycle::LifecycleNode> node_ =
+      std::make_shared<rclcpp_lifecycle::LifecycleNode>();
 };
 }  // namespace controller_interface
-
-namespace sensor_msgs::msg {
-struct JointState {
-  using SharedPtr = std::shared_ptr<JointState>;
-  std::vector<double> position, velocity;  // either may be empty: the message allows it
-};
-}  // namespace sensor_msgs::msg
-
-namespace std_msgs::msg {
-struct Float64MultiArray { std::vector<double> data; };
-}  // namespace std_msgs::msg

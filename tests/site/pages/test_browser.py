@@ -413,3 +413,21 @@ def test_a_page_prints_as_it_is(browser: "Browser", addresses: list[str]) -> Non
         assert picture.evaluate(shape) == pytest.approx(before, rel=0.02)
         for bar in (".sidebar-drawer", ".skip-to-content", ".course-live .side"):
             assert not page.locator(bar).first.is_visible(), bar
+
+
+def test_subscripts_lie_below_their_letters(browser: "Browser", addresses: list[str]) -> None:
+    """With the font that the site brings along; few machines have one with a table for formulas."""
+    lowered = """async () => {
+      await document.fonts.ready;
+      return [...document.querySelectorAll('article math msub')].slice(0, 20).map(e => {
+        const [base, below] = [...e.children].map(child => child.getBoundingClientRect());
+        return (below.bottom - base.bottom) / base.height;
+      });
+    }"""
+    for address in addresses:
+        with Reader(browser, address) as reader:
+            page = reader.open("09_learning.html")
+            page.wait_for_function("document.fonts.check('16px CourseMath')")
+            drops = page.evaluate(lowered)
+            assert len(drops) > 5 and min(drops) > 0.05, (address, drops)
+            assert reader.wrong == []
