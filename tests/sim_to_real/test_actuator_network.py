@@ -45,7 +45,9 @@ def test_the_network_wins_as_recorded_and_gets_worse_off_the_recording() -> None
     assert own < 0.6 * middle("as recorded", "lag and friction")
     assert middle("as recorded", "lag and friction") < middle("as recorded", "ideal drive")
     assert middle("faster, 3 to 6 Hz", "network") > 3.0 * own
-    assert middle("half the voltage", "network", 75.0) > 3.0 * own
+    # A lower voltage limits only fast runs, so compare the worst tenth of both.
+    worst = middle("as recorded", "network", 90.0)
+    assert middle("half the voltage", "network", 90.0) > 2.0 * worst
 
 
 def test_inputs_are_the_past_and_repeat_the_first_value() -> None:
