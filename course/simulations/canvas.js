@@ -376,11 +376,13 @@ export function view(place, paper, hear) {
   const release = (event) => {
     if (!canvas.hasPointerCapture(event.pointerId)) return;
     canvas.releasePointerCapture(event.pointerId);
-    move = null;
     // The browser cancels a pointer with which it scrolls: nothing was dragged then.
     const scrolled = held && event.type === "pointercancel";
     if (scrolled) held = null;
     begin();
+    // A quick finger is gone before the next picture: where it went comes before that it left.
+    if (move && !scrolled) hear.pointer(...move);
+    move = null;
     if (!scrolled) hear.pointer(...at("up", event));
   };
   canvas.addEventListener("pointerup", release);

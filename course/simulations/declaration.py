@@ -29,8 +29,9 @@ from course.simulations.record import Field, Record
 
 # How long a recording is, and how many pictures it has in a second: as `Step` in live.js.
 SECONDS, RATE = 10.0, 25
-# A recording ends before that where its text would be longer than this, all presets together.
-ROOM = 1_500_000
+# A recording ends before that where its text would be longer than this, all presets together. But
+# each preset has two different pictures at least, as one that is played has to move.
+ROOM = 1_200_000
 # A point is told in steps of 1 / GRID of the window's unit, a fraction of a pixel; what is farther
 # away is cut off. Two numbers stand for a gap in a line and for what is told exactly.
 GRID, _FAR, _GAP, _EXACT = 512, 2.0**30, -(2**31), 1 - 2**31
@@ -281,7 +282,7 @@ def recorded(made: Model) -> dict[str, Any]:
         sizes: list[int] = []
         parts: list[bytes] = []
         run.choose(name)
-        before, shown = np.empty(0, np.int32), b""
+        before, shown, packer = np.empty(0, np.int32), b"", zlib.compressobj(9)
         for _ in range(round(SECONDS * RATE) + 1):
             picture = run.picture()
             run.advance(1.0 / RATE)
@@ -296,9 +297,11 @@ def recorded(made: Model) -> dict[str, Any]:
             change[:both] -= before[:both]
             # Byte planes: the upper bytes of small differences are equal and compress well.
             part = change.view(np.uint8).reshape(-1, 4).T.tobytes() + exact.tobytes()
-            # Base64 takes four characters for three bytes.
-            room -= len(zlib.compress(part, 9)) * 4 / 3
-            if parts and room < 0:
+            # What this picture adds to the compressed film; Base64 takes four characters for three
+            # bytes.
+            packed = packer.compress(part) + packer.flush(zlib.Z_SYNC_FLUSH)
+            room -= len(packed) * 4 / 3
+            if len(parts) > 1 and room < 0:
                 sizes.pop()
                 break
             parts.append(part)

@@ -245,14 +245,14 @@ def _outline(pen, p, x, y, yaw, ink, width, on):
 
 
 @register_jitable
-def _dots(pen, kinds, x, y, size):
-    """Points by their kinds, as short lines: one item a colour, however many they are."""
+def _dots(pen, kinds, x, y, radius):
+    """Points by their kinds, as small discs: one item a colour, however many they are."""
     # Clusters beyond the number of colours take the same colours again.
     count = len(_INKS) + BELOW
     for k in range(len(_INKS)):
         some = (kinds == k + BELOW) if k < -BELOW else ((kinds >= 0) & (kinds % count == k + BELOW))
-        left, right = np.stack((x[some] - size, y[some]), 1), np.stack((x[some] + size, y[some]), 1)
-        draw.segments(pen, left, right, _INKS[k], 2.6)
+        draw.disc(pen, radius, _INKS[k])
+        draw.points(pen, x[some], y[some])
 
 
 @register_jitable
@@ -272,7 +272,7 @@ def frame(pen, state, controls):
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
     draw.title(pen, _VIEW[0], _VIEW[3], _TOP)
-    _dots(pen, state["kinds"][:n], x, y, 0.0018)
+    _dots(pen, state["kinds"][:n], x, y, 0.0022)
     for k in range(PARTS):
         p, at = pieces[k], state["result"][k]
         if p[0] != NOTHING:
@@ -287,7 +287,7 @@ def frame(pen, state, controls):
         draw.spot(pen, u, v, 0.006, _GOLD, draw.INK)
     draw.area(pen, _PROFILE, _HEIGHTS)
     draw.axes(pen, _Y, _HEIGHT, _SIDE, 4, 4)
-    _dots(pen, state["kinds"][:n:2], y[::2], 1e3 * z[::2], 0.0023)  # half of them are enough
+    _dots(pen, state["kinds"][:n:2], y[::2], 1e3 * z[::2], 0.0034)  # half of them are enough
     for k in range(3):  # the plane, and what counts as on it
         up, slope = (k - 1) * controls["tolerance"] - 1e3 * report[OFF], -1e3 * report[NORMAL + 1]
         draw.segment(

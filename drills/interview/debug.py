@@ -22,12 +22,12 @@ from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import Terminal
 
 WORDS = {
-    "probe NAME": "run a probe: prints its figure and the minutes spent",
-    "probes": "what can be run",
-    "program": "the listing",
-    "causes": "what it may be, and what can be changed",
-    "conclude CAUSE REPAIR": "name both, and get the answer with its evidence",
-    "quit": "leave it open; your probes are stored",
+    "probe NAME": "run a probe and print its result and the minutes spent so far",
+    "probes": "list the probes",
+    "program": "print the program",
+    "causes": "list the possible causes and the repairs",
+    "conclude CAUSE REPAIR": "give your diagnosis and repair, and see the answer with its evidence",
+    "quit": "stop here; the case stays open",
 }
 OPEN = 50  # cases that are stored, the newest
 
@@ -120,7 +120,7 @@ def command(session: Session, name: str | None, seed: int | None, new: bool) -> 
             is_open = "  (open)" * (last_seed(saved, one.name) is not None)
             session.say(f"  {one.name:<10}{one.title}{is_open}")
         session.say()
-        session.say("  drills debug NAME   begins, or goes on with one that is open")
+        session.say("  drills debug NAME   starts a case, or continues an open one")
         listed = [{"scenario": one.name, "title": one.title} for one in result]
         return session.finish(RIGHT, {"scenarios": listed})
     saved, notices = json_store.load(path_of(session), FORM)
@@ -153,8 +153,10 @@ def command(session: Session, name: str | None, seed: int | None, new: bool) -> 
         stored = path_of(session) is not None
         what = f"Your {count} probe{'s are' if count != 1 else ' is'} " * bool(count)
         what += ("stored. " if stored else "not stored. ") * bool(count)
-        again = "goes on" if stored and count else "begins it again"
-        session.wrap(f"Left open. {what}drills debug {name} --seed {case.case.seed} {again}.")
+        again = "continues the case" if stored and count else "starts the case again"
+        session.wrap(
+            f"The case stays open. {what}drills debug {name} --seed {case.case.seed} {again}."
+        )
     done = verdict is None or (verdict.right and verdict.cured)
     return session.finish(RIGHT if done else WRONG, payload)
 
@@ -186,7 +188,7 @@ def talk(
     repairs = [(repair.name, repair.words) for repair in one.repairs]
 
     def show_causes() -> None:
-        for title, rows in (("What it may be", named), ("What can be changed", repairs)):
+        for title, rows in (("Possible causes", named), ("Repairs", repairs)):
             session.say(session.terminal.paint(title, "head"))
             _rows(session, rows)
 
@@ -200,7 +202,7 @@ def talk(
     _rows(session, list(WORDS.items()))
     if case.findings:
         session.say()
-        session.say(session.terminal.paint("You go on. So far:", "head"))
+        session.say(session.terminal.paint("You are continuing this case. Results so far:", "head"))
         for finding in case.findings:
             session.say(str(finding))
     for line in lines:
@@ -221,7 +223,9 @@ def talk(
                 case []:
                     pass
                 case _:
-                    raise click.BadParameter(f"{line.strip()!r} is none of: {', '.join(WORDS)}")
+                    raise click.BadParameter(
+                        f"{line.strip()!r} is not a command. The commands are: {', '.join(WORDS)}"
+                    )
         except (ValueError, click.BadParameter) as error:
             rejected.append(str(error))
             session.wrap(f"{error}.")
@@ -245,13 +249,13 @@ def _print_verdict(session: Session, verdict: scenarios.Verdict) -> None:
     for sentence in verdict.sentences():
         session.wrap(sentence)
     for title, rows in (
-        (f"Your {verdict.minutes} minutes", verdict.rows),
-        (f"The model answer, {verdict.model_minutes} minutes", verdict.model),
+        (f"Your probes ({verdict.minutes} minutes)", verdict.rows),
+        (f"The model answer ({verdict.model_minutes} minutes)", verdict.model),
     ):
         session.say()
         session.say(session.terminal.paint(title, "head"))
         if not rows:
-            session.say("  no probe: nothing is ruled out")
+            session.say("  You ran no probe, so no cause is ruled out.")
         for row in rows:
             _print_evidence(session, row)
 
@@ -264,7 +268,7 @@ def _print_evidence(session: Session, row: scenarios.Row) -> None:
     for one in row.ranges:
         fits = "fits" if one.explains(row.figure) else "ruled out"
         session.say(f"    {one.cause:<{width}}  {scenarios.span(one):<20}  {fits}")
-    session.wrap(f"left: {', '.join(row.remaining) or scenarios.NONE}", "    ", "    ")
+    session.wrap(f"still possible: {', '.join(row.remaining) or scenarios.NONE}", "    ", "    ")
 
 
 def _data(verdict: scenarios.Verdict) -> dict[str, Any]:

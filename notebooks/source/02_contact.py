@@ -1246,12 +1246,12 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 #
 # Coal is the collision library that Pinocchio uses. The bars show Coal's processor time divided by that of the course,
 # which answers 1,000 pairs in one compiled call. Coal has both tolerances at 1e-12 and its poses set before the clock
-# starts. It is timed in two ways: in one call for all pairs through Pinocchio, and in one call a pair from Python. A
-# bar that ends left of the dotted line means that Coal is faster. In one call for all it is faster wherever the shapes
-# are apart. For spheres and capsules it needs a small part of the course's time, most of which is the cost of one
-# call. For most shapes that are in each other it takes two to three times as long as the course. The bars for a call a
-# pair include what each call from Python costs. The lower chart compares error and time for two boxes whose faces are
-# aligned, almost aligned (turned by 1e-8 rad), or turned at random. *Points* means the convex hull of a few points:
+# starts. It is timed in one call for all pairs through Pinocchio, and in one call a pair from Python.
+#
+# A bar that ends left of the dotted line means that Coal is faster. In one call for all it is faster wherever the
+# shapes are apart. For most shapes that are in each other it takes two to three times as long as the course. The
+# lower chart compares error and time for two boxes whose faces are aligned, almost aligned (turned by 1e-8 rad), or
+# turned at random. *Points* means the convex hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
 #

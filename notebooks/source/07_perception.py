@@ -1374,11 +1374,12 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 #
 # *Points: voxel sizes of Open3D, or 1 and 4 starts of `locate`. Percentages: poses within 2 mm and 2 degrees.*
 #
-# Flat faces have the same feature everywhere, so few pairs are right. `locate` uses what it knows, the table and the
-# part's shape. TEASER++ (Yang, Shi and Carlone, TEASER: fast and certifiable point cloud registration, 2021) tolerates
-# far more wrong pairs, and certifies its result. It was not measured here.
+# Flat faces have the same feature everywhere, so few pairs are right. `locate` uses what it knows: the table, the
+# part's shape and, except in the scene held anyhow, that the part stands. The features do without all of these.
+# TEASER++ (Yang, Shi and Carlone, TEASER: fast and certifiable point cloud registration, 2021) tolerates far more
+# wrong pairs, and certifies its result. It was not measured here.
 #
-# # **What to choose.** For a gripper with millimetres to spare, take whatever is fastest. If the error must be a tenth
+# **What to choose.** For a gripper with millimetres to spare, take whatever is fastest. If the error must be a tenth
 # of the tolerance, the shape on a grid of a few millimetres gets there first. With shared noise, small_gicp and the
 # cloud reach lower errors than the shape ever does. For clusters of one image, use connected components; DBSCAN is
 # for points that come from several images. For the table, run RANSAC on a few thousand points, followed by the linear

@@ -1787,11 +1787,19 @@ try:
     from course.oracles import unserved
 
     observed_ = {case: unserved.request(case) for case in unserved.CASES}
-    display(table(
-        ("case, on Cyclone DDS", "reader of the requests listed", "matched", "so the cause is"),
-        *((case, *("yes" if each else "no" for each in (one.listed, one.matched)),
-           unserved.CAUSES[one.cause] or "none, the reply came") for case, one in observed_.items()),
-    ))
+    display(
+        table(
+            ("case, on Cyclone DDS", "reader of the requests listed", "matched", "so the cause is"),
+            *(
+                (
+                    case,
+                    *("yes" if each else "no" for each in (one.listed, one.matched)),
+                    unserved.CAUSES[one.cause] or "none, the reply came",
+                )
+                for case, one in observed_.items()
+            ),
+        )
+    )
 except ImportError as error:
     print(f"not run here: {error}")
 

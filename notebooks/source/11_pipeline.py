@@ -585,11 +585,9 @@ table(head, *rows)
 # Pinocchio's torques, the mean final error changes by less than a micrometre. So on this task both programs interpret
 # the exchanged data alike. One mistake stays hidden: the table is level, so a wrong sign of gravity has no effect.
 #
-# Our own run is compiled as a whole, while a library that moves or commands the arm is called from Python at every
-# step. The last row of the *time* panel shows what that call costs: there our own motion is called in the same way,
-# and takes about as long as MuJoCo's. So the long times of these rows come from the interface, not from the libraries.
-# In the rows with images the run spends nearly all its time on rendering and perception, which are few and long calls.
-# There the ratios do compare the libraries with our stages.
+# Our own run is compiled as a whole. A library that moves or commands the arm is called from Python at every step. The
+# last row of the *time* panel shows what that costs: our own motion, called in the same way, takes about as long as
+# MuJoCo's. The rows with images consist of few, long calls, so their ratios do compare the libraries with our stages.
 #
 # ## 4 · Code
 #
@@ -730,8 +728,7 @@ table(
 # Between 4 and 1 ms, halving the step reduces the error during the motion to about a half, as it should for a
 # first-order method. At 8 ms, close to the stability limit, the error is not yet proportional to the step. The last
 # reduction looks too strong, because the reference itself has an error. The dashed curve is our own motion, called
-# from Python at every step as MuJoCo is. It lies close to MuJoCo's curve, so most of the distance from the solid curve
-# is the price of these calls.
+# from Python at every step as MuJoCo is: most of the distance from the solid curve is the price of these calls.
 #
 # Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
 # chart compares the distributions of the final error along the target's motion and across it, quantile against

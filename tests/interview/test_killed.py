@@ -230,7 +230,7 @@ def waiting(place: Place, key: str, part: str) -> None:
 def test_probes_of_a_scenario_are_kept(place: Place, end: str) -> None:
     waiting(place, "scenario/touch", "debugging")
     terminal = Terminal(place, "interview", "--resume")
-    terminal.until("leave it open")
+    terminal.until("the case stays open")
     terminal.type("probe quarter_gain\n")
     terminal.until("min spent")
     terminal.end(end)
@@ -267,7 +267,7 @@ def test_the_answer_to_a_drill_is_kept(place: Place, end: str, phase: str) -> No
 @pytest.mark.parametrize("phase", ["begun", "probed"])
 def test_debugging_that_ends_keeps_the_probes(place: Place, end: str, phase: str) -> None:
     terminal = Terminal(place, "debug", "touch", "--seed", "5")
-    terminal.until("leave it open")
+    terminal.until("the case stays open")
     if phase == "probed":
         terminal.type("probe quarter_gain\n")
         terminal.until("min spent")
@@ -288,7 +288,7 @@ def test_an_interrupt_that_comes_with_the_prompt_is_not_lost(place: Place) -> No
     `input` loses it: the signal ends the writing, and nothing looks for signals before the reading.
     """
     terminal = Terminal(place, "debug", "touch", "--seed", "5")
-    terminal.until("leave it open")
+    terminal.until("the case stays open")
     terminal.until(">")
     terminal.type("\x13")  # Ctrl-S
     terminal.type("\n")  # an empty line, which is answered by the next prompt and nothing else

@@ -240,7 +240,7 @@ def test_the_policys_probes_stand_beside_those_of_the_model() -> None:
 
     finding = scenarios.diagnose("policy", 1).probe("two_torques")
     assert finding.model == pytest.approx(policy.MODEL.inertia, rel=0.03)
-    assert f"on the model {finding.model:.4g} kg m^2" in str(finding)
+    assert f"on the model: {finding.model:.4g} kg m^2" in str(finding)
     assert scenarios.diagnose("touch", 1).probe("log_ticks").model is None
 
 
@@ -257,7 +257,7 @@ def test_a_session_ends_with_the_evidence(name: str, cause: str) -> None:
     assert all(f"{scenarios.span(r)}" in shown for row in verdict.rows for r in row.ranges)
     other = next(c for c in scenarios.offered(session.case) if c.name != cause)
     wrong = session.conclude(other.name, scenarios.scenario(name).popular)
-    assert wrong.points == 0 and "had ruled" in str(wrong)
+    assert wrong.points == 0 and "had ruled it out: " in str(wrong)
 
 
 @EVERY
@@ -437,7 +437,7 @@ def test_what_is_tried_first_helps_at_times() -> None:
 def helped(name: str, cause: str) -> bool:
     one = scenarios.scenario(name)
     verdict = scenarios.diagnose(name, seed_of(name, cause)).conclude(cause, one.popular)
-    assert verdict.tried.price > one.affordable and "too much" in str(verdict)
+    assert verdict.tried.price > one.affordable and "too high" in str(verdict)
     return verdict.tried.removed
 
 
@@ -482,7 +482,10 @@ def test_probes_are_there_again_and_a_case_that_is_over_is_not(place: Place) -> 
     """What was bought stays bought: its figures and its minutes, until a conclusion."""
     first = place.json("debug", "touch", "--seed", "5", text="probe integral_off\nquit\n")
     done = place.run("debug", "touch", text="quit\n")
-    assert "You go on. So far:" in done.out and "Your 1 probe is stored." in done.out
+    assert (
+        "You are continuing this case. Results so far:" in done.out
+        and "Your 1 probe is stored." in done.out
+    )
     assert "(open)" in place.run("debug").out
     second = place.json("debug", "touch", text="probe quarter_gain\nquit\n")
     assert second["seed"] == 5 and second["findings"][:1] == first["findings"]

@@ -69,8 +69,8 @@ def scene(name: str, rng: np.random.Generator) -> tuple[Shapes, Array, Array]:
         v, u = np.nonzero(ids > 0)
         angle = rng.uniform(0.0, 2.0 * math.pi)
         along = math.cos(angle) * u + math.sin(angle) * v
-        gone = along > np.quantile(along, 0.65)
-        depth[v[gone], u[gone]] = 0.0
+        hidden = along > np.quantile(along, 0.65)
+        depth[v[hidden], u[hidden]] = 0.0
     return part, pose, depth
 
 

@@ -33,7 +33,7 @@ from course import check
 HERE = Path(__file__).parent
 NAMES = ("explodes", "policy", "touch", "gap", "late", "sure")
 NONE = "none_of_these"
-NONE_WORDS = "The cause is not in this list: the probes rule all of it out."
+NONE_WORDS = "The cause is not in this list: the probes rule out every cause listed here."
 REFERENCE = tuple(range(2**30, 2**30 + 6))  # seeds of the other machines, which no case has
 
 
@@ -241,7 +241,7 @@ class Finding:
     @property
     def result(self) -> str:
         """The figure with its unit, beside that of the model."""
-        beside = "" if self.model is None else f", on the model {_number(self.model, self.unit)}"
+        beside = "" if self.model is None else f", on the model: {_number(self.model, self.unit)}"
         return f"{_number(self.figure, self.unit)}{beside}"
 
     def __str__(self) -> str:
@@ -412,31 +412,36 @@ class Verdict:
     def sentences(self) -> tuple[str, ...]:
         """Return the verdict in words."""
         one = scenario(self.case.name)
-        named = "Right" if self.right else f"Not {self.diagnosis}"
-        what = f"none of these, but {self.cause}" if self.answer == NONE else self.cause
-        message = [f"{named}: it is {what}. {one.cause(self.cause).words}"]
+        named = "Correct" if self.right else f"{self.diagnosis} is wrong"
+        what = f"{self.cause}, which was not in the list" if self.answer == NONE else self.cause
+        message = [f"{named}. The cause is {what}. {one.cause(self.cause).words}"]
         if not self.right:
             against = [row.probe for row in self.rows if self.diagnosis in row.ruled_out]
-            message += [f"{', '.join(against)} had ruled {self.diagnosis} out."] if against else []
+            if against:
+                message.append(f"Your own probes had ruled it out: {', '.join(against)}.")
         names = tuple(cause.name for cause in offered(self.case))
         remaining = self.rows[-1].remaining if self.rows else names
         message.append(
-            f"Your {self.minutes} minutes of probes leave {' or '.join(remaining) or NONE}."
+            f"After {self.minutes} minutes of probes, "
+            f"these causes remain possible: {', '.join(remaining) or NONE}."
         )
-        message.append(self._of(self.tried, "Your repair"))
+        message.append(self._of(self.tried, "Your repair,"))
         if self.popular.repair != self.tried.repair:
-            message.append(self._of(self.popular, "The popular repair"))
-        message.append(f"{self.points} of 3 points: the cause, its evidence, the repair.")
+            message.append(self._of(self.popular, "The repair that many try first,"))
+        message.append(
+            f"You get {self.points} of 3 points: one each for the cause, the evidence "
+            "and the repair."
+        )
         return tuple(message)
 
     def _of(self, tried: Tried, lead: str) -> str:
         one = scenario(self.case.name)
-        missing = "it is gone" if tried.removed else "it is still there"
-        dear = "" if tried.affordable else ", too much"
+        outcome = "the symptom is gone" if tried.removed else "the symptom remains"
+        limit = "" if tried.affordable else ", which is too high"
         return (
             f"{lead} {tried.repair}: {one.symptom_words} {self.before:.4g} before and "
-            f"{_number(tried.symptom, one.unit)} after, so {missing}. The price, "
-            f"{one.price_words}: {tried.price:.3g}{dear}."
+            f"{_number(tried.symptom, one.unit)} after, so {outcome}. The price "
+            f"({one.price_words}) is {tried.price:.3g}{limit}."
         )
 
     def __str__(self) -> str:
@@ -449,7 +454,10 @@ class Verdict:
 
 def table(rows: tuple[Row, ...]) -> str:
     """Return evidence as a table in Markdown: the range of each cause, in bold where it fits."""
-    lines = ["| probe | figure | what each cause explains | left |", "|---|---:|---|---|"]
+    lines = [
+        "| probe | result | range expected for each cause | still possible |",
+        "|---|---:|---|---|",
+    ]
     for row in rows:
         ranges = [
             f"{'**' * r.explains(row.figure)}{r.cause} {span(r)}{'**' * r.explains(row.figure)}"
@@ -551,9 +559,10 @@ class Diagnosis:
         named[0] += f"\n* `{NONE}`: {NONE_WORDS}"
         return Page(
             f"**{one.title}**\n\n{one.prompt}\n\n<details><summary>The program</summary>\n\n"
-            f"```python\n{one.listing()}```\n\n</details>\n\n| probe | what is done | minutes |\n"
-            f"|---|---|---:|\n{probes}\n\n<details><summary>What it may be, and what can be "
-            f"changed</summary>\n\n{named[0]}\n\nRepairs\n\n{named[1]}\n\n</details>\n"
+            f"```python\n{one.listing()}```\n\n</details>\n\n"
+            "| probe | what it measures | minutes |\n"
+            f"|---|---|---:|\n{probes}\n\n<details><summary>Possible causes and "
+            f"repairs</summary>\n\n{named[0]}\n\nRepairs\n\n{named[1]}\n\n</details>\n"
         )
 
 

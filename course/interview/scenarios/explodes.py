@@ -203,12 +203,13 @@ def hooke(cause: str, seed: int) -> float:
 SCENARIO = Scenario(
     name="explodes",
     title="It explodes after about a thousand steps",
-    prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. A "
-    "brake and friction should take away what little motion it has at the start. Instead it moves "
-    "out further and further, and after about a thousand steps it is lost. A run lasts three times "
-    "as long; if the slide is not lost by then, the end of the run is entered, so a ratio of times "
-    "is at most about three. You may read the program; the parameters of the machine are on a "
-    "computer on which you can only run things. What is it, and what do you change?",
+    prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. "
+    "A brake and friction should damp the small motion that it has at the start. "
+    "Instead the motion grows, and after about a thousand steps the slide is lost. "
+    "Each run lasts three times as long. If the slide is not lost by the end of the "
+    "run, the length of the run is reported instead, so a ratio of times is at most "
+    "about three. You can read the program, but not the parameters of the machine; "
+    "you can only run the probes below. What is the cause, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,
@@ -217,59 +218,62 @@ SCENARIO = Scenario(
     causes=(
         Cause(
             "double_contact",
-            "Each stop touches with two points at once, each with the "
-            "stiffness that one was chosen for. Twice the stiffness is beyond what the step "
-            "bears.",
+            "Each stop is detected as two contact points, and each point has the full "
+            "stiffness that was chosen for one. At twice the stiffness, the time step is too "
+            "long for a stable simulation.",
             "share_stiffness",
         ),
         Cause(
             "explicit_step",
-            "The position moves with the old speed: explicit Euler, which gains "
-            "energy on a spring at every step, however small.",
+            "The position is updated with the old velocity. This is explicit Euler, which "
+            "gains energy on a spring in every step, however small the step is.",
             "new_speed_first",
         ),
         Cause(
             "late_brake",
-            "The brake gets its speed late, by more than a quarter of a swing: it "
-            "pushes where it should pull.",
+            "The brake receives the velocity with a delay of more than a quarter of an "
+            "oscillation, so it pushes where it should pull.",
             "fresh_speed",
         ),
         Cause(
             "wrong_friction",
-            "The speed is measured along one axis and the friction applied along "
-            "the opposite one: friction drives the slide.",
+            "The velocity is measured along one axis and friction is applied along the "
+            "opposite one, so friction drives the slide.",
             "one_axis",
         ),
         Cause(
             "double_brake",
-            "The damping is entered for the slide and for the rail, so the brake acts twice. The "
-            "brake uses the old speed, and twice the damping turns more than the whole speed "
-            "around in one step.",
+            "The damping is entered both for the slide and for the rail, so the brake acts "
+            "twice. The brake uses the old velocity, and with twice the damping it more than "
+            "reverses the velocity in one step.",
             "damp_once",
         ),
         Cause(
             "held_contact",
-            "Contacts are detected every few steps only, and the stops push with the depth of the "
-            "last detection. An old depth is a spring that pushes late: it feeds the swing.",
+            "Contacts are detected only every few steps, and in between the stops push with "
+            "the depth of the last detection. An outdated depth acts like a delayed spring, "
+            "which adds energy to the oscillation.",
             "detect_each_step",
         ),
         Cause(
             "turned_encoder",
-            "The encoder of the drive counts the wrong way, so the sign of its gain is wrong: the "
-            "drive pushes the slide away from the middle, harder than the stops push back.",
+            "The encoder of the drive counts in the wrong direction, so the sign of the "
+            "feedback is wrong. The drive pushes the slide away from the center harder than "
+            "the stops push it back.",
             "turn_encoder",
         ),
         Cause(
             "eager_integral",
-            "The drive integrates the error too fast. Above Routh's limit, damping times "
-            "stiffness over mass, an integral makes any swing grow.",
+            "The integral gain of the drive is too high. Above the Routh stability limit, "
+            "damping times stiffness divided by mass, the integral makes every oscillation "
+            "grow.",
             "no_integral",
         ),
     ),
     probes=(
         Probe(
             "halve_step",
-            "half the step: ratio of the times until it is lost",
+            "half the time step: ratio of the times until the slide is lost, changed to original",
             "",
             3,
             later(halved),
@@ -277,7 +281,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "double_mass",
-            "twice the mass: ratio of the times until it is lost",
+            "twice the mass: ratio of the times until the slide is lost, changed to original",
             "",
             3,
             later(lambda one: replace(one, mass=2 * one.mass)),
@@ -285,7 +289,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "start_closer",
-            "a tenth of the start: ratio of the times until it is lost",
+            "a tenth of the initial displacement: ratio of the times until the slide is lost, "
+            "changed to original",
             "",
             2,
             later(lambda one: replace(one, start=one.start / 10)),
@@ -293,7 +298,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "brake_off",
-            "no brake: ratio of the times until it is lost",
+            "brake off: ratio of the times until the slide is lost, changed to original",
             "",
             3,
             later(lambda one: replace(one, damping=0.0)),
@@ -301,7 +306,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "friction_off",
-            "no friction: ratio of the times until it is lost",
+            "friction off: ratio of the times until the slide is lost, changed to original",
             "",
             3,
             later(lambda one: replace(one, friction=0.0)),
@@ -309,7 +314,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "drive_off",
-            "no drive: ratio of the times until it is lost",
+            "drive off: ratio of the times until the slide is lost, changed to original",
             "",
             3,
             later(lambda one: replace(one, gain=0.0, integral=0.0)),
@@ -317,7 +322,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "count_contacts",
-            "most contact points that push in one step",
+            "largest number of contact points that push in one step",
             "",
             4,
             logged(lambda log: log["touching"].max()),
@@ -325,7 +330,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "count_turns",
-            "changes of direction in a step, while it grows",
+            "changes of direction per step while the motion grows",
             "",
             4,
             logged(lambda log: np.mean(log["v"][401:] * log["v"][400:-1] < 0)),
@@ -333,7 +338,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_friction",
-            "+1 if friction always pushes along the speed, -1 if always against it",
+            "+1 if friction always pushes along the velocity, -1 if it always pushes against it",
             "",
             6,
             logged(lambda log: np.mean(np.sign(log["rub"] * log["v"])[1:])),
@@ -341,7 +346,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_brake",
-            "steps by which the brake is behind the speed",
+            "number of steps by which the brake force lags the velocity",
             "steps",
             6,
             logged(brake_lag),
@@ -349,7 +354,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_push",
-            "share of steps in which the stops push exactly as in the step before",
+            "fraction of steps in which the force of the stops is exactly the same as in the "
+            "step before",
             "",
             4,
             logged(held_share),
@@ -357,7 +363,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_energy",
-            "no brake, friction or drive: share of energy gained in ten steps",
+            "brake, friction and drive off: relative energy gain in ten steps",
             "",
             5,
             stops_gain,
@@ -365,7 +371,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "push_by_hand",
-            "ratio of the force at a fixed depth to that of the ordered stop",
+            "force at a fixed depth, divided by the force that the specified stop has there",
             "",
             8,
             hooke,
@@ -374,19 +380,29 @@ SCENARIO = Scenario(
     ),
     repairs=(
         Repair("share_stiffness", "The contact points of a stop share its stiffness."),
-        Repair("new_speed_first", "The position moves with the new speed: semi-implicit Euler."),
-        Repair("fresh_speed", "The brake uses the speed of this step."),
-        Repair("one_axis", "Speed and friction use the same axis."),
-        Repair("damp_once", "The damping is entered once: one brake acts."),
+        Repair(
+            "new_speed_first",
+            "The position is updated with the new velocity (semi-implicit Euler).",
+        ),
+        Repair("fresh_speed", "The brake uses the velocity of the current step."),
+        Repair("one_axis", "The velocity is measured along the same axis as friction is applied."),
+        Repair("damp_once", "The damping is entered only once, so one brake acts."),
         Repair("detect_each_step", "Contacts are detected in every step."),
-        Repair("turn_encoder", "The encoder counts the other way if it counts the wrong way."),
-        Repair("no_integral", "The drive does not integrate: stops and gain centre the slide."),
-        Repair("halve_step", "Half the step."),
-        Repair("soften", "A quarter of the stiffness."),
+        Repair(
+            "turn_encoder", "The counting direction of the encoder is corrected if it is wrong."
+        ),
+        Repair(
+            "no_integral",
+            "The integral term of the drive is removed; the stops and the proportional gain "
+            "centre the slide.",
+        ),
+        Repair("halve_step", "The time step is halved."),
+        Repair("soften", "The stiffness of the stops is reduced to a quarter."),
     ),
     popular="halve_step",
     price=price,
-    price_words="steps a second or sag, whichever is more, against the design",
+    price_words="the larger of the steps per second and the deflection under load, each relative "
+    "to the design",
     affordable=1.5,
     path=7,
 )

@@ -230,11 +230,12 @@ def triple(cause: str, seed: int) -> float:
 SCENARIO = Scenario(
     name="gap",
     title="No path through the door",
-    prompt="A square carriage that does not turn has to get from one side of a wall to the other. "
-    "The wall has a door, and the door is wider than the carriage. Of ten roadmaps hardly one "
-    "finds a path. The program is what you may read; the numbers of the room are on a computer "
-    "that you can only run things on. What is it, and what do you change?",
-    symptom_words="of ten roadmaps those without a path",
+    prompt="A square carriage that cannot rotate has to get from one side of a wall to the "
+    "other. The wall has a door, and the door is wider than the carriage. The planner "
+    "builds ten random roadmaps, and hardly any of them contains a path. You can read "
+    "the program, but not the dimensions of the room; you can only run the probes "
+    "below. What is the cause, and what do you change?",
+    symptom_words="number of ten roadmaps without a path",
     unit="",
     symptom=symptom,
     spread=0.2,
@@ -242,67 +243,82 @@ SCENARIO = Scenario(
     causes=(
         Cause(
             "inflated_twice",
-            "The map had made every box larger by half the carriage already, "
-            "and the checks do it again: to the planner the door is closed.",
+            "The map already enlarges every box by half the width of the carriage, and the "
+            "collision checks enlarge it again. To the planner, the door is closed.",
             "grow_once",
         ),
         Cause(
             "improbable",
-            "The door is open, but so little wider than the carriage that hardly "
-            "a point or an edge that is drawn anywhere goes through.",
+            "The door is open, but it is so little wider than the carriage that hardly any "
+            "uniformly sampled point or edge passes through it.",
             "guide",
         ),
         Cause(
             "edge_check",
-            "The check of an edge goes on beyond its end, and refuses it for a wall behind.",
+            "The edge check continues beyond the end of the edge, so it rejects edges because "
+            "of a wall behind their end.",
             "clip_edges",
         ),
         Cause(
             "goal_inside",
-            "The goal is nearer to a shelf than half the carriage: it is inside "
-            "what no middle may enter.",
+            "The goal is closer to a shelf than half the width of the carriage, so it lies in "
+            "the region that the carriage's center must not enter.",
             "stand_off",
         ),
         Cause(
             "stale_map",
-            "The map still has a box in the door that was carried away long ago.",
+            "The map still contains a box in the door that was removed long ago.",
             "clear_map",
         ),
         Cause(
             "start_inside",
-            "The carriage stands nearer to a wall than half of it, as the planner measures: the "
-            "start is inside what no middle may enter.",
+            "As the planner measures it, the carriage is closer to a wall than half its "
+            "width, so the start lies in the region that its center must not enter.",
             "drive_out",
         ),
         Cause(
             "ghost_walls",
-            "Reflections at the goal stand in the map as walls around it.",
+            "Sensor reflections near the goal were entered in the map as walls around it.",
             "filter_map",
         ),
         Cause(
             "short_edges",
-            "The longest edge that the roadmap tries is shorter than most distances between its "
-            "points, so it falls into pieces.",
+            "The longest edge that the roadmap tries is shorter than most distances between "
+            "its points, so the roadmap falls apart into disconnected components.",
             "longer_edges",
         ),
     ),
     probes=(
-        Probe("ask_goal", "whether the goal is free to the planner", "", 2, goal_free, 0.1),
-        Probe("ask_start", "whether the start is free to the planner", "", 2, start_free, 0.1),
+        Probe(
+            "ask_goal", "1 if the planner considers the goal free, 0 if not", "", 2, goal_free, 0.1
+        ),
+        Probe(
+            "ask_start",
+            "1 if the planner considers the start free, 0 if not",
+            "",
+            2,
+            start_free,
+            0.1,
+        ),
         Probe(
             "hand_path_edges",
-            "how many of its three edges the check of edges refuses",
+            "a path drawn by hand: how many of its three edges the edge check rejects",
             "",
             6,
             path_edges,
             0.3,
         ),
         Probe(
-            "walk_to_wall", "distance from a wall at which a point is refused", "m", 4, margin, 0.02
+            "walk_to_wall",
+            "distance from a wall below which the point check rejects a point",
+            "m",
+            4,
+            margin,
+            0.02,
         ),
         Probe(
             "measure_door",
-            "free width of the door for the carriage's middle, to the planner",
+            "width of the door that is free for the carriage's center, according to the planner",
             "m",
             5,
             door_width,
@@ -310,7 +326,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "flood",
-            "area that the middle can reach from the start, to the planner",
+            "area that the carriage's center can reach from the start, according to the planner",
             "m^2",
             12,
             flood,
@@ -318,7 +334,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "edges_by_points",
-            "of random edges whose points are all free, the share that the check of edges refuses",
+            "random edges whose points all pass the point check: fraction that the edge check "
+            "rejects",
             "",
             8,
             edges_against_points,
@@ -326,7 +343,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "joined_share",
-            "share of a roadmap's points that are joined to the start",
+            "fraction of a roadmap's points that are connected to the start",
             "",
             5,
             joined,
@@ -334,7 +351,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "points_in_door",
-            "of a hundred thousand points drawn anywhere, those in the door",
+            "number of 100,000 uniformly sampled points that fall in the door",
             "",
             4,
             points_in_door,
@@ -342,7 +359,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "no_wall",
-            "the wall taken out: of ten roadmaps those without a path",
+            "number of ten roadmaps without a path when the wall is removed",
             "",
             3,
             wide_door,
@@ -350,7 +367,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "triple_samples",
-            "three times the points: of three roadmaps those without a path",
+            "number of three roadmaps without a path when each has three times the points",
             "",
             10,
             triple,
@@ -358,19 +375,29 @@ SCENARIO = Scenario(
         ),
     ),
     repairs=(
-        Repair("grow_once", "The map keeps the boxes as they are; the checks make them larger."),
-        Repair("guide", "The roadmap takes three points on the door's axis besides."),
-        Repair("clip_edges", "An edge is checked from its beginning to its end."),
-        Repair("stand_off", "The goal is the nearest place in front of the shelf that is free."),
-        Repair("clear_map", "The map is taken anew: what is not there any more is removed."),
-        Repair("drive_out", "The carriage is driven off the wall before it plans."),
-        Repair("filter_map", "Thin boxes that only one sensor has seen are left out of the map."),
-        Repair("longer_edges", "Edges of up to half the room are tried."),
-        Repair("more_samples", "Three times the points."),
+        Repair(
+            "grow_once",
+            "The map stores the boxes at their real size; only the collision checks enlarge them.",
+        ),
+        Repair("guide", "Three points on the door's axis are added to the roadmap."),
+        Repair("clip_edges", "Each edge is checked from its start to its end and no further."),
+        Repair(
+            "stand_off", "The goal is moved to the nearest free position in front of the shelf."
+        ),
+        Repair(
+            "clear_map",
+            "The map is recorded again, and objects that are no longer there are removed.",
+        ),
+        Repair("drive_out", "The carriage is driven away from the wall before planning starts."),
+        Repair(
+            "filter_map", "Thin boxes that only one sensor has detected are removed from the map."
+        ),
+        Repair("longer_edges", "The roadmap tries edges up to half the length of the room."),
+        Repair("more_samples", "Each roadmap gets three times as many points."),
     ),
     popular="more_samples",
     price=price,
-    price_words="pairs of points to look at, by those before",
+    price_words="number of point pairs to examine, relative to the original planner",
     affordable=2.0,
     path=7,
 )

@@ -29,10 +29,13 @@ from drills.robot.promises import promises_of
 from drills.robot.report import compare, summarise
 from drills.robot.slots import NAMES, SLOTS
 from drills.robot.twin import imperfect_world
+from tests.budget import PROVE
 from tests.drills.robot.robots import parts_with, played
 
 pytestmark = pytest.mark.slow
 FEW = 6
+# Each slot is swapped alone: all of those tasks in the long tier.
+SWAPPED = FEW if PROVE else 2
 # Largest difference of a result, where it is not rounding alone: the finite turn of a step of ICP
 # acts about another point, and an edge is searched down to a gap of 1 nm.
 LOOSE = {"point_to_plane_step": 2e-3, "edge_check": 1e-6}
@@ -167,7 +170,7 @@ def test_compiled_and_plain_robots_agree_task_by_task(number: int) -> None:
 @pytest.fixture(scope="module", name="worked_answers")
 def the_worked_robot() -> Played:
     """Tasks of a robot that has the worked answer in every slot, as plain Python."""
-    return played(5, FEW)
+    return played(5, SWAPPED)
 
 
 @pytest.mark.parametrize("slot", sorted(FUNCTIONS))
@@ -178,7 +181,7 @@ def test_swapping_a_part_for_the_course_s_changes_no_outcome(
     one = Robot(
         parts_with(), level(5), exact_world(), 0, 0.0, engine=Engine({slot: FUNCTIONS[slot]})
     )
-    after = gather([one.play(number) for number in range(FEW)])
+    after = gather([one.play(number) for number in range(SWAPPED)])
     assert after.failure is None and after.breaches == ()
     np.testing.assert_array_equal(after.success, worked_answers.success)
     # The interval of each change holds 0, or the change is rounding: below 0.1 mm, no tick.
