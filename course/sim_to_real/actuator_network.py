@@ -179,16 +179,17 @@ def parametric(recording: Recording, model: Fitted) -> Array:
         recording: position error and speed.
         model: its parameters.
     """
+    from scipy.signal import lfilter
+
     command = ideal(recording)
     late = np.concatenate([np.repeat(command[:, :1], model.delay, axis=1), command], axis=1)[
         :, : command.shape[1]
     ]
-    decay = np.exp(-DT / positive("model.lag", model.lag, unit="s"))
-    current, out = np.zeros(len(late)), np.empty_like(late)
-    for k in range(late.shape[1]):
-        # Mean over the period of the exact first-order response to a held command.
-        out[:, k] = late[:, k] + (current - late[:, k]) * (1.0 - decay) * model.lag / DT
-        current = late[:, k] + (current - late[:, k]) * decay
+    decay = math.exp(-DT / positive("model.lag", model.lag, unit="s"))
+    # The exact first-order response to a command that is held for a period, at the period's start.
+    after = lfilter([1.0 - decay], [1.0, -decay], late, axis=1)
+    current = np.concatenate([np.zeros((len(late), 1)), after[:, :-1]], axis=1)
+    out = late + (current - late) * (1.0 - decay) * model.lag / DT  # mean over the period
     # The speed of the middle of the period.
     middle = recording.speed.copy()
     middle[:, :-1] = 0.5 * (recording.speed[:, :-1] + recording.speed[:, 1:])

@@ -304,6 +304,53 @@ def track(
     return Run(error, angle, estimates, history)
 
 
+def spectral_radius(load: float, assumed: float, gains: Gains, viscous: float = 0.0) -> float:
+    """Return the spectral radius of the sampled loop at rest; above 1 a disturbance grows.
+
+    The arm has no dry friction, and neither has the estimate; gravity has no slope where the link
+    is horizontal. What remains is linear: the arm, the filtered difference, the delay and the law
+    without its integral.
+
+    Args:
+        load: of the arm [kg].
+        assumed: load in the law's estimate [kg].
+        gains: slope and damping.
+        viscous: friction of arm and estimate [N m s/rad].
+    """
+    true, estimate = coefficients([[load, viscous, 0.0], [assumed, viscous, 0.0]])
+    keep, h, n = FILTER / (FILTER + DT), DT / SUBSTEPS, 4 + DELAY
+    q, v, speed, previous = np.eye(n)[:4]
+    # Rows that turn the state (angle, speed, filtered speed, last angle, torques on their way from
+    # the oldest to the newest) into what the next period needs.
+    speed = keep * speed + (1.0 - keep) * (q - previous) / DT
+    s = -speed - gains.slope * q
+    torque = estimate[0] * (gains.damping * s - gains.slope * speed)
+    torque = torque - estimate[1] * gains.slope * q
+    applied, last = np.eye(n)[4], q
+    for _ in range(SUBSTEPS):
+        v = v + h * (applied - true[1] * v) / true[0]
+        q = q + h * v
+    step = np.stack([q, v, speed, last, *np.eye(n)[5:], torque])
+    return float(np.abs(np.linalg.eigvals(step)).max())
+
+
+def largest_damping(load: float, assumed: float, slope: float, viscous: float = 0.0) -> float:
+    """Return the damping at which the sampled loop becomes unstable [1/s].
+
+    Args:
+        load: of the arm [kg].
+        assumed: load in the law's estimate [kg].
+        slope: of the law [1/s].
+        viscous: friction of arm and estimate [N m s/rad].
+    """
+    low, high = 0.0, 1e4
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        grows = spectral_radius(load, assumed, Gains(slope, middle), viscous) > 1.0
+        low, high = (low, middle) if grows else (middle, high)
+    return low
+
+
 def candidates() -> list[Gains]:
     """Return the gain sets that `tune` and the bound in hindsight try: a grid of 8 x 9 x 4."""
     return [

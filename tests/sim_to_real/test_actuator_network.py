@@ -35,6 +35,39 @@ def test_the_parametric_fit_recovers_a_drive_that_it_can_represent() -> None:
     assert an.torque_error(an.parametric(run, model), run).max() < 0.05 * run.torque.std()
 
 
+def test_without_lag_the_torque_is_the_command_minus_friction() -> None:
+    # A lag of one substep makes the current the command; 1e6 rad/s leave the voltage unlimited.
+    drive = an.Drive(delay=0, lag=an.DT / 5.0, free_speed=1e6)
+    run = an.record(drive, an.targets(4, np.random.default_rng(2)))
+    middle = 0.5 * (run.speed[:, :-1] + run.speed[:, 1:])
+    # Stribeck (1902): friction falls with speed, from its value at rest to that in motion.
+    extra = 1.0 + 0.6 * np.exp(-((middle / 0.4) ** 2))
+    gear = 0.8 * extra * np.tanh(middle / 0.05) + 0.15 * middle
+    command = np.clip(60.0 * run.error - 1.0 * run.speed, -20.0, 20.0)[:, :-1]
+    error = run.torque[:, :-1] - (command - gear)
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    np.testing.assert_allclose(an.friction(middle, 0.8, 0.15), gear)
+
+
+def test_the_voltage_bounds_the_speed_and_heat_weakens_the_torque() -> None:
+    far = np.full((1, 400), 30.0)
+    far[:, 0] = 0.0
+    free = an.Drive(delay=0, dry=0.0, viscous=0.0)
+    fast = an.record(free, far)
+    # From rest towards a distant target: the speed rises to the free speed and not beyond.
+    assert 0.9 * free.free_speed < fast.speed.max() <= free.free_speed * (1.0 + 1e-9)
+    warm = an.record(an.Drive(delay=0, dry=0.0, viscous=0.0, free_speed=1e6, strength=0.5), far)
+    cold = an.record(an.Drive(delay=0, dry=0.0, viscous=0.0, free_speed=1e6), far)
+    np.testing.assert_allclose(warm.torque[0, 1:20], 0.5 * cold.torque[0, 1:20])
+
+
+def test_the_error_is_the_root_of_the_mean_square_of_each_run() -> None:
+    still = np.zeros((2, 4))
+    run = an.Recording(still, still, np.array([[1.0, -1.0, 1.0, -1.0], [0.0, 0.0, 0.0, 4.0]]))
+    np.testing.assert_allclose(an.torque_error(still, run), [1.0, 2.0])
+
+
+@pytest.mark.slow
 def test_the_network_wins_as_recorded_and_gets_worse_off_the_recording() -> None:
     rows = [an.compare(seed, 12, 1500) for seed in range(3)]
 

@@ -95,6 +95,79 @@ def test_the_network_in_the_loop_is_the_network_in_numpy() -> None:
     np.testing.assert_allclose(run.estimate[:, :windows], expected, rtol=1e-9)
 
 
+def test_coefficients_are_those_of_a_rod_cut_into_slices_and_a_point_mass() -> None:
+    middles = (np.arange(10_000) + 0.5) / 10_000 * va.LENGTH
+    slices = np.full(middles.size, va.LINK / middles.size)
+    (got,) = va.coefficients([[1.3, 0.4, 0.7]])
+    inertia = np.sum(slices * middles**2) + 1.3 * va.LENGTH**2
+    moment = 9.81 * (np.sum(slices * middles) + 1.3 * va.LENGTH)
+    np.testing.assert_allclose(got, [inertia, 0.4, 0.7, moment], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("load", "assumed"), [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0), (0.0, 0.0)])
+def test_a_disturbance_grows_beyond_the_linear_limit_and_dies_below_it(
+    load: float, assumed: float
+) -> None:
+    arms, held = np.array([[load, 0.3, 0.0]]), np.zeros((1, 1500, 3))
+    start = (assumed, 0.3, 0.0)
+    limit = va.largest_damping(load, assumed, 5.0, 0.3)
+    for factor in (0.9, 1.1):
+        law = va.Gains(5.0, factor * limit)
+        radius = va.spectral_radius(load, assumed, law, 0.3)
+        assert (radius > 1.0) == (factor > 1.0)
+        run = va.track(arms, law, held, estimate=start, noise=1e-9)
+        # Differences, without the slow drift to the offset of a wrong load.
+        early, late = (np.diff(run.angle[0, k : k + 200]).std() for k in (300, 600))
+        if factor < 1.0:
+            assert late < max(0.5 * early, 1e-7)
+        elif load == assumed:
+            assert late / early == pytest.approx(radius**300, rel=0.2)
+        else:
+            assert late > early
+
+
+def test_the_limit_is_proportional_to_the_true_inertia_over_the_assumed_one() -> None:
+    # Both gains, slope included, act on the torque with the assumed inertia as a factor: for a
+    # small slope the loop depends on damping times the ratio of the inertias alone.
+    light, middle, heavy = va.coefficients([[0, 0, 0], [1, 0, 0], [2, 0, 0]])[:, 0]
+    known = va.largest_damping(1.0, 1.0, 1e-3)
+    assert va.largest_damping(0.0, 1.0, 1e-3) == pytest.approx(known * light / middle, rel=1e-2)
+    assert va.largest_damping(2.0, 1.0, 1e-3) == pytest.approx(known * heavy / middle, rel=1e-2)
+    assert va.largest_damping(0.0, 0.0, 1e-3) == pytest.approx(known, rel=1e-9)
+
+
+def test_noise_moves_the_arm_and_torque_and_error_have_their_limits() -> None:
+    arms, held = np.array([[0.5, 0.3, 0.0]]), np.zeros((1, 1000, 3))
+    quiet, noisy = (va.track(arms, LAW, held, estimate=arms, noise=x) for x in (0.0, 3e-3))
+    assert quiet.angle.std() < 1e-6 < 1e-4 < noisy.angle.std()
+    # Noise has the same sample for every method, and another one for another seed.
+    again = va.track(arms, LAW, held, estimate=arms, noise=3e-3)
+    other = va.track(arms, LAW, held, estimate=arms, noise=3e-3, seed=1)
+    assert np.array_equal(again.angle, noisy.angle) and not np.array_equal(other.angle, noisy.angle)
+    wild = va.track(arms, va.Gains(100.0, 2000.0), np.zeros((1, 4000, 3)), estimate=(2.0, 0.3, 0.0))
+    torque = np.abs(wild.history[:, :, 2]) * va.SCALES[2]
+    assert torque.max() <= va.TORQUE * (1.0 + 1e-12)
+    # Far too heavy a load pulls the link down to where it hangs; the error counts to its cap.
+    fallen = va.track([[20.0, 0.3, 0.0]], va.Gains(1.0, 1.0), held, estimate=(0.0, 0.3, 0.0))
+    assert va.CAP < np.abs(fallen.angle).max()
+    capped = np.clip(fallen.angle, -va.CAP, va.CAP)
+    assert fallen.error[0] == pytest.approx(np.linalg.norm(capped) / capped.size**0.5)
+
+
+def test_the_student_drives_every_round_but_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    drivers = []
+
+    def recorded(arms: np.ndarray, *args: object, **law: object) -> va.Run:
+        drivers.append((law["estimate"] is arms, law["student"] is not va.NOBODY))
+        return run(arms, *args, **law)  # type: ignore[arg-type]
+
+    run = va.track
+    monkeypatch.setattr(va, "track", recorded)
+    va.train_student(LAW, 0, entries=2, rounds=3, n=4, updates=2)
+    assert drivers == [(True, False), (False, True), (False, True)]
+
+
+@pytest.mark.slow
 def test_every_gain_set_is_bounded_by_the_best_in_hindsight_and_memory_is_not() -> None:
     means: dict[str, list[float]] = {}
     for seed in range(3):
