@@ -115,7 +115,7 @@ def scenes_at(k, rise):
         sunk = max(0.0, -outcome.paths[3, 1, 1, e, k, 1]) * 100.0
         for n in range(5):
             size = (500.0 - sunk) / 5.0
-            axes[1].add_patch(Rectangle((150 * e, n * size), 90, 0.93 * size, color=colour))
+            axes[1].add_patch(Rectangle((150 * e, n * size), 90, 0.88 * size, color=colour))
         axes[1].text(150 * e + 45, -50, name, fontsize=8, color=colour, ha="center")
         fallen = outcome.paths[4, 1, 0, e, k, 1]
         axes[2].add_patch(Rectangle((60 * e - 14, -20), 6, 40, color="0.5"))
@@ -385,7 +385,9 @@ predict("out_of_the_box")
 # things. It *undoes* what the scene doesn't have: air resistance, motors, inertias that are not in the file, and a
 # friction **pyramid**, which replaces Coulomb's round cone by flat sides. And it *chooses* how stiff a contact is,
 # since no scene says so: `impratio`, `solref` and `solimp` in MuJoCo, and in Drake the stiffness of a contact
-# **patch**, the area on which two bodies touch (section 2). In the table, a **servo** is a motor with a position
+# **patch**, the area on which two bodies touch (section 2).
+#
+# In the table, a **servo** is a motor with a position
 # controller; a damping ratio of 1 is critical (no overshoot); **sweeps** are passes of a solver over all contacts; and
 # **substeps** divide a step into smaller ones. Each change is listed with its reason:
 
@@ -665,8 +667,7 @@ print_figures(
 # stays down.
 #
 # Here are seven jobs, written as limits on the numbers of the two charts above. A position may be off by 1 mm, and a
-# braking block by 1 cm during its motion. The last column also says which limit decides, and at which value the pick
-# would change. Two more facts are not in the charts: the share of faulty models that an
+# braking block by 1 cm during its motion. Two more facts are not in the charts: the share of faulty models that an
 # engine rejects or warns about (section 7), and whether `make lab`, which opens this course, installs it. (RL is
 # reinforcement learning; a certificate is a proof of safety.)
 
