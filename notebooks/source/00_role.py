@@ -74,8 +74,8 @@ def table(*rows):
 # Every chapter of this course is about one part of a robot's software. This chapter is about what connects the parts.
 # The simulation above draws it as a graph of six boxes and the robot. Click them to read what goes in and out:
 #
-# * The **simulation engine** takes torques, the turning forces of the motors, and returns pictures and **joint states**,
-#   the angles and speeds of the joints. It stands for the robot (chapters 1 to 4).
+# * The **simulation engine** takes torques, the turning forces of the motors, and returns pictures and **joint
+#   states**, the angles and speeds of the joints. It stands for the robot (chapters 1 to 4).
 # * The **middleware** carries messages from one program to another. It gives each measurement a **time stamp**, the
 #   moment at which it was taken (chapter 10).
 # * **Perception** turns pictures into poses, the positions and orientations of things, with their uncertainty, the
@@ -85,9 +85,9 @@ def table(*rows):
 # * **Sim-to-real and learning** turns logs and **episodes**, single tries at a task, into parameters and **policies**,
 #   programs that choose the next action (chapters 8 and 9).
 #
-# In the simulation, each dot is the content of one picture, and the number beside it is its age. A dot in a box is worked
-# on; a dot on an arrow is a result that waits. The readout *newest result of the box* is the age of the dot on the arrow
-# behind the selected box.
+# In the simulation, each dot is the content of one picture, and the number beside it is its age. A dot in a box is
+# worked on; a dot on an arrow is a result that waits. The readout *newest result of the box* is the age of the dot on
+# the arrow behind the selected box.
 #
 # An arrow carries samples: so many per second, each of so many bytes. Rate times size is the arrow's **bandwidth**. A
 # depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot 480 \cdot 2 \cdot 30 = 18.4$ million bytes
@@ -176,9 +176,9 @@ table(
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. A part on a belt at 0.3 m/s moves by $0.3 \cdot
 # 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it.
 #
-# Two clocks may start at any shift against each other, their **phase**; 172.4 ms is the mean over all phases. Independent
-# clocks drift, so all phases occur while the robot works. If two clocks never drift, the phase of the start stays, and
-# so the mean differs from one start of the robot to the next (section 6).
+# Two clocks may start at any shift against each other, their **phase**; 172.4 ms is the mean over all phases.
+# Independent clocks drift, so all phases occur while the robot works. If two clocks never drift, the phase of the start
+# stays, and so the mean differs from one start of the robot to the next (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
@@ -213,13 +213,12 @@ show("polling_makes_fresh")
 #
 # ### Reaction time
 #
-# Data age looks back from a command. **Reaction time** looks forward: it is the time from an event until the first command
-# that uses a picture taken after the event. Here the event first has to wait for
-# the next picture, and at each arrow a result has to wait for the *reader* to start. So you would expect two different
-# numbers.
+# Data age looks back from a command. **Reaction time** looks forward: it is the time from an event until the first
+# command that uses a picture taken after the event. Here the event first has to wait for the next picture, and at each
+# arrow a result has to wait for the *reader* to start. So you would expect two different numbers.
 #
-# To test this, let the execution times vary from run to run, which is called **jitter**, and let samples get lost. Jitter
-# can let one of two parallel workers overtake the other. The late result of the older picture is then dropped.
+# To test this, let the execution times vary from run to run, which is called **jitter**, and let samples get lost.
+# Jitter can let one of two parallel workers overtake the other. The late result of the older picture is then dropped.
 
 # %%
 show("reaction_is_age")
@@ -251,8 +250,9 @@ predict("where_to_spend")
 # you have to decide which samples it leaves out.
 #
 # The price is computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided by
-# interval. The table lists the best changes to our chain, with savings by the formula of section 1. Changes that break a hard deadline are not offered. For
-# example, a joint loop that waits for the next plan would be silent for a tenth of a second.
+# interval. The table lists the best changes to our chain, with savings by the formula of section 1. Changes that break
+# a hard deadline are not offered. For example, a joint loop that waits for the next plan would be silent for a tenth of
+# a second.
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -270,12 +270,12 @@ table(
 # With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
 # **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
 # $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only predict
-# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age. (Below, *rms*
-# is the root of the mean square of this error.)
+# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age. (Below,
+# *rms* is the root of the mean square of this error.)
 #
 # If a control loop runs through the chain, age costs it stability. A delay of $A$ is $f A$ cycles of a swing at $f$ Hz.
-# As an angle that is $2\pi f A$. By this angle the loop lags; it is said to lose phase. An answer that comes half a cycle too late drives the
-# swing instead of damping it. Chapter 6 derives how much a loop can afford.
+# As an angle that is $2\pi f A$. By this angle the loop lags; it is said to lose phase. An answer that comes half a
+# cycle too late drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -352,8 +352,8 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 # The two differ by about 3 ms, and this is not chance. The planner now starts every 60 ms, and pictures come every 33.3
 # ms: five plans take as long as nine pictures. The first plan starts with a pose, and after 300 ms everything repeats.
 # So a pose waits for 0, 6.7, 13.3, 20 or 26.7 ms, which is 13.3 ms on average. The closed form takes half a period of
-# the camera instead, 16.7 ms, because it averages over all waits. So this change saves about 3 ms more than the table of
-# section 2 says. Section 6 comes back to this.
+# the camera instead, 16.7 ms, because it averages over all waits. So this change saves about 3 ms more than the table
+# of section 2 says. Section 6 comes back to this.
 #
 # ## 4 · The simulation in full
 #
@@ -361,9 +361,8 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 # dashed lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase
 # changes all the time. The switch *all clocks from one* keeps it fixed.
 #
-# Take the presets one after another, and say
-# what the bars will do before you look. In the preset *Deep queue* samples wait in line, and the reader gets the
-# oldest:
+# Take the presets one after another, and say what the bars will do before you look. In the preset *Deep queue* samples
+# wait in line, and the reader gets the oldest:
 
 # %%
 predict("queue_of_ten")
@@ -421,9 +420,9 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 # every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All stamps
 # are shifted by the same amount, so the scatter of the ages looks as usual.
 #
-# Look at the extremes instead. Over a long
-# log the least age is the sum of the execution times, and the greatest is the bound. If both are off by the same
-# amount, suspect an offset. You can see one only if you know the execution times more precisely than that.
+# Look at the extremes instead. Over a long log the least age is the sum of the execution times, and the greatest is the
+# bound. If both are off by the same amount, suspect an offset. You can see one only if you know the execution times
+# more precisely than that.
 #
 # Computers set their clocks over the network. One asks the other for the time, and notes when the question left and
 # when the answer came. It doesn't know how much of the delay belongs to the way there and how much to the way back,
@@ -468,9 +467,9 @@ plt.show()
 # the end of the readout, or when the driver received the picture? A stamp from the driver makes every picture look
 # younger than it is, by readout and transfer and a part of the exposure.
 #
-# A third question is about the chain: which mean applies? Independent clocks run through all phases, so over many minutes
-# the mean of section 1 holds. Clocks that are synchronised by PTP or by a trigger keep one phase. Then the mean depends
-# on this phase; the first claim of section 1 has the range for our chain.
+# A third question is about the chain: which mean applies? Independent clocks run through all phases, so over many
+# minutes the mean of section 1 holds. Clocks that are synchronised by PTP or by a trigger keep one phase. Then the mean
+# depends on this phase; the first claim of section 1 has the range for our chain.
 #
 # ### Queues
 #
@@ -748,12 +747,11 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends. The
-# age between them is that of one stage in front of the joint loop. A policy that returns a chunk of actions (Zhao and
-# others, RSS 2023) executes it until the answer to the next observation is there, so the interval of this stage is the
-# time between two observations. A
-# **digital twin**, a simulation that runs beside the robot and follows its joint states, is one more reader of an
-# arrow, with a data age of its own.
+# The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends.
+# The age between them is that of one stage in front of the joint loop. A policy that returns a chunk of actions (Zhao
+# and others, RSS 2023) executes it until the answer to the next observation is there, so the interval of this stage is
+# the time between two observations. A **digital twin**, a simulation that runs beside the robot and follows its joint
+# states, is one more reader of an arrow, with a data age of its own.
 #
 # ## 10 · Interview
 #

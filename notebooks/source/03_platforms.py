@@ -350,8 +350,8 @@ show("engines_agree")
 #
 # Drake's *discrete* **plant** (its name for the simulated bodies) uses semi-implicit Euler; a continuous one uses a
 # Runge-Kutta scheme of order three with error control. The fitted orders of chain and arm in the chart are a little off
-# 1, because these motions amplify errors. The card below measures the tumble and a shorter fall of the arm. (As shipped,
-# PyBullet's error on tumble and arm doesn't depend on the step: its dashed lines are flat.)
+# 1, because these motions amplify errors. The card below measures the tumble and a shorter fall of the arm. (As
+# shipped, PyBullet's error on tumble and arm doesn't depend on the step: its dashed lines are flat.)
 #
 # **A worked example.** At 1 ms the chain is off by 21 mrad, and you may be off by 10. Euler at half the step costs
 # twice as much and just misses; it takes 0.4 ms, at two and a half times the cost. An RK4 step costs four times as
@@ -387,9 +387,9 @@ predict("out_of_the_box")
 # since no scene says so: `impratio`, `solref` and `solimp` in MuJoCo, and in Drake the stiffness of a contact
 # **patch**, the area on which two bodies touch (section 2).
 #
-# In the table, a **servo** is a motor with a position
-# controller; a damping ratio of 1 is critical (no overshoot); **sweeps** are passes of a solver over all contacts; and
-# **substeps** divide a step into smaller ones. Each change is listed with its reason:
+# In the table, a **servo** is a motor with a position controller; a damping ratio of 1 is critical (no overshoot);
+# **sweeps** are passes of a solver over all contacts; and **substeps** divide a step into smaller ones. Each change is
+# listed with its reason:
 
 # %%
 table(
@@ -647,9 +647,9 @@ figures(
 
 # %% [markdown]
 # (Values below 1e-8 are drawn at 1e-8.) Fair settings bring the simulators together in rest, brake and slide. In tower
-# and grasp they still differ more than tenfold. These are errors at the end of each motion. A motion can end well and be wrong
-# in between, so a second table records the largest error during the motion and the share of time without contact (for
-# *brake*, until Coulomb's law stops the block).
+# and grasp they still differ more than tenfold. These are errors at the end of each motion. A motion can end well and
+# be wrong in between, so a second table records the largest error during the motion and the share of time without
+# contact (for *brake*, until Coulomb's law stops the block).
 #
 # ![Largest error on the way and time in the air, by scene and engine](../docs/charts/platform_paths.png)
 
@@ -860,10 +860,10 @@ table(
 
 # %% [markdown]
 # For *smooth accuracy*, each engine gets the computing time that MuJoCo needs at 1 ms. The value is its error in chain
-# and tumble, divided by the tolerance. *Contact accuracy* is error divided by tolerance at 1 ms, in three scenes with contact. *Speed
-# in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays within the
-# tolerance. *Honesty* is the share of faulty models that the engine rejects or warns about. A thick band on an axis
-# spans the scenes.
+# and tumble, divided by the tolerance. *Contact accuracy* is error divided by tolerance at 1 ms, in three scenes with
+# contact. *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that
+# stays within the tolerance. *Honesty* is the share of faulty models that the engine rejects or warns about. A thick
+# band on an axis spans the scenes.
 #
 # The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is $\tfrac12
 # \sin 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*. Reorder the
@@ -1115,8 +1115,8 @@ print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too fa
 #
 # The large deviations come from defaults. A negative share in the printed lines means too far, at the end of a scene
 # that lasts one and a half times Coulomb's stopping time. PyBullet *multiplies* the coefficients of both bodies, so its
-# block has half the friction: it is 80 % too far when the scene ends, and still slides. (With half the friction alone it
-# would be further off, as the last line says. The default damping brakes it as well.)
+# block has half the friction: it is 80 % too far when the scene ends, and still slides. (With half the friction alone
+# it would be further off, as the last line says. The default damping brakes it as well.)
 #
 # Drake as shipped stops far too early. Its two boxes touch in one point, and its contact approximation `lagged` limits
 # friction there with the normal force of the step before. With `sap`, which computes both forces in the same step, the
@@ -1251,8 +1251,8 @@ for name, share in least.items():
 
 # %% [markdown]
 # In the chart a disc, in the printed lines an o means held and an x dropped, with the squeeze growing to the right.
-# (Our slow code ran at 8 ms only.) Here a part counts as dropped only if it *accelerates* downwards; a part that sinks at
-# a constant speed counts as held. The card below is stricter. There, a part that creeps by a millimetre in half a
+# (Our slow code ran at 8 ms only.) Here a part counts as dropped only if it *accelerates* downwards; a part that sinks
+# at a constant speed counts as held. The card below is stricter. There, a part that creeps by a millimetre in half a
 # second isn't held, so MuJoCo as shipped passes here and fails there.
 #
 # Three of the four have a threshold. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold
@@ -1340,10 +1340,10 @@ world.close()
 #
 # The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
 # library for robot dynamics. One bar of a reader counts rejected files, the other one swallowed files. Repaired files
-# are not drawn. (The claim below counts repaired files as swallowed.) Among the names in the fold-out, *triangle* means moments of inertia that
-# no body can have (one exceeds the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue,
-# *short origin* and *comma* broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint
-# that copies another one.
+# are not drawn. (The claim below counts repaired files as swallowed.) Among the names in the fold-out, *triangle* means
+# moments of inertia that no body can have (one exceeds the sum of the other two), *indefinite* an inertia matrix with a
+# negative eigenvalue, *short origin* and *comma* broken lists of numbers, *long line* a valid file in one long line,
+# and *mimic* a joint that copies another one.
 #
 # ![Faulty models and features, by reader: rejected or swallowed](../docs/charts/platform_readers.png)
 

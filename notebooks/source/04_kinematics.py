@@ -175,9 +175,9 @@ more_claims("two_link_position")
 # **Homogeneous transforms**, six numbers per joint, are used by URDF (the common file format for robots) and by this
 # course's `Chain`.
 #
-# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. You may place each frame
-# anywhere along its joint's axis, and turn it about this axis by any angle. These two free choices are used to make two
-# of the six numbers zero. The transform of one joint, turn included, is
+# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. You may place each
+# frame anywhere along its joint's axis, and turn it about this axis by any angle. These two free choices are used to
+# make two of the six numbers zero. The transform of one joint, turn included, is
 #
 # $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
@@ -247,8 +247,8 @@ plt.show()
 #
 # When the joints before joint $i$ move, they carry its axis along. They move it by $T_{i-1} = e^{[S_1]q_1}\cdots
 # e^{[S_{i-1}]q_{i-1}}$, so the twist of joint $i$ becomes $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. A body
-# with this twist moves its point at $p$ with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities for `two`, the arm of the drawings, with its `lengths` and its
-# `posture`:
+# with this twist moves its point at $p$ with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities
+# for `two`, the arm of the drawings, with its `lengths` and its `posture`:
 
 # %% tags=["show-code"]
 from scipy.linalg import expm
@@ -522,8 +522,8 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # ### Iterative inverse kinematics: pseudo-inverse and damping
 #
 # An arm of six or more joints has a convenient closed form only if its axes are arranged for it. Otherwise use Newton's
-# method: compute the error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat. If $J$ is not
-# square, take the step with the smallest error, and among several of these the shortest: the **minimum-norm
+# method: compute the error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat. If $J$ is
+# not square, take the step with the smallest error, and among several of these the shortest: the **minimum-norm
 # least-squares solution**.
 #
 # **The error of a pose.** For the position, subtract. Orientations can't be subtracted. Compute the rotation that is
@@ -571,17 +571,16 @@ predict("gain_of_a_step")
 #
 # **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm
 # closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With
-# $\lambda =
-# 0.1$ m/rad the step is $0.01\cdot 0.014/(0.014^2+0.1^2) = 0.014$ rad. The arm stays calm, but the step removes only 2
-# % of the error.
+# $\lambda = 0.1$ m/rad the step is $0.01\cdot 0.014/(0.014^2+0.1^2) = 0.014$ rad. The arm stays calm, but the step
+# removes only 2 % of the error.
 
 # %%
 show("damped_gain")
 
 # %% [markdown]
 # Here the arm starts almost stretched, with the pseudo-inverse. Press *Play*: the joints jump at once, and *largest
-# gain so far* records the jump. (The still shows the arm after it.) Then try the damped step and move $\lambda$. The red
-# glow grows with $1/s_{\min}$:
+# gain so far* records the jump. (The still shows the arm after it.) Then try the damped step and move $\lambda$. The
+# red glow grows with $1/s_{\min}$:
 
 # %%
 simulation("arm", "Jump beside the singularity")
@@ -715,17 +714,16 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # %% [markdown]
 # ### The swivel angle: six joints in closed form
 #
-# For an arm like the Panda you can walk along the curve of solutions without iterating. Its wrist is the point where the
-# axes of joints 5 and 6 meet. Choose the angle of joint 7: only this joint lies between the wrist and the hand, so now
-# you know where the wrist is. The first three
-# axes meet in the shoulder, which never moves. Shoulder, elbow and wrist form a triangle with three known sides, and
-# the law of cosines gives the angle of the elbow.
+# For an arm like the Panda you can walk along the curve of solutions without iterating. Its wrist is the point where
+# the axes of joints 5 and 6 meet. Choose the angle of joint 7: only this joint lies between the wrist and the hand, so
+# now you know where the wrist is. The first three axes meet in the shoulder, which never moves. Shoulder, elbow and
+# wrist form a triangle with three known sides, and the law of cosines gives the angle of the elbow.
 #
 # The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**, zero
 # with the elbow straight above the line. To find it, look for the direction of the forearm. The forearm makes a known
 # angle with the line from shoulder to wrist, so it lies on a cone. It is also perpendicular to the axis of joint 6, so
-# it lies in a plane. Cone and plane meet in two lines or in none. With two bends of the elbow and two postures of the shoulder, each angle of the last joint
-# allows up to eight postures.
+# it lies in a plane. Cone and plane meet in two lines or in none. With two bends of the elbow and two postures of the
+# shoulder, each angle of the last joint allows up to eight postures.
 #
 # ![All postures of one pose; share of poses without an answer against time](../docs/charts/seven_joint.png)
 #
@@ -804,11 +802,11 @@ plt.show()
 # accelerates by $\alpha\times r + \omega\times(\omega\times r)$. Use this for the next joint, and for the acceleration
 # $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and the torque $I\alpha+\omega\times I\omega$.
 #
-# *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. Two forces also add
-# a torque about the joint: the link's own, at its centre of mass, and the one passed on, at the next joint. With $r$ from
-# this joint to that point, a force $f$ adds $r\times f$. The motor supplies the component along its axis, the bearing
-# the rest. Gravity costs nothing extra. In a lift that accelerates upwards everything feels heavier, so let the base
-# accelerate upwards at $g$ instead.
+# *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. Two forces also
+# add a torque about the joint: the link's own, at its centre of mass, and the one passed on, at the next joint. With
+# $r$ from this joint to that point, a force $f$ adds $r\times f$. The motor supplies the component along its axis, the
+# bearing the rest. Gravity costs nothing extra. In a lift that accelerates upwards everything feels heavier, so let the
+# base accelerate upwards at $g$ instead.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
@@ -899,10 +897,9 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 # joint space angles, actuator space torques and currents. Feedback runs on each level, one control loop inside the
 # other.
 #
-# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that
-# its commands are executed
-# at once. As a rule of thumb each loop runs three to ten times as fast as the loop
-# around it. Only the innermost loops need a kilohertz or more.
+# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that its
+# commands are executed at once. As a rule of thumb each loop runs three to ten times as fast as the loop around it.
+# Only the innermost loops need a kilohertz or more.
 
 # %% tags=["hide-code"]
 LEVELS = (
@@ -1112,12 +1109,11 @@ print_figures(
 # ### How many poses does a solver find?
 #
 # The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
-# and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger. (The claim
-# below has its own sample of 400 poses, so its percentages differ a little.) The
-# *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start.
-# *Clamped, 20 starts* adds joint limits and restarts. *Same with full steps* also takes the whole step in place of a
-# tenth. The course's compiled solver begins at random postures (*uniform starts*) or at the *nearest of a table* of
-# random postures:
+# and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger. (The
+# claim below has its own sample of 400 poses, so its percentages differ a little.) The *usual loop* is the example from
+# Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start. *Clamped, 20 starts* adds joint
+# limits and restarts. *Same with full steps* also takes the whole step in place of a tenth. The course's compiled
+# solver begins at random postures (*uniform starts*) or at the *nearest of a table* of random postures:
 #
 # ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
@@ -1146,8 +1142,8 @@ figures(read("ik_success"), summary="Steps, starts, and poses solved per second"
 # ### Which step for which tolerance?
 #
 # Here are forty poses near a start. Every method runs for one to forty steps. Drag the tolerance, or move it with the
-# arrow keys. On each side a circle marks the cheapest run that meets it: the fewest steps on one side, the least time on
-# the other. These may be different methods.
+# arrow keys. On each side a circle marks the cheapest run that meets it: the fewest steps on one side, the least time
+# on the other. These may be different methods.
 
 # %% tags=["hide-code"]
 from course.measure.work_precision import Method, Result, measure
@@ -1188,9 +1184,9 @@ TradeOff(result)
 
 # %% [markdown]
 # Near the solution, the pseudo-inverse, the adaptive step and Levenberg-Marquardt about double the number of correct
-# digits in each step. In time, Levenberg-Marquardt is ahead. It solves a small linear system per step, where the other two compute
-# singular values. The next chart compares an ordinary target with one exactly on the edge of the workspace of two
-# links, where the solution itself is singular:
+# digits in each step. In time, Levenberg-Marquardt is ahead. It solves a small linear system per step, where the other
+# two compute singular values. The next chart compares an ordinary target with one exactly on the edge of the workspace
+# of two links, where the solution itself is singular:
 #
 # ![Remaining error against steps, for an ordinary target and one on the edge](../docs/charts/ik_residual.png)
 
@@ -1222,8 +1218,8 @@ print_figures("velocity_limits", "clipped", "quadratic program", "time of mink",
 # hand, but a single joint at its limit stops the whole arm. The program is not perfect either: it looks no further than
 # one cycle, and may lead the arm to a limit that a planner would have avoided. Shorter cycles don't change that.
 #
-# With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller; we have
-# not found out why. The printed figures are for cycles of 5 ms, the next claim's for 50 ms on other paths.
+# With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller; we
+# have not found out why. The printed figures are for cycles of 5 ms, the next claim's for 50 ms on other paths.
 
 # %%
 more_claims("clipped_velocities")
@@ -1253,8 +1249,8 @@ figures(
 #
 # ### What to pick
 #
-# * *Two joints and a point, three joints and a point with a direction of the hand, six with a wrist whose axes meet*: the closed
-#   form. It returns all solutions, without iterations and without a start.
+# * *Two joints and a point, three joints and a point with a direction of the hand, six with a wrist whose axes meet*:
+#   the closed form. It returns all solutions, without iterations and without a start.
 # * *Following a path, at every tick*: one or two steps from the last posture, adaptive or Levenberg-Marquardt, checked
 #   by forward kinematics. With hard limits, a quadratic program.
 # * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
@@ -1268,10 +1264,11 @@ figures(
 # ### How much damping is enough?
 #
 # The tip is commanded to move at 0.1 m/s, and the joints can do 2 rad/s (the norm of both), so the gain must stay below
-# 20 rad/m. Below the black line of the map the joints are too fast. The predicted boundary (dashed), $s/(s^2+\lambda^2)$
-# equal to that limit, lies on the measured one. In the right-hand panel the tip is led past the hole around the base in
-# points 2 mm apart, with one damped step per point. Weak damping adds no error, and strong damping makes the tip miss
-# its points by up to centimetres. In between there is no simple rule: the curves rise, fall and cross.
+# 20 rad/m. Below the black line of the map the joints are too fast. The predicted boundary (dashed),
+# $s/(s^2+\lambda^2)$ equal to that limit, lies on the measured one. In the right-hand panel the tip is led past the
+# hole around the base in points 2 mm apart, with one damped step per point. Weak damping adds no error, and strong
+# damping makes the tip miss its points by up to centimetres. In between there is no simple rule: the curves rise, fall
+# and cross.
 #
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
@@ -1782,8 +1779,8 @@ interview("kinematics")
 # ### Checkpoint
 #
 # These three formulas are not written out on this page, but you can derive them from what is: the coupling entry
-# $M_{12}$ of the mass matrix of two rods, the radius of the hole when the elbow has a limit, and the pseudo-inverse step close to a
-# singularity. The checkpoint is passed when all three are correct.
+# $M_{12}$ of the mass matrix of two rods, the radius of the hole when the elbow has a limit, and the pseudo-inverse
+# step close to a singularity. The checkpoint is passed when all three are correct.
 
 # %%
 checkpoint(
