@@ -25,13 +25,12 @@ simulation("stack")
 #
 # ## How this course works
 #
-# This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter looks at
-# its subject from five sides: concept, design, code, debugging and frontier. A section explains an idea, asks you a
-# question about it, and shows the answer in a simulation or a chart.
+# This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter looks at its
+# subject from five sides: concept, design, code, debugging and frontier. Each section explains an idea, asks about it,
+# and shows the answer.
 #
 # Some cards show a common statement. You judge it: true, false, or true only under a condition. A program checked each
-# of them; `python -m course.derivations 0` runs the checks again. The code of the chapter is the module `course.role`.
-# These exercises wait in section 7:
+# of them; `python -m course.derivations 0` runs the checks again. These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -71,10 +70,10 @@ def table(*rows):
 # %% [markdown]
 # ## 1 · Concept: six boxes and a robot
 #
-# Every chapter of this course is about one part of a robot's software. This chapter is about what connects the parts.
-# The simulation above draws it as a graph of six boxes and the robot. Click them to read what goes in and out:
+# This chapter is about what connects the parts of a robot's software. The simulation above draws it as a graph of six
+# boxes and the robot. Click them to read what goes in and out:
 #
-# * The **simulation engine** takes torques, the turning forces of the motors, and returns pictures and **joint
+# * The **simulation engine** takes torques (turning forces) and returns pictures and **joint
 #   states**, the angles and speeds of the joints. It stands for the robot (chapters 1 to 4).
 # * The **middleware** carries messages from one program to another. It gives each measurement a **time stamp**, the
 #   moment at which it was taken (chapter 10).
@@ -82,12 +81,8 @@ def table(*rows):
 #   *covariance* (chapter 7).
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
 # * **Control** turns trajectories and joint states into torques (chapter 6).
-# * **Sim-to-real and learning** turns logs and **episodes**, single tries at a task, into parameters and **policies**,
+# * **Sim-to-real and learning** turns logs and **episodes**, tries at a task, into parameters and **policies**,
 #   programs that choose the next action (chapters 8 and 9).
-#
-# In the simulation, each dot is the content of one picture, and the number beside it is its age. A dot in a box is
-# worked on; a dot on an arrow is a result that waits. The readout *newest result of the box* is the age of the dot on
-# the arrow behind the selected box.
 #
 # An arrow carries samples: so many per second, each of so many bytes. Rate times size is the arrow's **bandwidth**. A
 # depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot 480 \cdot 2 \cdot 30 = 18.4$ million bytes
@@ -250,7 +245,7 @@ predict("where_to_spend")
 # you have to decide which samples it leaves out.
 #
 # The price is computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided by
-# interval. The table lists the best changes to our chain, with savings by the formula of section 1. Changes that break
+# interval. The table lists the best changes to our chain (savings by the formula). Changes that break
 # a hard deadline are not offered. For example, a joint loop that waits for the next plan would be silent for a tenth of
 # a second.
 
@@ -270,11 +265,10 @@ table(
 # With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
 # **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
 # $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only predict
-# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age. (Below,
-# *rms* is the root of the mean square of this error.)
+# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age.
 #
 # If a control loop runs through the chain, age costs it stability. A delay of $A$ is $f A$ cycles of a swing at $f$ Hz.
-# As an angle that is $2\pi f A$. By this angle the loop lags; it is said to lose phase. An answer that comes half a
+# As an angle, the loop lags by $2\pi f A$; it loses *phase*. An answer that comes half a
 # cycle too late drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
 
 # %% tags=["hide-code"]
@@ -283,7 +277,7 @@ figure_, axes = plt.subplots(figsize=(8, 3.0), layout="constrained")
 for name, row, style in (
     ("used as it came", 0, "-"),
     ("predicted, a = 1 m/s²", 1, "--"),
-    ("predicted without stamps: additional, rms", 2, ":"),
+    ("predicted without stamps: additional, root mean square", 2, ":"),
 ):
     _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
 _ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="a mean age of 172 ms")
@@ -296,7 +290,10 @@ table(
     ("at 0.3 m/s", "error"),
     ("used as it came", f"{1000 * paid.held:.0f} mm"),
     ("predicted with each sample's age, a = 1 m/s²", f"{1000 * paid.predicted:.0f} mm"),
-    ("additional in a prediction without stamps", f"{1000 * paid.unstamped:.0f} mm rms"),
+    (
+        "additional in a prediction without stamps",
+        f"{1000 * paid.unstamped:.0f} mm root mean square",
+    ),
     ("phase that a loop of 1 Hz loses", f"{np.degrees(paid.phase):.0f} degrees"),
 )
 
@@ -357,9 +354,11 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 #
 # ## 4 · The simulation in full
 #
-# Go back to the simulation at the top. The bars are the distribution of all ages in forty seconds, and the
-# dashed lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase
-# changes all the time. The switch *all clocks from one* keeps it fixed.
+# Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
+# a box it is worked on; on an arrow it is a result that waits. The readout *newest result of the box* is the age of the
+# dot on the arrow behind the selected box. The bars are the distribution of all ages in forty seconds, and the dashed
+# lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase changes all
+# the time. The switch *all clocks from one* keeps it fixed.
 #
 # Take the presets one after another, and say what the bars will do before you look. In the preset *Deep queue* samples
 # wait in line, and the reader gets the oldest:
@@ -484,7 +483,7 @@ show("deep_queue")
 # queue without a limit is no choice, because the age then grows as long as the robot runs. In the table a camera stage
 # of 5 ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each. The rule *skip* drops what
 # comes while the stage is busy. The rule *queue* starts again with the oldest sample in the queue. The ages are
-# simulated: five runs of 60 ms take exactly as long as nine pictures, so the closed form would be 3 ms too high again.
+# simulated, because here, too, five runs take exactly as long as nine pictures.
 
 # %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)

@@ -172,12 +172,11 @@ more_claims("two_link_position")
 #
 # Three descriptions say where the joints are.
 #
-# **Homogeneous transforms**, six numbers per joint, are used by URDF (the common file format for robots) and by this
-# course's `Chain`.
+# **Homogeneous transforms**, six numbers per joint, are used by URDF robot files and this course's `Chain`.
 #
-# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. You may place each
-# frame anywhere along its joint's axis, and turn it about this axis by any angle. These two free choices are used to
-# make two of the six numbers zero. The transform of one joint, turn included, is
+# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. Each frame may lie
+# anywhere along its joint's axis, at any angle about it. These two choices make two of the six numbers zero. The
+# transform of one joint, turn included, is
 #
 # $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
@@ -802,16 +801,15 @@ plt.show()
 # accelerates by $\alpha\times r + \omega\times(\omega\times r)$. Use this for the next joint, and for the acceleration
 # $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and the torque $I\alpha+\omega\times I\omega$.
 #
-# *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. Two forces also
-# add a torque about the joint: the link's own, at its centre of mass, and the one passed on, at the next joint. With
-# $r$ from this joint to that point, a force $f$ adds $r\times f$. The motor supplies the component along its axis, the
-# bearing the rest. Gravity costs nothing extra. In a lift that accelerates upwards everything feels heavier, so let the
-# base accelerate upwards at $g$ instead.
+# *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. The link's own
+# force acts at its centre of mass, the passed-on one at the next joint. Each force $f$, at $r$ from this joint, adds
+# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. In a lift that
+# accelerates upwards everything feels heavier, so let the base accelerate upwards at $g$ instead.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
 #
-# The three algorithms must agree, which is a good test:
+# The three algorithms must agree:
 
 # %% tags=["show-code"]
 free = replace(arm, damping=0.0)  # joints without friction
@@ -827,7 +825,7 @@ print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
 # A second test is energy. A falling arm without motors and friction keeps it, so with RK4 from chapter 1 the drift must
-# fall by a factor of about $2^4 = 16$ or more when the step is halved. If a wrong $h$ changes the energy, the drift
+# fall by a factor of about $2^4 = 16$ when the step is halved. If a wrong $h$ changes the energy, the drift
 # stays:
 
 # %% tags=["hide-code"]
@@ -846,7 +844,7 @@ more_claims("articulated_bodies_lose_fewer_digits")
 # %% [markdown]
 # ### Identification: what can torques tell about the masses?
 #
-# The data sheet is wrong. Can you measure the masses without taking the arm apart?
+# Can you measure the masses without taking the arm apart?
 #
 # Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second moments.
 # Torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you
@@ -1110,10 +1108,12 @@ print_figures(
 #
 # The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
 # and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger. (The
-# claim below has its own sample of 400 poses, so its percentages differ a little.) The *usual loop* is the example from
-# Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start. *Clamped, 20 starts* adds joint
-# limits and restarts. *Same with full steps* also takes the whole step in place of a tenth. The course's compiled
-# solver begins at random postures (*uniform starts*) or at the *nearest of a table* of random postures:
+# claim below has its own sample of 400 poses, so its percentages differ a little.)
+#
+# The *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one
+# start. *Clamped, 20 starts* adds joint limits and restarts. *Same with full steps* also takes the whole step in place
+# of a tenth. The course's compiled solver begins at random postures (*uniform starts*) or at the *nearest of a table*
+# of random postures:
 #
 # ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
