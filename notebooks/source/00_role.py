@@ -245,7 +245,7 @@ predict("where_to_spend")
 # you have to decide which samples it leaves out.
 #
 # The price is computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided by
-# interval. The table lists the best changes to our chain (savings by the formula). Changes that break
+# interval. The table lists the best changes to our chain (by the formula). Changes that break
 # a hard deadline are not offered. For example, a joint loop that waits for the next plan would be silent for a tenth of
 # a second.
 
@@ -265,7 +265,8 @@ table(
 # With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
 # **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
 # $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only predict
-# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age.
+# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age (*rms*: root
+# mean square).
 #
 # If a control loop runs through the chain, age costs it stability. A delay of $A$ is $f A$ cycles of a swing at $f$ Hz.
 # As an angle, the loop lags by $2\pi f A$; it loses *phase*. An answer that comes half a
@@ -277,7 +278,7 @@ figure_, axes = plt.subplots(figsize=(8, 3.0), layout="constrained")
 for name, row, style in (
     ("used as it came", 0, "-"),
     ("predicted, a = 1 m/s²", 1, "--"),
-    ("predicted without stamps: additional, root mean square", 2, ":"),
+    ("predicted without stamps: additional, rms", 2, ":"),
 ):
     _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
 _ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="a mean age of 172 ms")
@@ -290,10 +291,7 @@ table(
     ("at 0.3 m/s", "error"),
     ("used as it came", f"{1000 * paid.held:.0f} mm"),
     ("predicted with each sample's age, a = 1 m/s²", f"{1000 * paid.predicted:.0f} mm"),
-    (
-        "additional in a prediction without stamps",
-        f"{1000 * paid.unstamped:.0f} mm root mean square",
-    ),
+    ("additional in a prediction without stamps", f"{1000 * paid.unstamped:.0f} mm rms"),
     ("phase that a loop of 1 Hz loses", f"{np.degrees(paid.phase):.0f} degrees"),
 )
 
