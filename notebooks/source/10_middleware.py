@@ -744,9 +744,10 @@ Markdown(f"```cpp\n{triple.rstrip()}\n```")
 figures(read("handover_waits"), "loaded, triple", "loaded, mutex", "loaded, std")
 
 # %% [markdown]
-# Half of the calls hardly differ; the worst ones do. If the writer is interrupted while it holds `std::mutex`, the
-# urgent reader waits until the scheduler lets the writer run again, for many periods. Inheritance ends most of this
-# wait. The triple buffer has no lock to wait for. The writer, an ordinary thread, is interrupted with every method.
+# Half of the calls hardly differ; the slowest ones do. With a core each, a reader waits only while the writer copies.
+# But if the writer is interrupted while it holds `std::mutex`, the urgent reader waits until the scheduler lets the
+# writer run again, for many periods. Inheritance ends most of this wait. The triple buffer has no lock to wait for: its
+# slowest calls take as long as those of a plain copy. The writer, an ordinary thread, is interrupted with every method.
 
 # %% [markdown]
 # ### Executors: who waits for a thread
