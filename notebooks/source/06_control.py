@@ -527,9 +527,9 @@ plt.show()
 #
 # **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
 # over by itself, such as an upright pendulum, gravity can then win. In the map, the motor has half of the torque that
-# holds the pendulum horizontally. A falling pendulum has a part that grows, angle + rate$/\sqrt{g/l}$, and a part that
-# decays. The command is a high gain times the growing part. The purple states are caught, the orange ones are lost, on
-# a grid. At the edge the controller commands the full torque all the way, so other gains do no better:
+# holds the pendulum horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$,
+# and a decaying one. The command is a high gain times the growing part. The purple states are caught, the orange ones
+# are lost, on a grid. At the edge the controller commands the full torque all the way, so other gains do no better:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
