@@ -10,8 +10,8 @@ from course.derivations import claim
     "The best gains in hindsight bound the gain sets that were searched, all with the same "
     "estimate of the arm. A controller that knows the arm changes the estimate as well: with one "
     "gain set for all {n:.0f} arms its error is smaller than this bound on {share:.0%} of them, "
-    "and {ratio:.2f} times as large in the mean. Gains that the search left out are below the bound, "
-    "too, if it was coarse: {more:.0f} further sets, sampled between those of the list, are on "
+    "and {ratio:.2f} times as large in the mean. Gains that the search left out are below the "
+    "bound, too, if it was coarse: {more:.0f} further sets, sampled between those of the list, are on "
     "{off:.0%} of the arms.",
 )
 def best_fixed_gains(result):
