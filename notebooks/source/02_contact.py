@@ -142,11 +142,10 @@ more_claims(
 # made of triangles), every combination of corners, edges and faces would need its own formula. One idea covers all
 # **convex** shapes, those that contain the straight line between any two of their points.
 #
-# Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference** $A
-# \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the shapes
-# share a point. If they are apart, the distance from the origin to the set equals the distance of the shapes. A problem
-# about two shapes has become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and
-# Keerthi (1988), solves it.
+# Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference**
+# $A \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the
+# shapes share a point. If they are apart, the distance from the origin to the set equals the distance of the shapes.
+# **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves it.
 #
 # A **support function** returns the point of a convex shape that lies farthest in a given direction; for a box it is a
 # corner. The Minkowski difference has a support function too: the support point of $A$ in the direction $s$ minus the
@@ -416,8 +415,7 @@ more_claims(
 # ### Complementarity: the law of a rigid contact
 #
 # Put a mug on a table. The table pushes up exactly as hard as needed, whatever the mug weighs, and lets go at once
-# when you lift it. No spring is involved. What does a *rigid* contact demand of the force $f$ and the gap $\phi$ (the
-# signed distance)?
+# when you lift it. What does a *rigid* contact demand of the force $f$ and the gap $\phi$ (the signed distance)?
 #
 # 1. The bodies do not overlap: $\phi \ge 0$.
 # 2. The contact only pushes: $f \ge 0$.
@@ -439,7 +437,7 @@ simulation("half_axes")
 # %%
 show("contact_law_is_set_valued")
 # %% [markdown]
-# The corner of the picture is worth a second look. What are force and gap there?
+# What are force and gap in the corner of the picture?
 # %%
 show("one_of_force_and_gap_is_zero")
 # %% [markdown]
@@ -616,8 +614,8 @@ more_claims(
 simulation("friction_cone")
 # %% [markdown]
 # While the block sticks, the law allows every force inside the cone or on it. Only the balance with the pull decides
-# which one it is. There is no formula to evaluate, so the force has to be solved for. That is what makes contact harder
-# than a spring. When the block slides, the size of friction is fixed: it is $\mu f_n$, against the motion.
+# which one it is. There is no formula to evaluate, so the force has to be solved for. That is what makes contact
+# harder than a spring.
 #
 # <details><summary>A worked example: a box of 3 kg</summary>
 #
@@ -634,9 +632,9 @@ simulation("friction_cone")
 simulation("touch", "Slip", still=0.15)
 # %% [markdown]
 # A round cone is not linear, so the step is no longer an LCP. The traditional way out is a **pyramid**: its four
-# edges lie on the cone, along $x$ and $y$, and its faces are flat. The allowed forces are all sums of four
-# vectors along the edges with non-negative weights. Then everything is linear again. Seen from above, the circle
-# of radius $\mu f_n$ has become a square that stands on its corner.
+# edges lie on the cone, along $x$ and $y$, and its faces are flat. The allowed forces are all sums of four vectors
+# along the edges with non-negative weights. Seen from above, the circle of radius $\mu f_n$ has become a square that
+# stands on its corner.
 #
 # Two things follow. A block that sticks is held less well: between two corners the square lies inside the circle, and
 # at 45 degrees it allows only $1/\sqrt 2$ of the force. A block that slides is braked in another direction. Coulomb's
@@ -784,8 +782,7 @@ for dt in (1e-2, 1e-3, 1e-4):
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
-# The same spring needs other values at another step. If you keep ERP and CFM and halve the step, you simulate another
-# spring:
+# At another step, the same spring needs other values:
 # %% tags=["hide-code"]
 for dt in (1e-2, 1e-3):
     erp, cfm = erp_cfm(1e4, 100.0, dt)
@@ -888,9 +885,9 @@ show("mujoco_is_convex_and_unique")
 # direction of friction.
 #
 # Each row asks for a reference acceleration $a_{\text{ref}}$, that of a spring and a damper. It gets less than that
-# in proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact; with
-# $R = 0$ the row would get exactly what it asks for. With the row's velocity $u$ and its position error $r$ (the gap
-# for a normal row, always 0 for friction), as long as the force lies inside the cone:
+# in proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact. With the
+# row's velocity $u$ and its position error $r$ (the gap for a normal row, always 0 for friction), as long as the
+# force lies inside the cone:
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
@@ -902,9 +899,8 @@ show("mujoco_is_convex_and_unique")
 # exactly. The parameters:
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k = 1/(d_1 T \zeta)^2$ and $b = 2/(d_1 T)$, where
-#   $d_1$ is the largest $d$. So the spring's $\omega$ is about $1/(\zeta T)$. The default (0.02 s, 1) gives a
-#   critically damped spring that settles in about a tenth of a second. MuJoCo raises $T$ to at least two steps, so a
-#   harder contact needs a shorter step.
+#   $d_1$ is the largest $d$. The default (0.02 s, 1) gives a critically damped spring that settles in about a tenth
+#   of a second. MuJoCo raises $T$ to at least two steps, so a harder contact needs a shorter step.
 # * **solimp** = (d at touch, d at full depth, width, midpoint, power) sets $d$ as a function of the depth. The width
 #   is the depth from which $d$ no longer rises. Midpoint and power shape the S-curve in between. By default $d$ rises
 #   from 0.9 to 0.95 over the first millimetre.

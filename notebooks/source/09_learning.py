@@ -94,13 +94,11 @@ def last(chart, panel=0):
 # Learning curves rarely show how far a number could rise. This chapter works on a task so small that the best possible
 # result is known exactly, and reports the learners on it as a share of that optimum.
 #
-# The task is the point above.
-#
-# Start and goal are sampled at random from a
-# square with a side of 2 m, and the point starts at rest. The policy observes the vector to the goal and the velocity.
-# It chooses an acceleration of at most 1 m/s² along each axis, and holds it for one step of 50 ms. Each step updates
-# the velocity first and then moves the point with the new velocity. The episode ends successfully when the point enters
-# a disc of 5 cm radius around the goal. Otherwise it ends after 100 steps.
+# In the point's task, start and goal are sampled at random from a square with a side of 2 m, and the point starts at
+# rest. The policy observes the vector to the goal and the velocity. It chooses an acceleration of at most 1 m/s²
+# along each axis, and holds it for one step of 50 ms. Each step updates the velocity first and then moves the point
+# with the new velocity. The episode ends successfully when the point enters a disc of 5 cm radius around the goal.
+# Otherwise it ends after 100 steps.
 #
 # The plots show six runs each of two policies: the fastest that is possible, and one that was written by hand. The
 # written one is a PD law, with one gain on the remaining distance and one on the velocity. Each dot is one step.
@@ -213,8 +211,8 @@ plt.show()
 # %% [markdown]
 # Each dot is a sampled action. The arrow that begins below it is its vote, advantage times $(a - \mu)/\sigma^2$. A
 # good action to the right pulls the mean to the right. A bad action on the left pushes the mean to the right too,
-# because moving away from it is an improvement. The thick arrow on top is the average of all votes. It points towards
-# the best action.
+# because moving away from it is an improvement. The thick arrow on top, the average of all votes, points towards the
+# best action.
 #
 # **A worked example.** Let $\mu = 0$ and $\sigma = 1$. The action 0.5 had an advantage of +2, so it votes
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
@@ -360,7 +358,7 @@ simulation("gae_weights")
 #
 # The function clip replaces a ratio outside $1 \pm \varepsilon$ by the nearest end of that range; $\varepsilon$ is
 # usually 0.2. The minimum selects the smaller of the two terms. So a good action that is already 20 % likelier gets
-# no further push. Work out the other cases yourself:
+# no further push.
 
 # %%
 predict("where_the_clip_bites")
@@ -885,9 +883,9 @@ more_claims("code_of_zero")
 # $$\text{loss} = \mathbb{E}\,\lVert v(x_t, t, s) - (x - \epsilon) \rVert^2 .$$
 #
 # Through each point run many of these lines, each with its own velocity. The squared error makes the network learn
-# their mean. That is enough. Think of traffic: how the crowd thins or thickens at a place depends only on the average
-# flow there, not on who drives which way. So start all samples as noise, and move each with the mean velocity at its
-# place. Then at every time $t$ the samples are distributed like the points $x_t$, and at $t = 1$ like the data.
+# their mean. Think of traffic: how the crowd thins or thickens at a place depends only on the average flow there, not
+# on who drives which way. So start all samples as noise, and move each with the mean velocity at its place. Then at
+# every time $t$ the samples are distributed like the points $x_t$, and at $t = 1$ like the data.
 #
 # A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps
 # of size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
@@ -1043,9 +1041,9 @@ show("react_less")
 # the chunks agree on the mode. Under the strongest disturbances, a policy trained on disturbed demonstrations does
 # best. Without disturbances that policy is worse, though: about seven runs in ten pass.
 #
-# The lower panels show the two effects. A policy that observes often changes sides more often. A policy that observes
-# rarely drifts further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the
-# failures at $k = 1$. What causes the others, the chart does not show.
+# In the lower panels, a policy that observes often changes sides more often. A policy that observes rarely drifts
+# further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the failures at $k =
+# 1$. What causes the others, the chart does not show.
 #
 # How many demonstrations does this need? Enough to show even the rarest way; in the checkpoint you compute the chance
 # that it is missing. And look for pauses: a person who waits shows one state with two labels, *wait* and *go*.
@@ -1112,7 +1110,7 @@ table(
 #
 # ### Which details of PPO matter, and where
 #
-# Implementations of PPO contain dozens of details. Which ones matter?
+# Implementations of PPO contain dozens of details.
 #
 # ![PPO without each of its details, and tasks on which a detail matters](../docs/charts/details_that_matter.png)
 #
@@ -1378,10 +1376,10 @@ predict("curve_at_one")
 
 # %% [markdown]
 # Each policy is broken on purpose. The first never pushes while the goal lies less than 0.1 m to its right. The
-# second never pushes while it lies more than 0.5 m to its left. Otherwise they act optimally. Where they push at the
-# start they nearly always arrive (the first one coasts the last centimetres), so geometry says how many starts they
-# solve. The third column counts one episode in each of 128 environments, whose starts happen to be hard ones. The
-# last column takes the first 128 episodes that finish.
+# second never pushes while it lies more than 0.5 m to its left. Otherwise they act optimally. If they push at the
+# start, they nearly always arrive, so geometry says how many starts they solve. The third column counts one episode
+# in each of 128 environments, whose starts happen to be hard ones. The last column takes the first 128 episodes that
+# finish.
 
 # %% tags=["hide-code"]
 rows = [

@@ -1637,10 +1637,9 @@ show("rare_and_sure")
 # %% [markdown]
 # If the failures lie in one direction only, it helps to keep the width of the proposal at least as large as that of
 # the real disturbances. A **defensive mixture**, which draws a tenth of the runs from the original distribution, did
-# not help here. With two failure regions, neither the minimum width nor the mixture is a remedy: a tenth of 2,500
-# plain runs rarely meets a failure of this rate. Now the arm, with six disturbances: bias and target velocity (two
-# components each), latency, tilt. (Without discs and with little noise, so its failure rate is not that of section
-# 1.)
+# not help here. With two failure regions neither is a remedy: a tenth of 2,500 runs rarely meets such a failure. Now
+# the arm, with six disturbances: bias and target velocity (two components each), latency, tilt. (There are no discs
+# and little noise.)
 
 # %% tags=["hide-code"]
 scene, quiet = Scenario(discs=()), Settings(noise=0.01)
@@ -1668,11 +1667,10 @@ for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
 table(["proposal", "seed", "failure rate", "95 % interval", "effective number"], *rows)
 
 # %% [markdown]
-# The intervals of the fitted proposal contradict each other. Its effective numbers are small, but the lowest rate has
-# the largest of the three: the warning is weakest where it is needed most. With a width of at least 1, the estimates
-# still differ by almost a factor of two. So this table suggests an order of magnitude and no more: an estimate may be
-# too high or too low. We ran no plain samples here; run some tens of thousands, at milliseconds each, before you
-# report a number.
+# The intervals of the fitted proposal contradict each other. Their effective numbers are small, but the lowest rate
+# has the largest one: the warning is weakest where it is needed most. With a width of at least 1, the estimates still
+# differ by almost a factor of two. So this table suggests an order of magnitude and no more. Run some tens of
+# thousands of plain samples, at milliseconds each, before you report a number.
 #
 # And if a sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval, a
 # confidence interval for a success rate, says what such a sample leaves open:
