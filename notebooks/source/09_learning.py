@@ -770,15 +770,16 @@ answer("cloning_averages", "0*w")
 # For two equally frequent sides the result is the middle, which is the obstacle. This is **mode averaging**: the
 # prediction lies between the modes, where no demonstration went.
 #
-# The simulation shows a hundred runs of a policy that was trained on such demonstrations (left is up). A run has 16
-# steps. The policy predicts them in *chunks*: eight actions at once, then the next eight. *The mean* is the policy
-# that was trained with the squared error. The next subsection explains the other policies; look at their runs first.
+# The simulation shows a hundred runs of a policy that was trained on such demonstrations (left is up). Blue runs
+# succeed, orange ones fail. A run has 16 steps. The policy predicts them in *chunks*: eight actions at once, then the
+# next eight. *The mean* is the policy that was trained with the squared error. The next subsection explains the other
+# policies; look at their runs first.
 
 # %% [markdown]
 # ![Two routes around a disc](attachment:learning.two_ways.png)
 
 # %%
-simulation("two_ways")
+simulation("two_ways", still=2.0)
 
 # %% [markdown]
 # You could choose among these policies by three numbers: the training loss; the error on **held-out demonstrations**,
