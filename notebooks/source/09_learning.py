@@ -779,7 +779,7 @@ answer("cloning_averages", "0*w")
 # ![Two routes around a disc](attachment:learning.two_ways.png)
 
 # %%
-simulation("two_ways", still=2.0)
+simulation("two_ways")
 
 # %% [markdown]
 # You could choose among these policies by three numbers: the training loss; the error on **held-out demonstrations**,
