@@ -282,9 +282,9 @@ show("baseline_is_free")
 #       = \delta_t + \gamma\lambda\,A_{t+1}.$$
 #
 # The weight of a later error decays by the factor $\gamma\lambda$ per step. With $\lambda = 0$ only the first error
-# counts. With $\lambda = 1$ the values of later states cancel: the next error contains $-V(s_{t+1})$ and has the weight
-# $\gamma$, so it removes the $+\gamma V(s_{t+1})$ in this one. What is left is the whole return minus $V(s_t)$. The
-# usual value is 0.95.
+# counts. With $\lambda = 1$ the values of later states cancel: the next error contains $-V(s_{t+1})$ and has the
+# weight $\gamma$, so it removes the $+\gamma V(s_{t+1})$ in this one. What is left is the whole return minus
+# $V(s_t)$. Usual is 0.95.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(8, 2.1), layout="constrained", sharey=True)
@@ -393,7 +393,7 @@ plt.show()
 #
 # </details>
 #
-# Drag the point through the six fields of the table:
+# Drag the point through all six:
 
 # %%
 simulation("clipped_objective")
@@ -967,7 +967,7 @@ source(learning.denoise, "alpha, sigma = mix", "clean, x, steps, rng, eta")
 # How many steps are enough? For a mixture of normal distributions the exact velocity is known, so the sampler's own
 # error can be measured without any training. The chart's left panel does that: with twice as many steps the error of
 # Euler and DDIM halves (first order), that of Heun falls to a quarter (second order). The dashed curves are trained
-# networks. They flatten: more steps stop helping once the network's own error is the larger one.
+# networks. They flatten once the network's own error is the larger one.
 #
 # ![Error over evaluations of the field, exact and trained; success over evaluations](../docs/charts/samplers.png)
 #
