@@ -11,8 +11,8 @@ from course.derivations import claim
     "estimate of the arm. A controller that knows the arm changes the estimate as well: with one "
     "gain set for all {n:.0f} arms its error is smaller than this bound on {share:.0%} of them, "
     "and {ratio:.2f} times as large in the mean. Gains that the search left out are below the "
-    "bound, too, if it was coarse: {more:.0f} further sets, sampled between those of the list, are on "
-    "{off:.0%} of the arms.",
+    "bound, too, if it was coarse: {more:.0f} further sets, sampled between those of the list, "
+    "are on {off:.0%} of the arms.",
 )
 def best_fixed_gains(result):
     from course.sim_to_real import varying_arms as va
