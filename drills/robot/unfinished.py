@@ -7,7 +7,6 @@ however it ends, so a note without a lock belongs to a run that was killed.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 from collections.abc import Iterator
@@ -95,6 +94,8 @@ def _locked(path: Path | None, flags: int) -> int | None:
     """Open the note and lock it; None if it is not there or another process holds it."""
     if path is None:
         return None
+    import fcntl
+
     try:
         if flags & os.O_CREAT:
             path.parent.mkdir(parents=True, exist_ok=True)
