@@ -9,7 +9,9 @@ simulated here, so that its torque is known and its supply and temperature can b
 
 from __future__ import annotations
 
+import contextlib
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -238,6 +240,20 @@ def inputs(recording: Recording) -> Array:
     return np.stack(columns, axis=-1).reshape(-1, len(columns))
 
 
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """PyTorch with one thread, which is faster on small networks; their number is put back."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+@one_thread()
 def fit_network(
     recording: Recording, seed: int = 0, *, updates: int = 3000, hidden: int = 32
 ) -> Network:
