@@ -96,10 +96,10 @@ badges(12)
 # thirty seconds. It says what the thing is, gives one equation, and ends with a measured number and with the point
 # where the method stops working. Then you stop.
 #
-# The table has the material for each of eight subjects. Read one row, look away, and say the part that you need in your
-# own words. Each row ends with a measurement from this course: the task, the computing time of our method and of an
-# established library, and a limit. The times are from one machine and one task, so they rank nothing in general. Names
-# that you don't know belong to chapters that you skipped; learn the rows of the subjects on your CV.
+# The table has the material for eight subjects. Read one row, look away, and say what you need in your own words. Each
+# row ends with a measurement from this course: the task, the computing time of our method and of an established
+# library, and a limit. The times are from one machine and one task, so they rank nothing in general. Names that you
+# don't know belong to chapters that you skipped; learn the rows of the subjects on your CV.
 
 # %%
 tables.cheat_sheet()
@@ -231,9 +231,9 @@ plt.show()
 # ### What does a sampled controller cost?
 #
 # A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
-# the staircase that the motor receives. A motor that is slow against the sample smooths the steps. The dotted curve
-# shows the effect: each of its points is the mean of the staircase from half a sample before to half a sample after.
-# Its shape is nearly that of the ideal command, but it lags behind.
+# the staircase that the motor receives. A slow motor smooths the steps, as the dotted curve does: each of its points is
+# the mean of the staircase from half a sample before to half a sample after. Its shape is nearly that of the ideal
+# command, but it lags behind.
 
 # %% tags=["hide-code"]
 time = np.linspace(0.0, 8.0, 801)
@@ -277,9 +277,9 @@ more_claims("stiff_is_position")
 # \quad\text{otherwise} .$$
 #
 # **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes 0.6 +
-# 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so speeding up and braking cost 0.5 s more. (The picture
-# also shows a move of 0.15 m, which is a triangle.) Four such moves, 0.6 s of gripping and 0.17 s of computing make a
-# cycle of 4.4 + 0.6 + 0.17 = 5.17 s. Planning takes 0.1 s of the computing.
+# 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so speeding up and braking cost 0.5 s more. Four such
+# moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s. Planning takes 0.1 s of
+# the computing.
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(
@@ -674,7 +674,7 @@ diagnose("sure", seed=1).show()
 # How much does one probe tell? Eight causes make 28 pairs. The chart shows for each probe the share of pairs that it
 # tells apart reliably, that is, by more than its own noise. The model answer of a case shows which probes to use if all
 # causes are possible. It picks them by pairs told apart per minute; these probes are blue. (The walk-through above
-# stopped earlier and used another one to confirm its result.) A grey probe with a long bar is expensive, or tells apart
+# used another one to confirm its result.) A grey probe with a long bar is expensive, or tells apart
 # what another already did:
 
 # %% tags=["hide-code"]
