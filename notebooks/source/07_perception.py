@@ -602,10 +602,10 @@ show("inverse_depth_is_better")
 #
 # What is left above the table are parts, walls of a bin, the robot's own hand, and noise.
 #
-# **DBSCAN** (Ester and others 1996) groups by density. A point with enough neighbours within a radius `eps` is a **core
-# point**. Core points that are neighbours of each other form one cluster, and a point without any core point nearby is
-# noise. So two parts become one cluster if any of their core points are closer than `eps`, and a part with too few
-# points vanishes as noise.
+# **DBSCAN** (Ester and others 1996) groups by density. A point with enough neighbours within a radius `eps` is a
+# **core point**. Core points that are neighbours of each other form one cluster, and a point without any core point
+# nearby is noise. So two parts become one cluster if any of their core points are closer than `eps`, and a part with
+# too few points vanishes as noise.
 #
 # In a depth image there is a faster method. A **connected component** is a set of pixels in which neighbours differ
 # by less than a given step in depth. No search for neighbours is needed, because the image already says which pixels
@@ -898,8 +898,7 @@ table_of(*rows)
 # The quarter turn has a large residual *and* a large see-through share. Of the box that lies more than half outside the
 # image, half of the poses are right. The others are centimetres off, with a small residual and sometimes without any
 # see-through. A depth scale that is wrong by one per cent moves every pose by several millimetres and hardly shows in
-# either number, because the fitted pose moves with the image. (The cards used other images, and the one on see-through
-# the true pose.) A pipeline that knows where the table is notices it:
+# either number, because the fitted pose moves with the image. A pipeline that knows where the table is notices it:
 
 # %% tags=["hide-code"]
 upwards = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
@@ -1447,7 +1446,7 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # **Debugging tip.** *Small parts are missed.* Count the part's points after each stage: pixels, voxels, above the
 # plane, in a cluster. The first zero names the stage. No pixels: move the camera nearer. None above the plane: set
-# the tolerance in multiples of $\sigma_z$, not in millimetres out of habit. Not clustered: require a third or less of
+# the tolerance in multiples of $\sigma_z$. Not clustered: require a third or less of
 # $\pi(\epsilon/v)^2$ neighbours.
 #
 # <details><summary>What people get wrong here</summary>
@@ -1492,8 +1491,8 @@ figures(
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
 # scale, and a tilt that makes the table under the part seem higher or lower.
 #
-# Half of the cut-off parts have wrong poses (section 3); their median does not show it. Of ten touching parts, four are
-# *ambiguous*, although their poses are within the tolerance, and one is *refuted*.
+# Half of the cut-off parts have wrong poses (section 3), which their median hides. Of ten touching parts, four are
+# *ambiguous* although within the tolerance, and one is *refuted*.
 #
 # ### Debugging
 #
@@ -1525,8 +1524,8 @@ figures(
 # <tr><td>pose good, grasp next to the part</td>
 # <td>extrinsics, or an old pose</td> <td>touch a point far from the calibration's</td> <td>more points,
 # motions about two axes; predict</td></tr> <tr><td>small residual, wrong pose</td> <td>another face, a twin, cut
-# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view;
-# for a twin a push</td></tr> </table>
+# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view; a
+# push</td></tr> </table>
 #
 # ## 8 · Exercises
 #
