@@ -1298,7 +1298,7 @@ table(
         f"9 camera periods of {1e3 * CAMERA:.1f} ms in the queue: {9e3 * CAMERA:.0f} ms"),
     ("Overload", "the loop shares perception's thread", "cycles late and skipped",
         f"late by up to {1e3 * (once + LOOP):.1f} ms: {1e3 * once:.1f} ms of perception ({1e3 * SEEING:.0f} ms of "
-        f"computing, of which the other tasks of its core stretch the time) and {1e3 * LOOP:.1f} ms of the loop"),
+        f"computing; other tasks of its core take the rest) and {1e3 * LOOP:.1f} ms of the loop"),
     ("Inversion", "a logger holds a lock that the loop needs; perception, more urgent, interrupts the logger",
         "the loop waits for perception",
         f"{1e3 * HOLD:.0f} ms for the lock and {1e3 * SEEING:.0f} ms for perception; with "

@@ -202,12 +202,11 @@ def dbscan_separates(result):
 
 
 @claim(
-    "log(1 - P) / log(1 - w^3) samples find the plane with probability P.",
+    "log(1 - P) / log(1 - w^3) samples find the plane of noisy points with probability P.",
     "Of many points, they contain one sample of three inliers with that probability: it happened "
     "in {drawn:.3f} of the runs, for a P of {asked}, but of {few:.0f} points only in {rare:.2f}. "
-    "And "
-    " a plane through three noisy inliers is not yet the "
-    "plane. At a tolerance of {sigmas} sigma, {found_it:.2f} of the runs find it, and "
+    "Without noise, such a sample is the plane. A plane through three noisy inliers is not the "
+    "plane yet. At a tolerance of {sigmas} sigma, {found_it:.2f} of the runs find it, and "
     "{refitted:.2f} after a refit to all nearby points.",
     ask=(
         "A share w of the points lies on the plane. How many draws of three hold one of inliers "

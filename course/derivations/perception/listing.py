@@ -66,7 +66,8 @@ def tutorial_runs(result):
     result.statement = "The steps with the tutorial's numbers, with a file and without."
     result.statement_holds(
         fails(other),
-        only_if="a file of points is there, and not all of them are in one plane",
+        only_if="the image was converted to a file of points first, and not all of them are in one "
+        "plane",
         inside=[count == boxes],
         outside=[not fails(empty), not fails(table)],
         cases=True,

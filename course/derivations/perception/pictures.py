@@ -16,10 +16,11 @@ SYMBOLS = {
 
 
 @claim(
-    'One number on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise.',
+    'One number on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise at all '
+    "distances.",
     "The noise is {formula}, which depends on the distance: the same sensor has {low:.2f} mm at "
     "{near} m, {middle:.1f} mm at {mid} m and {high:.0f} mm at {far} m. Each quoted number is "
-    "right at some distance.",
+    "right at some distance only.",
     ask=(
         "Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
         "sigma = z^2*s/(f*B)",
