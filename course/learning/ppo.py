@@ -32,9 +32,9 @@ from course.learning.network import (
     flatten,
     length,
     network,
-    one_thread,
     pytorch,
 )
+from course.pytorch import one_thread
 
 Array = NDArray[np.float64]
 
