@@ -461,11 +461,11 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # points to contact patches.
 #
 # The only bar to the left is the tower's: fair but with the default pyramid, it sinks about sixty times less. (As
-# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The reason lies in the
+# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The cause is the
 # pyramid's edges. MuJoCo adds a contact force up from forces along these edges, and each of them is mostly normal. So
 # only a stiff edge makes friction stiff, and it stiffens the normal direction with it: at $\mu = 0.5$ about six times
 # as much as an elliptic cone. An `impratio` of 10 stiffens the whole edge, so it adds a factor of ten. With an
-# elliptic cone it acts on friction only:
+# elliptic cone it acts on friction:
 
 # %%
 for cone in ("elliptic", "pyramidal"):
@@ -663,7 +663,9 @@ print_figures(
 # Printed are the error at the end, the largest error, and the share of time in the air. With fair settings, the cube
 # of *drop* ends well in each simulator, but misses its tolerance as it lands: MuJoCo's by a factor of more than two,
 # Drake's and PyBullet's only just. In the sliding scenes, the hop of MuJoCo is the largest difference that fair
-# settings leave between the engines. Drake's problem is convex, too. With the approximation `sap`, which couples
+# settings leave between the engines.
+#
+# Drake's problem is convex, too. With the approximation `sap`, which couples
 # friction and separation as MuJoCo's does, a sliding box also glides above the ground (Castro, Permenter and Han,
 # 2022). Its default `lagged` takes the normal force for the friction limit from the step before, and the block stays
 # down.
@@ -680,13 +682,13 @@ table(("Job", "Pick", "Why"), [(job, *jobs.decide(job)) for job in jobs.JOBS])
 # %% [markdown]
 # Three jobs have an answer, and it is the same engine three times. For *Manipulation research*, a tighter limit rules
 # out MuJoCo's hops. PyBullet already fails the grasp, so the cheapest of the others is Drake. Four jobs have no
-# answer: for what was not measured here, the table names what the documentation says, and doesn't pick anybody.
+# answer: for what was not measured here, the table only names what the documentation says.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must
 # stay below that, at this cost. MuJoCo meets it, with these settings. If the limit were thirty times tighter, I would
-# take another one." The weak answer is "it depends", with no limit and no pick.
+# take another one." A weak answer is "it depends".
 #
 # </div>
 
@@ -705,8 +707,8 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Job descriptions name many tools that need an NVIDIA GPU. They can't run here. Still, know what each one is *for*, how
-# it stores a model, and how it solves contact. First two terms.
+# Many tools in job descriptions need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it stores
+# a model, and how it solves contact. Two terms:
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse that satisfies this
 # contact alone, and go on to the next; after several sweeps the impulses change little. **PGS** (projected
@@ -1344,7 +1346,9 @@ world.close()
 # The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
 # library for robot dynamics. One bar of a reader counts files that it refused or warned about, the other one files
 # that it swallowed or that made it crash. Repaired files are not drawn. (The claim below counts repaired files as
-# swallowed.) Among the names in the fold-out, *triangle* means moments of inertia that no body can have (one exceeds
+# swallowed.)
+#
+# Among the names in the fold-out, *triangle* means moments of inertia that no body can have (one exceeds
 # the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue, *short origin* and *comma*
 # broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint that copies another one.
 #
