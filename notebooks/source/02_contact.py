@@ -899,7 +899,7 @@ show("mujoco_is_convex_and_unique")
 # R = \frac{1-d}{d}\,\hat A .$$
 #
 # Otherwise the contact slides, and its force lies on the cone. $\hat A$ estimates the row's entry on the diagonal of
-# $A$. MuJoCo computes the estimate once, from the masses in the start position, and keeps it. The **impedance** $d$
+# $A$. MuJoCo computes it once, from the masses in the start position. The **impedance** $d$
 # lies between 0 and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where
 # $a_0$ is the acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the row would follow the
 # reference exactly; MuJoCo limits $d$ to 0.9999. The parameters:
