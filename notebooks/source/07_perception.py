@@ -27,8 +27,7 @@ simulation("perception")
 # ## The pipeline in six stages
 #
 # A gripper needs a position and an orientation. A camera delivers a few hundred thousand numbers. Between them lie six
-# stages, and each of them can lose the part or move it. The chapter walks along this line. (The list below shows the
-# exercises of section 8.)
+# stages, and each of them can lose the part or move it. The list below shows the exercises of section 8.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -151,8 +150,8 @@ plt.show()
 # experiments. Orange points are avoidable mistakes; blue ones remain when you work carefully. The hollow point is
 # a height: parts much lower than this are lost with the table.*
 #
-# Two things in this figure may surprise you. First, the noise of a single pixel is nearly as large as the tolerance,
-# but the pose is far more accurate, because it averages thousands of pixels. Second, the two largest errors don't come
+# The noise of a single pixel is nearly as large as the tolerance,
+# but the pose is far more accurate, because it averages thousands of pixels. The two largest errors don't come
 # from the noise of the image. One is the age of the pose. The other comes from a camera whose position was computed
 # from only three points that the arm touched: small errors at these points grow with the distance.
 #
@@ -246,7 +245,7 @@ show("small_parts_have_few_pixels")
 # silently.
 #
 # So convert once, when you read the image, and use a single convention inside. This chapter's `Camera.picture` turns
-# every non-finite value into 0, and every later stage skips zeros. (So "beyond the range" counts as "no measurement".)
+# every non-finite value into 0, and every later stage skips zeros. 
 #
 # The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera, the sensor and
 # the shape of a known part. It returns a list of estimated poses, each with a **status** that says what the caller may
@@ -371,7 +370,7 @@ predict("twice_as_far")
 show("noise_is_one_number")
 
 # %% [markdown]
-# Here is the law for two cameras with the same noise of a tenth of a pixel:
+# Two cameras with a noise of a tenth of a pixel:
 
 # %% tags=["hide-code"]
 z = np.linspace(0.2, 3.0, 50)
@@ -420,9 +419,9 @@ show("pixels_are_independent")
 print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
-# For a patch much larger than the window, the spread grows by about the width of the window, here 5. (The printed
-# factors scatter by a few per cent.) A program that counts the $N$ pixels of such a patch as independent reports a
-# variance that is about $5^2 = 25$ times too small. For a patch that is as small as the window it is about 12 times.
+# For a patch much larger than the window, the spread grows by about the width of the window, here 5.  A program that
+# counts the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small. For
+# a patch that is as small as the window it is about 12 times.
 
 # %%
 more_claims("averaging_removes_all")
@@ -912,7 +911,7 @@ for name, message in (("table unknown", None), ("table known", true_table)):
     print(f"{name:<15} {verdicts.count('found')} of 10 found, {verdicts.count('refuted')} refuted")
 
 # %% [markdown]
-# One per cent moves the fitted table by more than 6 mm, and thousands of pixels measure it.
+# One per cent moves the fitted table by more than 6 mm.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -975,8 +974,8 @@ plt.show()
 # *The loop of hand-eye calibration: going across and then down must equal going down and then across.*
 #
 # The motions matter more than their number. If all of them turn about the same axis, as those of a planar arm do, the
-# rotations leave open how $X$ is turned about this axis; only the shifts of $A$ and $B$ determine it. And the shift of
-# $X$ along the axis cancels from every equation. No number of motions determines it:
+# rotations leave the turn of $X$ about this axis open (the shifts determine it), and no number of motions determines
+# the shift along it:
 
 # %% tags=["hide-code"]
 print(
@@ -1022,16 +1021,16 @@ more_claims("averaging_pictures_helps")
 
 # %% [markdown]
 # The same filter estimates a robot's own motion. A one-legged hopping robot has an accelerometer with a constant error,
-# a **bias**, and a leg encoder, which measures the height while the foot touches the ground. If the
-# contact sensor reports lift-off too late, the filter takes the leg's length for the height while the robot flies. The
-# chart compares rules that use the leg's length if up to three conditions hold. *Flag*: the contact sensor reports
-# contact. *Load*: the accelerometer shows that the leg pushes. *Gate*: the innovation is possible.
+# a **bias**, and a leg encoder, which measures the height while the foot touches the ground. If the contact sensor
+# reports lift-off too late, the filter takes the leg's length for the height while the robot flies. The chart compares
+# four rules for using the leg's length. *Flag*: the contact sensor reports contact. *Load*: the accelerometer shows
+# that the leg pushes. *Gate*: the innovation is possible.
 #
 # ![Height error of four contact rules beside the Cramér-Rao bound](../docs/charts/hopper_errors.png)
 #
 # *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have;
-# a mean of 200 logs may lie slightly below it by chance. Right: median over the logs of the squared error of height and
-# velocity, weighted with the inverse of the reported covariance. The dotted line is that of an honest filter.*
+# 200 logs scatter about it. Right: squared error over the variance that the filter reports, as a median; dotted: an
+# honest filter.*
 
 # %%
 more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
@@ -1495,11 +1494,10 @@ figures(
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
 # twin, `locate` reports *ambiguous*. A second view would show the same block; a push helps. The other two are reported
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
-# scale, and a tilt that makes the table under the part seem higher or lower.
+# scale, and a tilt that moves the table under the part.
 #
-# The medians of `locate` don't show how many poses are wrong: of the cut-off parts of section 3, half were. None of the
-# ten here is reported as *found*. Of ten touching parts, four are
-# *ambiguous* although within the tolerance, and one is *refuted*.
+# A median hides wrong poses: of the cut-off parts in section 3, half. None of the ten here is reported as *found*. Of
+# ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
 #
 # ### Debugging
 #
@@ -1508,7 +1506,7 @@ figures(
 # **Debugging tip.** *The pose is noisy from image to image.* Compare its spread at rest with the covariance that it
 # reports. Equal: it is the sensor; average if the part rests, filter if it moves. About $w$ times as large, for a
 # window of $w$ pixels: the noise is shared. Jumps between two poses: a symmetry, or two starts that win in turn. A
-# drift: the camera warms up, or each image is registered to the previous one instead of to the model.
+# drift: the camera warms up, or each image is registered to the previous one, not the model.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1536,7 +1534,7 @@ figures(
 #
 # ## 8 · Exercises
 #
-# `check` runs your function on freshly sampled cases and says what is wrong.
+# `check` runs your function on new cases.
 #
 # ### From an image to points
 

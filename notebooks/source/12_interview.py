@@ -812,10 +812,10 @@ predict("learned_or_not")
 # fixed starts of the classical method.
 #
 # On the left, compare heights and times: the network is right as often as four starts, in less than half of the time.
-# So the crossover is a time limit: below the time of four starts, take the network. ("Axis" starts along the direction
-# in which the points spread most.) On the right, a mirrored part that the network has never seen: no turn is right for
-# it. One check reveals most of these poses: count the pixels at which the camera looks behind the place where the part
-# should be. If their share is above the dotted line, the pose is rejected.
+# So the crossover is a time limit: below the time of four starts, take the network. ("Axis" starts along the longest
+# direction of the points.) On the right, a mirrored part that the network has never seen: no turn is right for it. One
+# check reveals most of these poses: count the pixels at which the camera looks behind the place where the part should
+# be. If their share is above the dotted line, the pose is rejected.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
@@ -829,7 +829,7 @@ tables.classical_or_learned()
 # What these rows allow you to say: on data like those of its training, the learned component can win. It needed fewer
 # states in planning and less time in perception, and it beat a classical method whose model was wrong or incomplete.
 # Outside of its training data it lost in planning and perception, and in control its error grew. It gave no warning.
-# And identify the classical model first: here the identified one was harder to beat than the default one.
+# And identify the classical model first: the identified one was harder to beat than the default.
 #
 # What to read: one book, five papers and five repositories, with what each of them really says.
 
