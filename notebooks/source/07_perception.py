@@ -27,8 +27,7 @@ simulation("perception")
 # ## The pipeline in six stages
 #
 # A gripper needs a position and an orientation. A camera delivers a few hundred thousand numbers. Between them lie six
-# stages, and each of them can lose the part or move it. The chapter walks along this line. (The list below shows the
-# exercises of section 8.)
+# stages, and each of them can lose the part or move it. The list below shows the exercises of section 8.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -151,8 +150,8 @@ plt.show()
 # experiments. Orange points are avoidable mistakes; blue ones remain when you work carefully. The hollow point is
 # a height: parts much lower than this are lost with the table.*
 #
-# Two things in this figure may surprise you. First, the noise of a single pixel is nearly as large as the tolerance,
-# but the pose is far more accurate, because it averages thousands of pixels. Second, the two largest errors don't come
+# The noise of a single pixel is nearly as large as the tolerance,
+# but the pose is far more accurate, because it averages thousands of pixels. The two largest errors don't come
 # from the noise of the image. One is the age of the pose. The other comes from a camera whose position was computed
 # from only three points that the arm touched: small errors at these points grow with the distance.
 #
@@ -246,11 +245,12 @@ show("small_parts_have_few_pixels")
 # silently.
 #
 # So convert once, when you read the image, and use a single convention inside. This chapter's `Camera.picture` turns
-# every non-finite value into 0, and every later stage skips zeros. (So "beyond the range" counts as "no measurement".)
+# every non-finite value into 0, and every later stage skips zeros. 
 #
-# The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera, the sensor
-# and the shape of a known part. It returns a list of estimated poses, each with a **status** that says what the caller
-# may do with it: *found* means that the pose may be used. The same tenth of the pixels is removed in both conventions.
+# The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera, the sensor and
+# the shape of a known part. It returns a list of estimated poses, each with a **status** that says what the caller may
+# do with it: *found* means that the pose may be used. We remove a tenth of the pixels and mark them once with 0, once
+# with NaN:
 
 # %% tags=["hide-code"]
 missing = np.random.default_rng(1).random(noticed.shape) < 0.1
@@ -370,7 +370,7 @@ predict("twice_as_far")
 show("noise_is_one_number")
 
 # %% [markdown]
-# Here is the law for two cameras with the same noise of a tenth of a pixel:
+# Two cameras with a noise of a tenth of a pixel:
 
 # %% tags=["hide-code"]
 z = np.linspace(0.2, 3.0, 50)
@@ -411,17 +411,17 @@ show("pixels_are_independent")
 # %% [markdown]
 # ![The law of noise, what averaging leaves, and shared noise](../docs/charts/depth_noise.png)
 #
-# *Upper left: measured noise against the distance, with the law as a line. Upper right: a sensor that rounds
-# disparities to steps. What remains of the rounding error after averaging, against the noise. Below: the mean of a
+# *Upper left: measured noise against the distance, with the law as a line. Upper right, a sensor that rounds
+# the disparity: the error that is left after averaging, against the noise. Below: the mean of a
 # square patch of pixels, and how many times noisier it is with overlapping windows than with independent pixels.*
 
 # %%
 print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
-# For a patch much larger than the window, the spread grows by about the width of the window, here 5. (The printed
-# factors scatter by a few per cent.) A program that counts the $N$ pixels of such a patch as independent reports a
-# variance that is about $5^2 = 25$ times too small. For a patch that is as small as the window it is about 12 times.
+# For a patch much larger than the window, the spread grows by about the width of the window, here 5.  A program that
+# counts the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small. For
+# a patch that is as small as the window it is about 12 times.
 
 # %%
 more_claims("averaging_removes_all")
@@ -429,9 +429,9 @@ more_claims("averaging_removes_all")
 # %% [markdown]
 # ### Kinds of depth sensors
 #
-# Which error law applies follows from how a sensor measures. The geometry of triangulation brings in the
-# square of the distance. That of time of flight does not, but $\sigma_\varphi$ and $\sigma_t$ grow as less light comes
-# back, and far surfaces return less.
+# Which error law applies follows from how a sensor measures. Triangulation brings in the square of the distance. Time
+# of flight does not, but the noise of its phase, $\sigma_\varphi$, or of its time, $\sigma_t$, grows where less light
+# comes back, as from far surfaces.
 #
 # <table>
 # <tr><th>sensor</th> <th>measures</th> <th>law of its error</th> <th>breaks at</th> <th>source</th></tr>
@@ -911,7 +911,7 @@ for name, message in (("table unknown", None), ("table known", true_table)):
     print(f"{name:<15} {verdicts.count('found')} of 10 found, {verdicts.count('refuted')} refuted")
 
 # %% [markdown]
-# One per cent moves the fitted table by more than 6 mm, and thousands of pixels measure it.
+# One per cent moves the fitted table by more than 6 mm.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -974,7 +974,8 @@ plt.show()
 # *The loop of hand-eye calibration: going across and then down must equal going down and then across.*
 #
 # The motions matter more than their number. If all of them turn about the same axis, as those of a planar arm do, the
-# shift along this axis cancels from every equation. No number of motions determines it:
+# rotations leave the turn of $X$ about this axis open (the shifts determine it), and no number of motions determines
+# the shift along it:
 
 # %% tags=["hide-code"]
 print(
@@ -1020,14 +1021,16 @@ more_claims("averaging_pictures_helps")
 
 # %% [markdown]
 # The same filter estimates a robot's own motion. A one-legged hopping robot has an accelerometer with a constant error,
-# a **bias**, and a leg encoder, which measures the height while the foot touches the ground. If the
-# contact sensor reports lift-off too late, the filter takes the leg's length for the height while the robot flies. The
-# chart compares four rules for which readings to trust:
+# a **bias**, and a leg encoder, which measures the height while the foot touches the ground. If the contact sensor
+# reports lift-off too late, the filter takes the leg's length for the height while the robot flies. The chart compares
+# four rules for using the leg's length. *Flag*: the contact sensor reports contact. *Load*: the accelerometer shows
+# that the leg pushes. *Gate*: the innovation is possible.
 #
 # ![Height error of four contact rules beside the Cramér-Rao bound](../docs/charts/hopper_errors.png)
 #
-# *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have.
-# Right: squared error over the variance that the filter reports.*
+# *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have;
+# 200 logs scatter about it. Right: squared error over the variance that the filter reports, as a median; dotted: an
+# honest filter.*
 
 # %%
 more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
@@ -1126,8 +1129,9 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 # </table>
 #
 # The caller has to know what to do with each answer, and an empty table is an answer, not an exception. The status is
-# *refuted* if the camera sees through the pose, *cut* if the part reaches the border of the image, *ambiguous* if
-# another pose explains the image as well, too much is left over or a shift is unobserved, and otherwise *found*.
+# the first of these that applies: *refuted* if the camera sees through the pose, *cut* if the part reaches the border
+# of the image, *ambiguous* if another pose explains the image as well, too much is left over or a shift is unobserved,
+# and otherwise *found*.
 
 # %% tags=["hide-code"]
 square, other = shape("box", 0.05, 0.0499, 0.03), shape("box", 0.05, 0.03, 0.03)
@@ -1172,10 +1176,10 @@ predict("keeps_up")
 # Only workers that share one image, such as one for each cluster, shorten it.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position and the shift at the finger's
-# edge that $3\sigma$ of the turn causes. The covariance contains no systematic error, so a bound for the calibration is
-# added, here the shift by half a pixel (section 2). The result is True if the pose is *found* and
-# the sum is smaller than the gap between finger and part.
+# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position and the distance by which a
+# turn of $3\sigma$ moves the part at the finger's edge. The covariance contains no systematic error, so a bound for the
+# calibration is added, here the shift by half a pixel (section 2). The result is True if the pose is *found* and the
+# sum is smaller than the gap between finger and part.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1386,8 +1390,8 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 # TEASER++ (Yang, Shi and Carlone, TEASER: fast and certifiable point cloud registration, 2021) tolerates far more
 # wrong pairs, and returns a bound for how far its result is from the best one. It was not measured here.
 #
-# **What to choose.** For a gripper with millimetres to spare, take the fastest method of this section, and test its
-# answer with see-through. For errors of a tenth of the tolerance, fitting the shape on a grid of a few millimetres is
+# **What to choose.** Take the fastest method whose error stays below the gripper's tolerance, and test its answer with
+# see-through. For errors of a tenth of the tolerance, fitting the shape on a grid of a few millimetres is
 # fastest. With shared noise, small_gicp and the cloud reach lower errors than the shape ever does. For clusters of one
 # image, use connected components; DBSCAN is for points that come from several images. For the table, run RANSAC on a
 # few thousand points, followed by the linear fit of $1/z$ to all pixels near it.
@@ -1412,8 +1416,8 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # %% [markdown]
 # Compare the settings with 12 neighbours. A fixed tolerance of 10 mm is too large near by, where it hides low parts,
 # and too small far away, where the table falls apart into clusters that swallow the parts. At 4 mm the table falls
-# apart even earlier. The tolerance that follows the noise finds low parts near by and no false clusters
-# far away; but at one metre it loses parts that 10 mm still finds. Requiring 50 neighbours also
+# apart even earlier. The tolerance that follows the noise finds low parts near by and no false clusters far away. At
+# one metre it loses parts that 10 mm still finds, among more than a dozen false clusters. Requiring 50 neighbours also
 # suppresses the false clusters, but then parts below 15 mm are lost at every distance.
 #
 # <div class="alert alert-block alert-info">
@@ -1461,7 +1465,8 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # **Large parts.** Their pose depends first on the estimator, then on what disturbs it. The chart compares seven
 # estimators in seven situations: the part alone; touching another part; beside its twin; partly hidden; more than half
-# outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree.
+# outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree. The
+# table omits the last two.
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
@@ -1489,10 +1494,10 @@ figures(
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
 # twin, `locate` reports *ambiguous*. A second view would show the same block; a push helps. The other two are reported
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
-# scale, and a tilt that makes the table under the part seem higher or lower.
+# scale, and a tilt that moves the table under the part.
 #
-# Half of the cut-off parts have wrong poses (section 3), which their median hides. Of ten touching parts, four are
-# *ambiguous* although within the tolerance, and one is *refuted*.
+# A median hides wrong poses: of the cut-off parts in section 3, half. None of the ten here is reported as *found*. Of
+# ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
 #
 # ### Debugging
 #
@@ -1501,7 +1506,7 @@ figures(
 # **Debugging tip.** *The pose is noisy from image to image.* Compare its spread at rest with the covariance that it
 # reports. Equal: it is the sensor; average if the part rests, filter if it moves. About $w$ times as large, for a
 # window of $w$ pixels: the noise is shared. Jumps between two poses: a symmetry, or two starts that win in turn. A
-# drift: the camera warms up, or each image is registered to the previous one instead of to the model.
+# drift: the camera warms up, or each image is registered to the previous one, not the model.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1529,7 +1534,7 @@ figures(
 #
 # ## 8 · Exercises
 #
-# `check` runs your function on freshly sampled cases and says what is wrong.
+# `check` runs your function on new cases.
 #
 # ### From an image to points
 
@@ -1739,8 +1744,9 @@ predict("network_and_mirror")
 # ![Share of right poses and time by start, and what the image says](../docs/charts/learned_start.png)
 #
 # *Left: share of right poses against time. The numbers are evenly spread starts; "axis" starts along the direction in
-# which the points spread most. Right: see-through share of the resulting poses against the error of their turn, for
-# the part and for its mirror image. No turn is right for the mirror image: its error is the angle between both frames.*
+# which the points spread most. Right: see-through share of the resulting poses against the error of their turn, for the
+# part and for its mirror image. No turn is right for the mirror image: the chart shows the angle between the estimated
+# frame and its own.*
 
 # %%
 rows = (

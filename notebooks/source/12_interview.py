@@ -14,8 +14,7 @@ simulation("interview")
 # %% [markdown]
 # Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
 # it. The curve is the predicted probability that you still know the answer. Each review sets it back to one. After a
-# success it then falls more slowly, after a failure fast. The panel says when the card comes back. Section 4 explains
-# the schedule.
+# success it then falls more slowly, after a failure fast. The panel says when the card comes back, in whole days (section 4).
 
 # %%
 predict("hundred_runs")
@@ -115,7 +114,7 @@ tables.cheat_sheet()
 #
 # ### How good is a policy that passed a test?
 #
-# The card at the top asked about a policy with seventy successes in a hundred runs. Suppose that each run
+# The prediction at the top was about a policy with seventy successes in a hundred runs. Suppose that each run
 # succeeds with the same probability $p$, the true success rate, whatever happened before. Then the number of successes
 # in $n$ runs follows a binomial distribution. The observed rate scatters around $p$ with the standard deviation
 #
@@ -136,14 +135,13 @@ plt.show()
 # %% [markdown]
 # **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
 # deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
-# this width you need four times as many runs. Wilson's interval, defined next, differs a little: it does not insert the
-# observed rate for $p$.
+# this width you need four times as many runs.
 #
 # A **confidence interval** is the set of true rates that are compatible with the observed count, at a chosen level of
-# confidence. Two standard deviations correspond to a level of about 95 %. The simple formula above uses the observed
-# rate instead of the unknown one, and fails near 0 and 1. The **Wilson interval** avoids this. Take each $p$ in turn,
-# compute the standard deviation with this $p$, and keep $p$ if the observed rate lies within two of these standard
-# deviations of $p$. You will program it in section 8.
+# confidence. Two standard deviations correspond to a level of about 95 %. The example inserted the observed rate for
+# the unknown $p$; near 0 and 1 this fails. The **Wilson interval** avoids it. Take each $p$ in turn, compute the
+# standard deviation with this $p$, and keep $p$ if the observed rate lies within two of these standard deviations of
+# $p$. You will program it in section 8.
 #
 # Robot teams use such counts for a **gate**, a threshold that a policy has to pass before it may go on, for example
 # from the simulator to the robot.
@@ -252,8 +250,8 @@ show("hold_is_half_a_sample")
 
 # %% [markdown]
 # How good is "half a sample" at high frequency? At three radians per sample, almost the highest frequency that a
-# sampled loop can represent, the rule is wrong by up to a radian; for signals that are slow against the sample it
-# holds.
+# sampled loop can represent, the rule is wrong by up to 0.9 rad. For signals that hardly change within a sample, it is
+# right.
 #
 # So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before a single line of code has run. Add the
 # time of computing and the time on the bus. Delay costs phase, and lost phase limits the gain: this is why the answer
@@ -562,7 +560,7 @@ for label, failed in {"good every time": None, "one failure": 3}.items():
         now = memory.due
     axis.semilogy(range(1, 8), days, "o-", label=label)
     print(f"{label:<16}", "  ".join(f"{gap:.0f}" if gap >= 1 else "<1" for gap in days), "days")
-axis.set(xlabel="review", ylabel="days until the next")
+axis.set(xlabel="review", ylabel="days until the next review")
 axis.legend(fontsize=8)
 plt.show()
 
@@ -607,8 +605,8 @@ predict("first_probe")
 # failing one. So a slide that survives gets a ratio of about three. A ratio of one means that the change doesn't
 # matter.
 #
-# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6), since
-#   contacts are still detected every so many steps and are then late by half the time. Explicit Euler (2) adds half as
+# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6): the number
+#   of steps between detections stays, so each is late by half as many seconds. Explicit Euler (2) adds half as
 #   much energy each second, so the slide lasts twice as long. Causes 4, 7 and 8 don't care about the step. Nor does 3:
 #   the probe preserves the delay of the brake in seconds, which is then twice as many steps.
 # * **No brake** removes causes 3 and 5. It cures cause 1 as well. The brake uses the old speed, which lowers the
@@ -642,8 +640,8 @@ Markdown("\n".join(rows))
 # route: the brake acts many steps behind the speed. So the fix is to give the brake the present speed. Half the step
 # made almost no difference.
 #
-# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
-# feeds energy in does not care about the step at all.
+# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; the
+# effect of a force with the wrong sign, or one that is late by a fixed time, does not.
 
 # %%
 show("growing_energy")
@@ -672,17 +670,16 @@ diagnose("sure", seed=1).show()
 
 # %% [markdown]
 # How much does one probe tell? Eight causes make 28 pairs. The chart shows for each probe the share of pairs that it
-# tells apart reliably, that is, by more than its own noise. The model answer of a case shows which probes to use if all
-# causes are possible. It picks them by pairs told apart per minute; these probes are blue. (The walk-through above
-# used another one to confirm its result.) A grey probe with a long bar is expensive, or tells apart
-# what another already did:
+# tells apart reliably, that is, by more than its own noise. The model answer of a case starts with all causes possible.
+# It prefers probes that tell many pairs apart per minute: the blue ones. (The walk-through above used another one to
+# confirm its result.) A grey probe with a long bar is expensive, or tells apart what another already did:
 
 # %% tags=["hide-code"]
 from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
 
-figure_, axes = plt.subplots(2, 3, figsize=(10, 6.2), layout="constrained", sharex=True)
+figure_, axes = plt.subplots(2, 3, figsize=(10, 6.6), layout="constrained", sharex=True)
 for axis, name in zip(axes.flat, scenario_names(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
@@ -693,8 +690,9 @@ for axis, name in zip(axes.flat, scenario_names(), strict=True):
     inside = model_path(name)
     colours = [BLUE if probe in inside else "0.75" for probe in order]
     axis.barh(range(len(order)), [parted[probe] for probe in order], color=colours)
-    axis.set_yticks(range(len(order)), order, fontsize=7)
+    axis.set_yticks(range(len(order)), order, fontsize=8)
     axis.set(title=name, xlabel="share of pairs told apart", xlim=(0, 1))
+_ = figure_.suptitle("blue: probes of the model answer", fontsize=9)
 plt.show()
 
 # %% [markdown]
@@ -764,7 +762,7 @@ for label, matrix in (("rotation", turn), ("mirror", mirror)):
 # %% [markdown]
 # Here are all of them. "Right" and "wrong" are the largest violation of the invariant in three random test cases, for
 # the correct and for the faulty version. For `refined_ratio` the number is the error with a quarter of the step divided
-# by the error with the full step: far below one if the equations are right, about one if they are wrong:
+# by the error with the full step: about a quarter if the equations are right, about one if they are wrong:
 
 # %% tags=["hide-code"]
 LABELS = (
@@ -813,10 +811,10 @@ predict("learned_or_not")
 # fixed starts of the classical method.
 #
 # On the left, compare heights and times: the network is right as often as four starts, in less than half of the time.
-# So the crossover is a time limit: below the time of four starts, take the network. On the right, a mirrored part that
-# the network has never seen: there its poses are wrong by a quarter turn. One check reveals most of them: count the
-# pixels at which the camera looks behind the place where the part should be. If their share is above the dotted line,
-# the pose is rejected.
+# So the crossover is a time limit: below the time of four starts, take the network. ("Axis" starts along the longest
+# direction of the points.) On the right, a mirrored part that the network has never seen: no turn is right for it. One
+# check reveals most of these poses: count the pixels at which the camera looks behind the place where the part should
+# be. If their share is above the dotted line, the pose is rejected.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
@@ -829,8 +827,8 @@ tables.classical_or_learned()
 # %% [markdown]
 # What these rows allow you to say: on data like those of its training, the learned component can win. It needed fewer
 # states in planning and less time in perception, and it beat a classical method whose model was wrong or incomplete.
-# Outside of its training data it lost, and it gave no warning by itself. And identify the classical model first: here
-# the identified or adapted one was harder to beat than the default one.
+# Outside of its training data it lost in planning and perception, and in control its error grew. It gave no warning.
+# And identify the classical model first: the identified one was harder to beat than the default.
 #
 # What to read: one book, five papers and five repositories, with what each of them really says.
 
@@ -1007,8 +1005,9 @@ check(silent_gate)
 # %% [markdown]
 # ## 9 · Interview
 #
-# Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, then the likely
-# follow-up. The last question takes half an hour. Coding questions come with code, which the tests of the course run.
+# Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, the likely
+# follow-up, and what the interviewer listens for. The last question takes half an hour. Coding questions come with
+# code, which the tests of the course run.
 
 # %%
 interview("interview")
