@@ -245,7 +245,7 @@ show("small_parts_have_few_pixels")
 # silently.
 #
 # So convert once, when you read the image, and use a single convention inside. This chapter's `Camera.picture` turns
-# every non-finite value into 0, and every later stage skips zeros. 
+# every non-finite value into 0, and every later stage skips zeros.
 #
 # The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera, the sensor and
 # the shape of a known part. It returns a list of estimated poses, each with a **status** that says what the caller may
