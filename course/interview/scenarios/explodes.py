@@ -208,8 +208,8 @@ SCENARIO = Scenario(
     "Instead the motion grows, and after about a thousand steps the slide is lost. "
     "Each run of a probe ends after about three times that time. If the slide survives, "
     "the end of the run counts as its time, so no ratio of times exceeds about three. You can "
-    "read the program, but not the parameters of the machine; you can only run the probes below. What is "
-    "the cause, and what do you change?",
+    "read the program, but not the parameters of the machine; you can only run the probes below. "
+    "What is the cause, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,
