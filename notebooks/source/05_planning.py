@@ -982,9 +982,9 @@ plt.show()
 # s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test the joint limits only
 # at the first point of each interval, others at both ends. (The library TOPP-RA offers both.)
 #
-# The shape of the path counts, too. On a straight line $q''$ is zero, and on a parabola in its own parameter it is constant. On a circular
-# arc the direction of $q''$ turns. Now look at the formula for $\ddot q$: where between two grid points is it
-# largest? A motor drive may shut down whenever a limit is exceeded.
+# The shape of the path counts, too. On a straight line $q''$ is zero, and on a parabola in its own parameter it is
+# constant. On a circular arc the direction of $q''$ turns. Now look at the formula for $\ddot q$: where between two
+# grid points is it largest? A motor drive may shut down whenever a limit is exceeded.
 
 # %%
 show("limits_between_grid_points")

@@ -1899,8 +1899,8 @@ check(hold_joint)
 #
 # Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
 # $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when a root reaches the unit circle.
-# (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right. <span
-# class="kernel-only">Replace the three answers below.</span>
+# (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right.
+# <span class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$, as a function of $K_d$, $J$ and $h$?
 # 2. The rate is the difference of the last two angles over $h$. Which is the largest $K_p h^2/(2J)$, as a function of
