@@ -707,8 +707,8 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Many tools in job descriptions need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it stores
-# a model, and how it solves contact. Two terms:
+# Many tools in job descriptions need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it
+# stores a model, and how it solves contact. Two terms:
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse that satisfies this
 # contact alone, and go on to the next; after several sweeps the impulses change little. **PGS** (projected

@@ -1088,7 +1088,8 @@ methods = (
      f"about ten evaluations per chunk; our small network leads {f('diffusion_between', 'ten'):.0%} of its first "
      "chunks into the obstacle; drifted on the regulator like the linear clone",
      min(passed["diffusion"], passed["flow"]) > 0.7 and f("diffusion_mends_drift", "lost") > 0.9),
-    ("chunks with a code, like ACT", "long smooth motions, demonstrators who pause", "demonstrations that contain every mode",
+    ("chunks with a code, like ACT", "long smooth motions, demonstrators who pause",
+     "demonstrations that contain every mode",
      f"executing more steps than a pause lasts gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
      f"{f('pauses', 'stuck'):.0%})",
      f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; long chunks react late",
@@ -1229,7 +1230,8 @@ names = {"ours, 16 wide": "this course, 16 units per layer", "ours, 64 wide": "t
          "Stable-Baselines3": "Stable-Baselines3, 64 units per layer",
          "search, linear policy": "search, linear policy"}  # fmt: skip
 table(("method", "environment steps", "share of the optimum", "interval", "processor time [s]"),
-      *((names.get(a.label, a.label), f"{a.x[-1]:,.0f}", f"{a.y[-1]:.2f}", f"{a.low[-1]:.2f} to {a.high[-1]:.2f}", f"{b.x[-1]:.1f}")
+      *((names.get(a.label, a.label), f"{a.x[-1]:,.0f}", f"{a.y[-1]:.2f}",
+         f"{a.low[-1]:.2f} to {a.high[-1]:.2f}", f"{b.x[-1]:.1f}")
         for a, b in zip(steps_.series, time_.series, strict=True)),
       ("random search, two gains of a PD law", f"{figure('two_gains', 'steps'):,.0f}",
        f"{figure('two_gains', 'share'):.2f}", f"worst of ten {figure('two_gains', 'least'):.2f}",

@@ -14,7 +14,8 @@ simulation("interview")
 # %% [markdown]
 # Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
 # it. The curve is the predicted probability that you still know the answer. Each review sets it back to one. After a
-# success it then falls more slowly, after a failure fast. The panel says when the card comes back, in whole days (section 4).
+# success it then falls more slowly, after a failure fast. The panel says when the card comes back, in whole days
+# (section 4).
 
 # %%
 predict("hundred_runs")
