@@ -534,10 +534,10 @@ def circle_test_concentric(result):
 
     def right(middle, first, second):
         """Return whether the listing finds the depth, and a unit normal that separates."""
-        found, way = listing(np.zeros(2), first, middle, second)
+        depth, direction = listing(np.zeros(2), first, middle, second)
         overlap = first + second - np.hypot(*middle)
-        gap = np.hypot(*(middle + found * way)) - first - second
-        return bool(abs(found - overlap) < 1e-12 and abs(gap) < 1e-12)
+        gap = np.hypot(*(middle + depth * direction)) - first - second
+        return bool(abs(depth - overlap) < 1e-12 and abs(gap) < 1e-12)
 
     radii = result.rng.uniform(0.3, 1.0, (8, 2))
     turns = result.rng.uniform(0.0, 2.0 * np.pi, 8)
