@@ -24,9 +24,9 @@ simulation("bouncing_box")
 # these presets impacts are exact and lose no energy, so every change of energy is an error of the flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
-# store and update an orientation so that it neither drifts nor fails at some attitude; choose an integrator by its
-# error for a given cost; predict the largest stable step; and find the cause when a simulation explodes, misses a
-# wall or gains energy. You need vectors, matrices, derivatives, and Python with NumPy.
+# store and update an orientation so that it neither drifts nor fails at certain orientations; choose an
+# integrator by its error for a given cost; predict the largest stable step; and find the cause when a simulation
+# explodes, misses a wall or gains energy. You need vectors, matrices, derivatives, and Python with NumPy.
 #
 # ## How this chapter works
 #
@@ -346,11 +346,11 @@ more_claims(
 # %% [markdown]
 # ### Checking an inertia tensor
 #
-# A robot model comes as a file with a mass and an inertia tensor for each link. Some published files contain tensors
-# that no body can have, and a simulator that accepts them computes motions that cannot happen. You can check them with
-# the three integrals above. Add two of them and subtract the third: $I_x + I_y - I_z = 2\int z^2\,dm$, which is never
-# negative. So each principal moment is at most the sum of the other two. For a flat plate the largest moment equals the
-# sum of the other two.
+# A robot model comes as a file with a mass and an inertia tensor for each rigid part, a **link**. Some published
+# files contain tensors that no body can have, and a simulator that accepts them computes motions that cannot happen.
+# You can check them with the three integrals above. Add two of them and subtract the third: $I_x + I_y - I_z = 2\int
+# z^2\,dm$, which is never negative. So each principal moment is at most the sum of the other two. For a flat plate
+# the largest moment equals the sum of the other two.
 # %%
 predict("inertia_of_a_thin_rod")
 # %% [markdown]
@@ -382,9 +382,9 @@ simulation("gimbal")
 # %% [markdown]
 # A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
 # \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two: no angle rates produce an $\omega$ with a
-# component along one direction, the *lost axis*. Close to the lock the rates exist, but they are huge. The smallest
-# $\lvert\omega\rvert$ that angle rates of length 1 produce is the smallest **singular value** of $E$; the simulation
-# plots it as *weakest turn*. The cell below turns about the axis that needs the largest rates.
+# component along one direction, the *lost axis*. Close to the lock the rates are huge. Change the
+# three angles at rates whose vector has length 1. The slowest rotation that this can give is the smallest **singular
+# value** of $E$, plotted as *weakest turn*.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the worst axis")
 for angle in (60.0, 89.0, 90.0):
@@ -723,8 +723,9 @@ for name, error in missed.items():
 # | implicit midpoint | 2 | about 5, to solve an equation | yes | no limit on a spring |
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 = 2.83$ |
 #
-# Semi-implicit Euler and Verlet keep area only while forces depend on positions alone. With forces that depend on the
-# velocity too, Verlet needs the new velocity for $a'$ and estimates it as $v + ha$.
+# Semi-implicit Euler and Verlet keep area only while forces depend on positions alone (with several coordinates: come
+# from a potential). With forces that depend on the velocity too, Verlet needs the new velocity for $a'$ and estimates
+# it as $v + ha$.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -809,7 +810,7 @@ plt.show()
 # %%
 show("area_preserved")
 # %% [markdown]
-# What follows from a constant area? For a smooth system and a small fixed step, the energy error of a symplectic method
+# For a smooth system and a small fixed step, the energy error of a symplectic method
 # stays bounded for a very long time. The smaller the step, the longer: this time grows exponentially in $1/h$. The
 # method conserves a slightly different energy almost exactly. On a spring, semi-implicit Euler conserves exactly (per
 # unit of mass)
@@ -820,9 +821,10 @@ show("area_preserved")
 # %%
 show("symplectic_conserves_energy")
 # %% [markdown]
-# So know what the word does *not* promise. The energy is not exact. The oscillation does not have the right period. A
-# step beyond the limit explodes all the same, area or not: the patch is stretched in one direction and squeezed in the
-# other. With friction, velocity-dependent forces or a step size that follows the state, the guarantee is gone.
+# The word does *not* promise an exact energy or the right period. A
+# step beyond the limit, where the method has one, explodes all the same, area or not: the patch is stretched in one
+# direction and squeezed in the other. With friction, velocity-dependent forces or most rules that let the step size
+# follow the state, the guarantee is gone.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -888,10 +890,10 @@ print("(between quaternions, as drawn, the angles are half of these)")
 #
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
-# It stays on the sphere, and for a steady spin it is exact. In $q\,s\,(0,r)\,s^*q^*$ the inner factor $s$ acts on $r$
-# first. A rotation in body axes must act before $q$ takes body coordinates to the world, so it stands on the *right*.
-# If your $\omega$ is in the world frame, its rotation is the factor on the left: $q' = \exp(h\,\omega)\,q$. Confusing
-# the two sides is a classic bug (section 7).
+# It stays on the sphere, and for a steady spin it is exact. Call the small rotation $s = \exp(h\omega)$. In
+# $q\,s\,(0,r)\,s^*q^*$ it acts on $r$ first, still in body axes, and then $q$ takes the result to the world. So it
+# stands on the *right*. If your $\omega$ is in the world frame, its rotation is the factor on the left: $q' =
+# \exp(h\,\omega)\,q$. Confusing the sides is a classic bug (section 7).
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
 # scaling turns it by $2\arctan(\tfrac12\omega h) = 0.09992$ rad. The lag, about $\tfrac1{12}(\omega h)^3 = 0.00008$
@@ -971,8 +973,7 @@ print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J
 # %% [markdown]
 # RK4 is exact in flight, and it still gains energy with the rule at the end of the step. Do the two errors of
 # semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? Half of the loss does on average:
-# a flight that ends at the speed $v$ loses $mghv$, and the depth $d$ is anything between 0 and $hv$. All of it cancels
-# only by luck.
+# a flight from bounce to bounce at the speed $v$ loses $mghv$, and the depth $d$ is anything between 0 and $hv$.
 #
 # <details><summary>Derive it: the loss of a flight, and the gain of a bounce</summary>
 #
@@ -1041,10 +1042,10 @@ axes_.set(
 plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
-# The course's loop records what it does. In the table, *age* is that of the command that a physics step applies, or of
-# the state that an image shows. Every other physics step applies a command that is 1 ms old. The image due at 16.667 ms
-# shows the state of one step earlier, 15.667 ms. No step ends there, so that state is interpolated between those at 15
-# and 16 ms:
+# The course's loop records what it does. In the table, *age* says how old a command is when a physics step applies
+# it, or a state when an image shows it. Every other physics step applies a command that is 1 ms old. An image is
+# interpolated between the last two states, so it shows the motion one step late: the image due at 16.667 ms shows
+# 15.667 ms, between the states at 15 and 16 ms:
 # %% tags=["hide-code"]
 from course.rigid_body.loop import FixedStepLoop, Phases, float_clock_error, trace_table
 
@@ -1381,9 +1382,9 @@ figures(
 #
 # ### The smallest model that answers the question
 #
-# The largest savings come before the integrator, from what you do *not* simulate. State the question and the tolerance.
-# Then compute the answer with and without each effect. Leave out effects while their changes (in the fold-out) add up
-# to less than the tolerance. Then check with all of them left out.
+# The largest savings come before the integrator, from what you do *not* simulate. State the question and the
+# tolerance. Then compute the answer with and without each effect. Leave out effects as long as the errors that they
+# cause (in the fold-out) add up to less than the tolerance. Then check once with all of them left out.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
@@ -1479,9 +1480,10 @@ figures(
     summary="All methods: largest relative energy error in the first and last 1 % of the run",
 )
 # %% [markdown]
-# Bounded energy is what "symplectic" buys, and only for a fixed step. Alternate two steps that are both below the
-# limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product of two area-preserving steps preserves
-# area, but it may stretch one direction again and again. Even a fixed step gets the period slightly wrong:
+# Bounded energy is what "symplectic" buys, and only for a fixed step (or one chosen reversibly: see the claims above).
+# Alternate two steps that are both below the limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product
+# of two area-preserving steps preserves area, but it may stretch one direction again and again. Even a fixed step gets
+# the period slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1538,9 +1540,9 @@ simulation("tunnelling")
 # **continuous collision detection**: test the whole motion between two steps, or compute the time of impact.
 #
 # There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
-# step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens at
-# the penetration $D/2$. In the chart, $b$ is how far the ball travels while a check would still bounce it: $D$ in our
-# model, $D/2$ in MuJoCo:
+# step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens
+# at the penetration $D/2$. In the chart, $b$ is the stretch of the path on which a check turns the ball back: $D$ in
+# our model, $D/2$ in MuJoCo:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
@@ -1574,10 +1576,10 @@ predict("impacts_at_rest")
 # bounces and the box's jitter are both called **chatter**. The remedy is a **rest speed**: a body whose impact is
 # slower is set to rest. It works if impacts are found within the step.
 #
-# If impacts are noticed only at the end of a step, a rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) does not even
-# stop a ball. And a box rocks: its corners hit in turn, at about $gh$ or faster. A rest speed of 10 mm/s makes these
-# bounces lower but more frequent. With MuJoCo's spring contact the corners lift off and touch in turn as well, at a
-# speed that shrinks with the step:
+# If impacts are noticed only at the end of a step, a ball at rest hits the floor at about $gh$ (19.6 mm/s at $h$ = 2
+# ms), and so do the corners of a rocking box, in turn. A rest speed far below that stops neither. A rest speed of 10
+# mm/s makes these bounces lower but more frequent. With MuJoCo's spring contact the corners lift off and touch in turn,
+# at a speed that shrinks with the step:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1633,7 +1635,8 @@ figures(
 #
 # **Debugging tip.** *Objects pass through each other.* Compare the relative travel per step, $vh$, with the *sum* of
 # both thicknesses, in MuJoCo with half of it. If $vh$ is larger, use continuous collision detection (in MuJoCo the
-# `speculative` flag). If $vh$ is much smaller, the pair is not tested, or the contact is too soft.
+# `speculative` flag, together with a stiffer contact). If $vh$ is much smaller, the pair is not tested, or the
+# contact is too soft.
 #
 # <details><summary>And in between</summary>
 #
@@ -1663,7 +1666,7 @@ predict("perfect_energy_wrong_momentum")
 # <td>$q$ compared with $-q$</td> <td>dot product of the two</td> <td>flip the sign if it is negative</td></tr>
 # <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world frame</td> <td>body rate
 # multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat, from a tilted
-# start, with three equal moments, which have no gyroscopic term: if the error vanishes, that term is wrong</td>
+# start, with three equal moments (no gyroscopic term): if the error is gone, that term was the bug</td>
 # <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates;
 # $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td> <td>gyroscopic term in
 # an Euler step from the old rates</td> <td>kinetic energy over time</td> <td>RK4, implicit midpoint, smaller
@@ -2060,8 +2063,8 @@ more_claims(
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
-# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. While forces
-# depend on positions only, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
+# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. While
+# forces come from a potential, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
 # evaluations, and needs $\omega h\le2.83$. With contacts at 1 kHz both make a first-order error at the impact, so I
 # take the cheap one. For a satellite I take RK4."
 #

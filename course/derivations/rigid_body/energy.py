@@ -113,8 +113,8 @@ def explicit_energy_factor(result):
     "so for small steps the energy grows by the factor {formula} per second: proportional to dt is "
     "the exponent, not the energy that a second adds.",
     ask=(
-        "By which factor does explicit Euler multiply an oscillator's energy in one second? Take "
-        "the limit of small steps, but keep h in the exponent.",
+        "By which factor does explicit Euler multiply an oscillator's energy in one second? Give "
+        "the leading form for small steps, exp(...) with h in the exponent.",
         "factor, E = exp(omega^2*h)",
         {
             "1 + omega^2*h^2": "That is the factor of one step; a second has 1/h of them.",
@@ -445,12 +445,13 @@ def swapping_two_lines(result):
 
 
 @claim(
-    "Where accelerations depend on positions alone, semi-implicit Euler is symplectic and RK4 is "
-    "not.",
-    "With one degree of freedom semi-implicit Euler, velocity Verlet and the implicit midpoint "
-    "rule then keep phase-space area. On an oscillator RK4 shrinks it by (omega h)^6 "
-    "/ 72 per step, the explicit midpoint rule grows it by (omega h)^4 / 4, to leading order, and "
-    "explicit Euler by (omega h)^2.",
+    "With one degree of freedom and an acceleration that depends on the position alone, "
+    "semi-implicit Euler is symplectic and RK4 is not.",
+    "Semi-implicit Euler, velocity Verlet and the implicit midpoint rule then keep phase-space "
+    "area. With several degrees of freedom the force must also come from a potential: under one "
+    "that pushes around a centre, semi-implicit Euler is not symplectic. On an oscillator RK4 "
+    "shrinks it by (omega h)^6 / 72 per step, the explicit midpoint rule grows it by "
+    "(omega h)^4 / 4, to leading order, and explicit Euler by (omega h)^2.",
 )
 def area_preserved(result):
     import sympy
@@ -482,6 +483,18 @@ def area_preserved(result):
         return dq[0] * dv[1] - dq[1] * dv[0]
 
     error = {n: float(np.abs(pendulum_area(n) - 1).max()) for n in names}
+
+    def symplectic(stiffness):
+        """Return whether semi-implicit Euler preserves the form for a = -stiffness q, step 0.1."""
+        one, zero = np.eye(2), np.zeros((2, 2))
+        kick = np.block([[one, zero], [-0.1 * stiffness, one]])
+        move, form = (
+            np.block([[one, 0.1 * one], [zero, one]]),
+            np.block([[zero, one], [-one, zero]]),
+        )
+        step = move @ kick
+        return np.allclose(step.T @ form @ step, form, atol=1e-12)
+
     result.statement = (
         "Determinant of one step less 1, on the oscillator and at 20 pendulum states."
     )
@@ -493,6 +506,9 @@ def area_preserved(result):
     result.correction_holds(
         selected == {n for n in names if INTEGRATORS[n].symplectic},
         all((error[n] < 1e-7) == (n in selected) for n in names),
+        # A symmetric matrix has a potential; an antisymmetric one pushes around the centre.
+        symplectic(np.array([[2.0, 1.0], [1.0, 3.0]])),
+        not symplectic(np.array([[0.0, 1.0], [-1.0, 0.0]])),
         all(sympy.limit(excess[n] / term, h, 0) == 1 for n, term in leading.items()),
     )
 

@@ -299,10 +299,10 @@ def another_order_of_angles(result):
 
 
 @claim(
-    "A quaternion has no gimbal lock; the price is one more number and a constraint.",
+    "A quaternion has no gimbal lock, although it needs one more number than three angles.",
     "The map from the angular velocity to the quaternion's rate is equally good everywhere: all "
-    "three singular values are 1/2 at every orientation. There is one more price to pay: q and -q "
-    "are the same orientation.",
+    "three singular values are 1/2 at every orientation. The price: a fourth number, a constraint "
+    "on the length, and q and -q are the same orientation.",
 )
 def quaternion_has_no_lock(result):
     from course.rigid_body import quaternion
