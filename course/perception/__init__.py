@@ -91,8 +91,7 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.perception import camera, cloud, registration
+    from course.perception import camera, cloud, linear, outline, pose, registration
 
-    camera.warm()
-    cloud.warm()
-    registration.warm()
+    for module in (camera, linear, cloud, registration, outline, pose):
+        module.warm()

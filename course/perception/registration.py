@@ -11,7 +11,8 @@ two shifts and a turn of a face (Besl and McKay, 1992; Chen and Medioni, 1991; C
 
 from __future__ import annotations
 
-import functools
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,11 +23,12 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, one_of, vector
-from course.compiled import MATRIX, VECTOR, compiled
+from course.compiled import MATRIX, VECTOR, compiled, loop
 from course.contact.shapes import poses as checked_poses
 from course.kinematics.inverse import decompose
 from course.perception import camera
-from course.perception.camera import CYLINDER, KINDS, PLANE, SPHERE, STILL, Shapes
+from course.perception.camera import CYLINDER, PLANE, SPHERE, STILL, Shapes, Solids, numbers
+from course.perception.linear import eigen, times_transposed
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
 
 Array = NDArray[np.float64]
@@ -73,11 +75,7 @@ class Cloud:
         rows = vector("points", points, (3, None), unit="m").T.copy()
         if not len(rows):
             raise invalid("points.shape", (3, 0), "at least one point")
-        # Levels of a balanced tree with at most _LEAF points in each leaf.
-        levels = max(0, int(np.ceil(np.log2(len(rows) / _LEAF))))
-        order = np.arange(len(rows))
-        axes, cuts = np.zeros(2**levels - 1, dtype=np.int64), np.zeros(2**levels - 1)
-        _kernels().build(rows, order, axes, cuts)
+        order, axes, cuts = tree_of(rows)
         turned = np.zeros((0, 3))
         if normals is not None:
             given = vector("normals", normals, (3, len(rows)))
@@ -95,9 +93,40 @@ class Cloud:
             than `within`.
         """
         q = np.ascontiguousarray(vector("queries", queries, (3, None), unit="m").T)
-        distance, index = np.empty(len(q)), np.empty(len(q), dtype=np.int64)
-        _kernels().query(q, self.points, self.axes, self.cuts, float(within), distance, index)
-        return distance, np.where(index < 0, -1, self.order[index])
+        tree = self.points, self.order, self.axes, self.cuts
+        return nearest_in(tree, q, float(within))
+
+
+@register_jitable
+def tree_of(rows):
+    """Put the rows of points (N, 3) into the order of a k-d tree.
+
+    Returns:
+        order, axes and cuts, as of `Cloud`.
+    """
+    # Levels of a balanced tree with at most _LEAF points in each leaf.
+    leaves = 1
+    while leaves * _LEAF < len(rows):
+        leaves *= 2
+    order = np.arange(len(rows))
+    axes, cuts = np.zeros(leaves - 1, dtype=np.int64), np.zeros(leaves - 1)
+    _build_loop(rows, order, axes, cuts)
+    return order, axes, cuts
+
+
+@register_jitable
+def nearest_in(tree, queries, within):
+    """Return distances and numbers of the nearest points, as `Cloud.nearest`.
+
+    Args:
+        tree: points, order, axes and cuts, as of `Cloud`.
+        queries: shape (n, 3) [m].
+        within: largest distance [m].
+    """
+    points, order, axes, cuts = tree
+    distance, index = np.empty(len(queries)), np.empty(len(queries), dtype=np.int64)
+    _query_loop(queries, points, axes, cuts, within, distance, index)
+    return distance, np.where(index < 0, -1, order[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,23 +185,40 @@ def known(
     Returns:
         Covariance (6, 6) and the names of the directions of infinite variance.
     """
-    retained = np.isin(DIRECTIONS, free)
-    H = vector("information", information, (6, 6)) * np.outer(retained, retained)
+    H = vector("information", information, (6, 6))
+    covariance, blind = covariance_of(H, np.isin(DIRECTIONS, free))
+    return covariance, tuple(str(name) for name in np.array(DIRECTIONS)[blind])
+
+
+@register_jitable
+def covariance_of(information, mobile):
+    """Return the covariance of `known` and which directions are blind, (6,).
+
+    Args:
+        information: shape (6, 6).
+        mobile: the directions that are not known beforehand, (6,).
+    """
+    H = information * np.outer(1.0 * mobile, 1.0 * mobile)
     alone = np.diag(H)
     # Unit diagonal first: the eigenvalues then say how independent the directions are, whatever
     # their units.
     scale = np.sqrt(np.where(alone > _ROUNDING * alone.max(), alone, np.inf))
-    values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
+    values, vectors = eigen(H / np.outer(scale, scale))
     # An eigenvalue near 0 belongs to a motion that no point resists.
     observed = values > _BLIND
-    blind = retained & (np.sum(vectors[:, ~observed] ** 2, axis=1) > _BLIND)
+    blind = mobile & (np.where(observed, 0.0, vectors * vectors).sum(axis=1) > _BLIND)
     # Pseudoinverse on the observed motions, with the scaling undone.
-    part = vectors[:, observed] / scale[:, None]
-    result = (part / values[observed]) @ part.T
-    result[blind] = 0.0
-    result[:, blind] = 0.0
-    result[blind, blind] = np.inf
-    return result, tuple(str(name) for name in np.array(DIRECTIONS)[blind])
+    inverse = np.where(observed, 1.0 / np.where(observed, values, 1.0), 0.0)
+    part = vectors / scale.reshape(6, 1)
+    result = times_transposed(part * inverse, part)
+    for x in range(6):
+        if blind[x]:
+            result[x, :] = 0.0
+            result[:, x] = 0.0
+    for x in range(6):
+        if blind[x]:
+            result[x, x] = np.inf
+    return result, blind
 
 
 def rigid_fit(
@@ -202,7 +248,7 @@ def rigid_fit(
         raise invalid("source.shape", a.shape, "at least three points that have a weight")
     R, p = np.empty((3, 3)), np.empty(3)
     rows = (np.ascontiguousarray(x.T) for x in (a, b))
-    if not _kernels().rotation(*rows, np.ascontiguousarray(w), R, p):
+    if not _rotation_loop(*rows, np.ascontiguousarray(w), R, p):
         raise invalid("source", a, "points off one line, here and in target")
     return R, p
 
@@ -266,51 +312,143 @@ def icp(
     if not plane and not mobile.all():
         raise invalid("free", free, "all six directions for point-to-point")
     begin = checked_poses("start", vector("start", start, (7,)), 3)[:, 0]
-    R, p = to_matrix(begin[3:]), begin[:3].copy()
     steps = count("iterations", iterations, 1)
-    # Graduated gate: wide at first, to catch far matches, and narrower each iteration.
-    gates = np.array([max(last, first * (2 / 3) ** k) for k in range(steps + 1)])
     tree = target if isinstance(target, Cloud) else _NO_CLOUD
     if plane and tree is target and not len(tree.normals):
         raise invalid("target.normals", None, "normals, for point-to-plane")
-    parts = solids(target) if isinstance(target, Shapes) else _NO_PARTS
-    limits = np.array([finite("tolerance", tolerance, 0.0, unit="m"), _EDGE if rays else -1.0])
-    H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(len(source), np.int64)
-    room = (np.zeros(source.shape), np.zeros(len(source)), flags)
-    where = (tree.points, tree.normals, tree.axes, tree.cuts, *parts)
-    _kernels().icp(source, spread, *where, R, p, gates, limits, mobile, plane, *room, H, out)
-    # The loop fills the lower triangle only.
-    H += np.tril(H, -1).T
-    result, weighted, squares, made, converged = out[:5].tolist()
-    if result < 3 and made == 0:
-        raise invalid("start", begin, f"a pose with 3 points within the gate (here {result:.0f})")
+    parts = numbers(target) if isinstance(target, Shapes) else _NO_PARTS
+    made = register(
+        source,
+        spread,
+        (tree.points, tree.normals, tree.axes, tree.cuts),
+        parts,
+        begin,
+        (float(first), float(last)),
+        mobile,
+        plane,
+        rays,
+        steps,
+        finite("tolerance", tolerance, 0.0, unit="m"),
+    )
+    H = made.information
+    if made.count < 3 and made.steps == 0:
+        raise invalid("start", begin, f"a pose with 3 points within the gate (here {made.count})")
     # Without given deviations the residual's own variance scales the information.
     if sigma is None:
-        H *= max(result - mobile.sum(), 1.0) / max(weighted, 1e-300)
-    lost = result < 3
+        H *= max(made.count - mobile.sum(), 1.0) / max(made.weighted, 1e-300)
     return Fit(
-        R,
-        p,
-        matched=flags > 0,
-        residual=np.inf if lost else float(np.sqrt(squares / result)),
-        iterations=int(made),
-        converged=bool(converged) and not lost,
+        made.R,
+        made.p,
+        matched=made.flags > 0,
+        residual=made.residual,
+        iterations=made.steps,
+        converged=made.converged,
         information=H,
         free=free,
     )
 
 
-def solids(shapes: Shapes) -> tuple[NDArray[Any], ...]:
+class Registered(NamedTuple):
+    """What `register` found, as numbers; see `Fit`.
+
+    Attributes:
+        R, p: of the target in the frame of the points, (3, 3) and (3,) [m].
+        flags: of each point 1 matched, 2 rejected by its ray, 0 neither, (N,).
+        count: matched points.
+        weighted: sum of the weighted squares.
+        residual: root mean square of the matched distances, infinite if they are fewer than 3 [m].
+        steps: that were made.
+        converged: as of `Fit`.
+        information: of the six directions, (6, 6), with the weights of the points.
+    """
+
+    R: Array
+    p: Array
+    flags: NDArray[np.int64]
+    count: int
+    weighted: float
+    residual: float
+    steps: int
+    converged: bool
+    information: Array
+
+
+@register_jitable
+def register(source, spread, tree, parts, start, gate, mobile, plane, rays, steps, tolerance):
+    """Return `icp`'s result for arguments that are checked.
+
+    Args:
+        source: points, shape (N, 3) [m].
+        spread: standard deviations of their depths, 0 for equal weights, shape (N,) [m].
+        tree: points, normals, axes and cuts of a `Cloud`, empty beside shapes.
+        parts: shapes as numbers, none beside a cloud.
+        start: pose, shape (7,).
+        gate: the first and the last [m].
+        mobile: the directions that may change, (6,).
+        plane: 1 for point-to-plane.
+        rays: whether the last steps follow the rays.
+        steps: limit on the number of iterations.
+        tolerance: a step that moves the part by less is the last [m].
+    """
+    R, p = to_matrix(start[3:]), start[:3].copy()
+    # Graduated gate: wide at first, to catch far matches, and narrower each iteration.
+    gates = np.empty(steps + 1)
+    for k in range(steps + 1):
+        gates[k] = max(gate[1], gate[0] * (2.0 / 3.0) ** k)
+    limits = np.array([tolerance, _EDGE if rays else -1.0])
+    n = source.shape[0]
+    H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(n, np.int64)
+    points, normals, axes, cuts = tree
+    kinds, sizes, turns, places = solids(parts)
+    closest, weights = np.zeros((n, 3)), np.zeros(n)
+    _icp_loop(
+        source,
+        spread,
+        points,
+        normals,
+        axes,
+        cuts,
+        kinds,
+        sizes,
+        turns,
+        places,
+        R,
+        p,
+        gates,
+        limits,
+        mobile,
+        plane,
+        closest,
+        weights,
+        flags,
+        H,
+        out,
+    )
+    # The loop fills the lower triangle only.
+    for x in range(6):
+        for y in range(x):
+            H[y, x] = H[x, y]
+    matched, enough = int(out[0]), out[0] >= 3.0
+    residual = math.sqrt(out[2] / out[0]) if enough else math.inf
+    converged = enough and out[4] > 0.0
+    return Registered(R, p, flags, matched, out[1], residual, int(out[3]), converged, H)
+
+
+@register_jitable
+def solids(parts):
     """Return kinds (n,), sizes (n, 3), rotations (n, 3, 3) and places (n, 3) for the loop."""
-    kinds = np.array([tuple(KINDS).index(kind) for kind in shapes.kinds], np.int64)
-    turns = np.ascontiguousarray(np.moveaxis(to_matrix(shapes.poses[3:]), 2, 0))
-    rows = (np.ascontiguousarray(x.T) for x in (shapes.sizes, shapes.poses[:3]))
-    return kinds, next(rows), turns, next(rows)
+    n = parts.kinds.size
+    sizes, turns, places = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
+    for i in range(n):
+        sizes[i], places[i] = parts.sizes[:, i], parts.poses[:3, i]
+        turns[i] = to_matrix(parts.poses[3:, i])
+    return parts.kinds, sizes, turns, places
 
 
 _NONE = np.zeros((0, 3)), np.zeros(0, np.int64)
 _NO_CLOUD = Cloud(_NONE[0], _NONE[0], _NONE[1], _NONE[1], np.zeros(0))
-_NO_PARTS = _NONE[1], _NONE[0], np.zeros((0, 3, 3)), _NONE[0]
+NO_TREE = _NO_CLOUD.points, _NO_CLOUD.normals, _NO_CLOUD.axes, _NO_CLOUD.cuts
+_NO_PARTS = Solids(_NONE[1], np.zeros((3, 0)), np.zeros((7, 0)))
 
 
 # --- compiled -------------------------------------------------------------------------------------
@@ -582,7 +720,7 @@ def _icp(
     """Run ICP on R and p in place; for each point: closest, weight, flag 1 matched, 2 rejected.
 
     out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
-    `_kernels` says what the arguments are.
+    `_SIGNATURES` says what the arguments are.
     """
     steps, tolerance, edge = len(gates) - 1, limits[0], limits[1]
     nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
@@ -751,54 +889,33 @@ def _icp(
             stage = 1
 
 
-class _Kernels(NamedTuple):
-    """The compiled loops of this file.
-
-    Attributes:
-        build: `_build`, sorts points into a k-d tree in place.
-        query: `_query`, fills in distance and number of the nearest point to each query.
-        rotation: `_rotation`, the best rigid motion of weighted pairs; False where none is unique.
-        icp: `_icp`, the whole registration from a start.
-    """
-
-    build: Any
-    query: Any
-    rotation: Any
-    icp: Any
-
-
-@functools.cache
-def _kernels() -> _Kernels:
-    """Return the loops compiled, once a process.
-
-    The signatures are explicit, so that the machine code is stored for the next process
-    (`course.compiled`). All arrays are C-contiguous, with one point a row.
-    """
-    # A k-d tree as the loops take it: points (N, 3) in its order, normals (N, 3) or (0, 3), and of
-    # its inner nodes the axis and the coordinate of the cut.
-    tree = (MATRIX, MATRIX, _INDICES, VECTOR)
-    # Shapes: kind, sizes (n, 3), rotation (n, 3, 3) and position (n, 3) of each; no row beside a
-    # cloud, as the tree has none beside shapes.
-    parts = (_INDICES, MATRIX, _CUBE, MATRIX)
-    # The pose, which starts as the guess and ends as the result: R (3, 3) and p (3,).
-    pose = (MATRIX, VECTOR)
-    # Gate of each step; tolerance and the width of a blind edge; which of the six directions may
-    # move; 1 for point-to-plane.
-    rules = (VECTOR, VECTOR, _FLAGS, int64)
-    # Filled for each point: match (N, 3), weight, flag. Then H (6, 6) and the six figures of `out`.
-    results = (MATRIX, VECTOR, _INDICES, MATRIX, VECTOR)
-    # The first two arguments of `_icp` are the points and their standard deviations.
-    measured = (MATRIX, VECTOR)
-    return _Kernels(
-        build=compiled(_build, types.void(MATRIX, _INDICES, _INDICES, VECTOR)),
-        query=compiled(
-            _query, types.void(MATRIX, MATRIX, _INDICES, VECTOR, float64, VECTOR, _INDICES)
-        ),
-        rotation=compiled(_rotation, numba.boolean(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)),
-        icp=compiled(_icp, types.void(*measured, *tree, *parts, *pose, *rules, *results)),
-    )
+# A k-d tree as the loops take it: points (N, 3) in its order, normals (N, 3) or (0, 3), and of its
+# inner nodes the axis and the coordinate of the cut. All arrays are C-contiguous, with one point a
+# row.
+_TREE = (MATRIX, MATRIX, _INDICES, VECTOR)
+# Shapes: kind, sizes (n, 3), rotation (n, 3, 3) and position (n, 3) of each; no row beside a cloud,
+# as the tree has none beside shapes.
+_PARTS = (_INDICES, MATRIX, _CUBE, MATRIX)
+# The pose, which starts as the guess and ends as the result: R (3, 3) and p (3,). Then the gate of
+# each step; tolerance and the width of a blind edge; which of the six directions may move; 1 for
+# point-to-plane.
+_RULES = (MATRIX, VECTOR, VECTOR, VECTOR, _FLAGS, int64)
+# Filled for each point: match (N, 3), weight, flag. Then H (6, 6) and the six figures of `out`.
+_RESULTS = (MATRIX, VECTOR, _INDICES, MATRIX, VECTOR)
+# The signatures are explicit, so that the machine code is stored for the next process
+# (`course.compiled`). The first two arguments of `_icp` are the points and their deviations.
+_SIGNATURES: dict[Callable[..., Any], Any] = {
+    _build: types.void(MATRIX, _INDICES, _INDICES, VECTOR),
+    _query: types.void(MATRIX, MATRIX, _INDICES, VECTOR, float64, VECTOR, _INDICES),
+    _rotation: numba.boolean(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR),
+    _icp: types.void(MATRIX, VECTOR, *_TREE, *_PARTS, *_RULES, *_RESULTS),
+}
+_build_loop, _query_loop, _rotation_loop, _icp_loop = (
+    loop(function, signature) for function, signature in _SIGNATURES.items()
+)
 
 
 def warm() -> None:
     """Compile the loops of this file."""
-    _kernels()
+    for function, signature in _SIGNATURES.items():
+        compiled(function, signature)
