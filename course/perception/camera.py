@@ -178,7 +178,7 @@ class Camera:
         return z
 
 
-# --- Cameras, sensors and shapes as numbers ---------------------------------------------------------
+# --- Cameras, sensors and shapes as numbers -------------------------------------------------------
 
 # Compiled code takes none of the classes above. The functions below that it calls read attributes
 # of these tuples, which have the names of the attributes of `Camera` and of `Sensor`: Python may

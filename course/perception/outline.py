@@ -107,7 +107,7 @@ def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_])
 
 
 def _pairs(z, cluster, allowed, pairs):
-    """Write direction, pixel and neighbour of each pair: (along, v, u, v, u); return their number."""
+    """Write each pair as direction, pixel and neighbour: (along, v, u, v, u); return how many."""
     n = 0
     height, width = z.shape
     for side in range(4):  # in rows the neighbour after, and the one before; the same in columns

@@ -27,7 +27,6 @@ from course.kinematics.chain import shortest_turn
 from course.perception.camera import (
     BOX,
     CYLINDER,
-    PLANE,
     SPHERE,
     STILL,
     Array,
