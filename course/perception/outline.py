@@ -183,8 +183,8 @@ def contour_of(shapes, rays):
             # Inside the outline of another shape it is no outline of all.
             line = c + 1e-6 * normal
             line = line / np.where(line[2] > 0.0, line[2], 1.0)
-            there, across, gap = _of_shape(shapes, other, line)
-            outer &= ~(np.isfinite(gap) & ((across * (line - there)).sum(axis=0) < 0.0))
+            on, across, gap = _of_shape(shapes, other, line)
+            outer &= ~(np.isfinite(gap) & ((across * (line - on)).sum(axis=0) < 0.0))
         for x in range(3):
             points[x] = np.where(outer, c[x], points[x])
             normals[x] = np.where(outer, normal[x], normals[x])
@@ -509,11 +509,11 @@ def refine(part, pose, mobile, of_points, camera, sensor, at):
         lines = rows_of(part, pose, camera, sensor, at, gate)
         if lines.pixel.size < _LEAST:
             return first, np.zeros((6, 6)), 0.0
-        of_outline, asked = weigh(lines, mobile)
+        of_outline, pull = weigh(lines, mobile)
         both = (of_points + of_outline) * np.outer(free, free)
         scale = _scale(both)
         # Two measurements of one pose: that of the points pulls back by how far the pose has moved.
-        right = (asked - (of_points * moved).sum(axis=1)) * scale
+        right = (pull - (of_points * moved).sum(axis=1)) * scale
         inverse = pseudoinverse(both * np.outer(scale, scale), 1e-9)
         step = scale * (inverse * right).sum(axis=1)
         # Right update, in the part's frame: p' = p + R d, R' = R exp(t).
