@@ -171,7 +171,7 @@ def _write(path: Path, form: Form[T], content: T) -> None:
         # Atomic: a reader sees the old file or the new one.
         os.replace(part, target)
         _sync_folder(target.parent)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit):
         with contextlib.suppress(OSError):
             part.unlink()
         raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import contextlib
+import glob
 import os
 import re
 import tempfile
@@ -198,7 +199,9 @@ def _write_new(path: Path, text: str) -> None:
 
 def write_over(path: Path, text: str) -> None:
     """Replace a file in one go: a reader sees the old one or the new one."""
-    handle, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    _remove_abandoned_parts(path)
+    prefix = f".{path.name}.{os.getpid()}."
+    handle, part = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=".part")
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
@@ -210,6 +213,26 @@ def write_over(path: Path, text: str) -> None:
         with contextlib.suppress(OSError):
             os.unlink(part)
         raise
+
+
+def _remove_abandoned_parts(path: Path) -> None:
+    """Remove the unfinished copies of a file that processes left when they were killed."""
+    for part in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        number = part.name.removeprefix(f".{path.name}.").partition(".")[0]
+        if not number.isdecimal() or not _is_running(int(number)):
+            with contextlib.suppress(OSError):
+                part.unlink()
+
+
+def _is_running(process: int) -> bool:
+    """Return whether a process with this number exists."""
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        pass  # it is another user's
+    return True
 
 
 def _back_up(path: Path) -> Path | None:

@@ -1,6 +1,6 @@
-"""A rehearsed interview: what is drawn, what is asked next, and what the report says.
+"""A rehearsed interview: the choice of questions, the follow-ups and the report.
 
-Nothing here speaks, waits or looks at a clock; the command `drills interview` does.
+Nothing here prints, waits or reads a clock; the command `drills interview` does.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ SHORT = 15  # minutes of its short form
 WEAK = 2 / 3  # an answer below this share, all lines "quantified", is weak
 # What a follow-up asks about a line, by its mark: with a number in the line, and without one.
 PUSH = {
-    "missing": ("Your answer misses it. Say it now.",) * 2,
+    "missing": ("Your answer does not mention it. Answer now.",) * 2,
     "named": (
-        "You have named it. Put a number and a unit to it.",
-        "You have named it. Give the reason, and an example.",
+        "You mentioned it. Give a number with its unit.",
+        "You mentioned it. Give the reason and an example.",
     ),
     "quantified": (
-        "You have a number for it. What would change your mind?",
-        "You have a reason for it. What would change your mind?",
+        "You gave a number for it. What would change your mind?",
+        "You gave a reason for it. What would change your mind?",
     ),
 }
 _STEM = 4  # letters by which two words are taken for one: "halves", "halving"
@@ -167,8 +167,10 @@ def _scenario(one: scenarios.Scenario) -> Item:
     """Return said aloud: the causes that one would think of, and how one would tell each."""
     causes = tuple(cause.words for cause in one.causes)
     probes = "\n".join(f"* {probe.what} ({probe.minutes} minutes)" for probe in one.probes)
-    answer = f"What can be tried:\n\n{probes}\n\n`drills debug {one.name}` runs it."
-    report = tuple(f"What would you try to tell this from the others? {words}" for words in causes)
+    answer = f"Probes to run:\n\n{probes}\n\n`drills debug {one.name}` runs the scenario."
+    report = tuple(
+        f"Which probe distinguishes this cause from the others? {words}" for words in causes
+    )
     title = f"{one.title}.\n{one.prompt}"
     key = f"scenario/{one.name}"
     return Item(key, "debugging", 12, 10, title, causes, report, answer, paired=True)
@@ -186,8 +188,8 @@ def _design(one: designs.Design, minutes: int = 0) -> Item:
     title = one.title
     if minutes:
         title += (
-            f"\nYou have {minutes} minutes: three for your questions, the rest for the answer. Say "
-            "what decides, with numbers, and leave the details out."
+            f"\nYou have {minutes} minutes: three for your questions and the rest for your answer. "
+            "Concentrate on the decisions that matter, support them with numbers, and omit details."
         )
     return Item(
         key=f"design/{one.name}" + "/short" * bool(minutes),
@@ -353,9 +355,9 @@ def markdown(interview: Interview) -> str:
     lines = [f"# Interview of {interview.started[:16].replace('T', ', ')}\n"]
     lines.append(f"{interview.seconds / 60:.0f} of {interview.minutes} minutes.\n")
     if interview.over:
-        lines.append(f"The time was over during: {interview.over}\n")
+        lines.append(f"The planned time ended during this question: {interview.over}\n")
     lines.append(
-        "| part | chapter | minutes | planned | marks | asked |\n|---|---|---|---|---|---|"
+        "| part | chapter | minutes | planned | score | question |\n|---|---|---|---|---|---|"
     )
     for one in interview.items:
         spent = f"{one.seconds / 60:.0f} | {one.minutes} | {one.score:.0%}"
@@ -363,7 +365,7 @@ def markdown(interview: Interview) -> str:
     for one in interview.items:
         lines.append(f"\n## {one.title}\n")
         if one.clarified:
-            lines.append(f"### You asked first\n\n{one.clarified}")
+            lines.append(f"### Your questions\n\n{one.clarified}")
         if one.answer:
             lines.append(f"### Your answer\n\n{one.answer}")
         if one.marks:
@@ -374,7 +376,9 @@ def markdown(interview: Interview) -> str:
         if one.code:
             fence = "```" + "`" * max(map(len, re.findall("`{3,}", one.code)), default=0)
             lines.append(f"### Your code\n\n{fence}python\n{one.code.rstrip()}\n{fence}\n")
-        lines += [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
+        if one.attempts:
+            tried = [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
+            lines += ["### Your attempts\n", *tried, ""]
         if one.asked:
             lines.append(f"### The follow-up\n\n**{one.asked}**\n\n{one.reply}")
         if one.model:

@@ -199,6 +199,17 @@ KEYS: dict[str, tuple[str, str]] = {
     "integral": (GREEN, "D"),
     "output error": (BLUE, "o"),
     "mujoco.sysid": (PURPLE, "X"),
+    # arms that vary; the adaptive law stands above
+    "one tuned gain set": (GREY, "*"),
+    "randomised gains": (AMBER, "P"),
+    "best gains in hindsight": (BLUE, "o"),
+    "student with history": (GREEN, "D"),
+    "teacher": (PURPLE, "X"),
+    # actuator models
+    "ideal drive": (GREY, "*"),
+    "lag and friction": (VERMILION, "s"),
+    "network": (GREEN, "D"),
+    "network, PyTorch": (PURPLE, "X"),
     # platforms; MuJoCo stands above
     "own code": (BLUE, "o"),
     "Drake": (GREEN, "D"),

@@ -52,7 +52,7 @@ CHANGES = (
         "geom/solimp",
         "0.9 0.95 0.001",
         "0.95 0.99 0.001",
-        "Impedance (hardness) at the surface, at depth, that depth [m]. Half the sag and creep.",
+        "Hardness at the surface, hardness at a depth, that depth [m]. Halves sag and creep.",
         _TUNING,
         "bodies",
     ),

@@ -104,7 +104,8 @@ class Turn:
             unit = 10.0 ** (math.floor(math.log10(abs(self.limit))) - 2)
             text = f"{float(text) + math.copysign(unit, missing):.3g}"
         amount = f"{text} {self.unit}".strip()
-        return f"A limit {self.side} {amount} for {self.row} would pick {self.pick or 'none'}"
+        pick = self.pick or "no engine"
+        return f"With a limit {self.side} {amount} for {self.row}, {pick} would be picked"
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,9 @@ The chapter's algorithms, and the functions of their steps:
 - Automatic domain randomisation (OpenAI, 2019): `tune.automatic`, whose search is `improve`, the
   cross-entropy method.
 - Shapley values (Shapley, 1953): `transfer.attribution`.
+- Rapid motor adaptation (Kumar and others, 2021): `varying_arms.train_student` computes the
+  teacher's knowledge from a history; `track` runs every method's law.
+- Actuator networks (Hwangbo and others, 2019): `actuator_network.fit_network`.
 
 Examples:
     >>> from course import sim_to_real
@@ -124,5 +127,13 @@ def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
     import numpy as np
 
+    from course.sim_to_real import actuator_network, varying_arms
+
+    rng = np.random.default_rng(0)
     rollouts(nominal(), [1.0] * 6, tasks(1, 0))
-    learning_steps(grid(2), np.random.default_rng(0), 2, at_most=1)
+    learning_steps(grid(2), rng, 2, at_most=1)
+    paths = varying_arms.references(1, rng, 0.02)
+    varying_arms.track(varying_arms.family(1, rng), (1.0, 1.0, 0.0), paths)
+    actuator_network.record(
+        actuator_network.Drive(), actuator_network.targets(1, rng, seconds=0.02)
+    )

@@ -34,7 +34,7 @@ OPEN = 50  # cases that are stored, the newest
 
 @dataclass
 class Left:
-    """The cases that are not over: "NAME/SEED" -> the probes that were run, the last case last."""
+    """The open cases: "NAME/SEED" -> the probes that were run; the last case comes last."""
 
     probes: dict[str, list[str]] = field(default_factory=dict)
 
@@ -57,17 +57,17 @@ FORM = json_store.Form("drills-debug/1", "open cases", Left, _parse, asdict)
 
 
 def last_seed(saved: Left, name: str) -> int | None:
-    """Return the seed of the scenario's last case that is not over, None if there is none."""
+    """Return the seed of the scenario's last open case, None if there is none."""
     seeds = [int(key.partition("/")[2]) for key in saved.probes if key.partition("/")[0] == name]
     return seeds[-1] if seeds else None
 
 
 class Log:
-    """What was probed, written to the file after each probe.
+    """The probes of a case, written to the file after each probe.
 
     Args:
-        session: whose progress the file is beside; it gets what is wrong with the file.
-        case: that is debugged; it is given the probes of the file.
+        session: of the command; its notices say what is wrong with the file.
+        case: to debug; the probes of the file are run again.
     """
 
     def __init__(self, session: Session, case: scenarios.Diagnosis, saved: Left) -> None:
@@ -77,7 +77,7 @@ class Log:
             case.probe(name)
 
     def update(self, over: bool = False) -> None:
-        """Write the probes so far; a case that is over is dropped."""
+        """Write the probes so far; drop a case that is over."""
 
         def edit(saved: Left) -> None:
             saved.probes.pop(self.key, None)
@@ -137,7 +137,11 @@ def command(session: Session, name: str | None, seed: int | None, new: bool) -> 
     log = Log(session, case, saved)
     listen()
     read = session.terminal.paged(read_line)
-    verdict = talk(session, case, rejected, _lines(session.terminal, read), log.update)
+    try:
+        verdict = talk(session, case, rejected, _lines(session.terminal, read), log.update)
+    except KeyboardInterrupt:
+        session.notices.append(_stays_open(session, case))
+        raise
     if verdict is not None:
         log.update(over=True)
     payload: dict[str, Any] = {
@@ -149,16 +153,21 @@ def command(session: Session, name: str | None, seed: int | None, new: bool) -> 
         "verdict": verdict and _data(verdict),
     }
     if verdict is None:
-        count = len(case.findings)
-        stored = path_of(session) is not None
-        what = f"Your {count} probe{'s are' if count != 1 else ' is'} " * bool(count)
-        what += ("stored. " if stored else "not stored. ") * bool(count)
-        again = "continues the case" if stored and count else "starts the case again"
-        session.wrap(
-            f"The case stays open. {what}drills debug {name} --seed {case.case.seed} {again}."
-        )
+        session.wrap(_stays_open(session, case))
     done = verdict is None or (verdict.right and verdict.cured)
     return session.finish(RIGHT if done else WRONG, payload)
+
+
+def _stays_open(session: Session, case: scenarios.Diagnosis) -> str:
+    """Return sentences on how to continue a case without a conclusion."""
+    count = len(case.findings)
+    stored = path_of(session) is not None
+    what = f"Your {count} probe{'s are' if count != 1 else ' is'} " * bool(count)
+    what += ("stored. " if stored else "not stored. ") * bool(count)
+    again = "continues the case" if stored and count else "starts the case again"
+    return (
+        f"The case stays open. {what}drills debug {case.case.name} --seed {case.case.seed} {again}."
+    )
 
 
 def talk(
@@ -167,15 +176,17 @@ def talk(
     rejected: list[str],
     lines: Iterable[str],
     probed: Callable[[], object] = lambda: None,
+    quits: str = WORDS["quit"],
 ) -> scenarios.Verdict | None:
-    """Do what the lines say, until one of them concludes; return the verdict, None if none does.
+    """Carry out the lines until one of them concludes; return the verdict, None if none does.
 
     Args:
-        session: where it writes.
-        case: what is debugged.
-        rejected: gets what is said of lines that mean nothing.
-        lines: what is typed.
+        session: of the command, for the output.
+        case: to debug.
+        rejected: receives the messages on invalid lines.
+        lines: as typed.
         probed: called after each probe.
+        quits: the effect of `quit`, for the list of commands.
     """
     one = scenarios.scenario(case.case.name)
     head = session.terminal.paint(one.title, "head")
@@ -199,7 +210,7 @@ def talk(
     }
     shown["probes"]()
     session.say()
-    _rows(session, list(WORDS.items()))
+    _rows(session, list({**WORDS, "quit": quits}.items()))
     if case.findings:
         session.say()
         session.say(session.terminal.paint("You are continuing this case. Results so far:", "head"))

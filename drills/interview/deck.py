@@ -162,9 +162,9 @@ def judge(entry: Entry, text: str) -> tuple[bool | None, str]:
         letter = " ".join(text.lower().strip(".!?").split())
         letter = WORDS.get(letter, letter)
         if letter not in VERDICTS:
-            return None, "That is none of: t or true, f or false, o or only if."
+            return None, "Type t or true, f or false, o or only if."
         right = VERDICTS[letter] == load(entry.file)[entry.name]["verdict"]
-        return right, "Right." if right else "No."
+        return right, "Correct." if right else "Wrong."
     return None, ""
 
 
@@ -179,7 +179,7 @@ def _drill(entry: Entry) -> Sides:
     from drills import task_text
 
     card = catalogue.card(entry.name)
-    work = f"Work it before you look: `drills start {card.name}`, `drills check {card.name}`."
+    work = f"Solve it before you look: `drills start {card.name}`, then `drills check {card.name}`."
     front = f"**{card.title}** ({card.minutes} minutes)\n\n{task_text.task(card)}\n\n{work}"
     return Sides(front, f"{card.insight}\n\n```python\n{card.solution_text()}```")
 
@@ -202,7 +202,10 @@ def _formula(entry: Entry, tex: Callable[[str], str]) -> Sides:
     _sourced(entry)
     requested = formula(entry.name)
     symbols = [f"* `{name}`: {symbol.meaning}" for name, symbol in requested.symbols.items()]
-    return Sides("\n".join([f"{tex(requested.question)}\n", *symbols]), f"`{requested.expression}`")
+    return Sides(
+        "\n".join([f"{tex(requested.question)}\n", *symbols]),
+        f"The formula: `{requested.expression}`",
+    )
 
 
 def _question(entry: Entry) -> Sides:
@@ -211,7 +214,7 @@ def _question(entry: Entry) -> Sides:
 
     requested = read(FOLDER / f"{entry.name}.md")
     listened = "\n".join(f"* {line}" for line in requested.rubric)
-    back = filled(f"{requested.minute}\n\nListened for:\n\n{listened}", figure)
+    back = filled(f"{requested.minute}\n\nThe interviewer listens for:\n\n{listened}", figure)
     return Sides(f"**{requested.title}** ({requested.minutes} minutes)", back)
 
 
@@ -222,10 +225,10 @@ def _exhibit(entry: Entry) -> Sides:
     caught = (getattr(invariants, shown.invariant).__doc__ or "").partition("\n")[0]
     wrong, right = (shown.evidence(slip, SEED) for slip in (True, False))
     back = [
-        f"`{shown.invariant}`: {caught} Allowed is {shown.tolerance:g}; measured as it was done: "
-        f"{wrong:.2g}, done right: {right:.2g}.",
+        f"`{shown.invariant}`: {caught} The tolerance is {shown.tolerance:g}. The faulty version "
+        f"gives {wrong:.2g}, the correct one {right:.2g}.",
         shown.report,
-        *([f"Still so in {shown.live}"] if shown.live else []),
+        *([f"Still the case in {shown.live}"] if shown.live else []),
         f"{', '.join(shown.threads)} ({min(shown.years)})",
     ]
     front = f"**{shown.name.capitalize()}.** {shown.finding} Which invariant catches it?"

@@ -1,4 +1,4 @@
-"""The command `drills interview`: asked, answered, marked by oneself, and kept after every line."""
+"""The command `drills interview`: ask, take answers and marks, and store every line at once."""
 
 from __future__ import annotations
 
@@ -33,14 +33,22 @@ from drills.workspace import Misuse
 
 _TYPED = ("answer", "clarified", "reply")  # texts of an entry that come line by line
 EVERY = frozenset(chapter.number for chapter in CHAPTERS)
+NONE_OPEN = "You have no unfinished interview. drills interview starts one."
+QUIT = "stop without a conclusion; the interview continues"
+MEANING = {  # of each mark
+    "missing": "you did not mention it",
+    "named": "you mentioned it",
+    "quantified": "you also gave a number or a reason",
+    "defended": "you also said what would change your mind",
+}
 
 
 @dataclass
 class Past:
-    """The interviews that are not over, by when they began, and what was asked in others.
+    """The unfinished interviews, by the time of their start, and the results of the others.
 
     Attributes:
-        open: those that can go on.
+        open: unfinished interviews, which can be resumed.
         scores: key of an item -> share of the marks, the last time.
         last: keys of the last interview's questions.
     """
@@ -65,7 +73,7 @@ FORM = json_store.Form("drills-interviews/1", "interviews", Past, _parse, asdict
 
 
 def pool(chosen: frozenset[int] = EVERY) -> dict[str, Item]:
-    """Return all that can be asked of the chosen chapters, by key."""
+    """Return the items of the chosen chapters, by key."""
     items = rehearsal.spoken([c.topic for c in CHAPTERS if c.number in chosen])
     for card in catalogue.cards():
         if card.chapter in chosen:
@@ -75,11 +83,11 @@ def pool(chosen: frozenset[int] = EVERY) -> dict[str, Item]:
 
 
 LONGEST = 50_000  # characters of an answer; an hour of speech has about as many
-OPEN = 5  # interviews that are not over and can still be resumed
+OPEN = 5  # largest number of unfinished interviews
 
 
 def waiting_input() -> bool:
-    """Return whether a terminal has more input already, as behind a text that was pasted."""
+    """Return whether a terminal has more input already, as after a pasted text."""
     import select
 
     if not sys.stdin.isatty():
@@ -96,7 +104,7 @@ class Talk:
         read_line: returns the next line that is typed; EOFError at the end.
         clock: the time, aware.
         editor: whether an editor can be opened.
-        waiting: whether there is input that was typed or pasted before it was asked for.
+        waiting: whether there is input that was typed or pasted before the prompt.
     """
 
     session: Session
@@ -114,7 +122,7 @@ class Talk:
     def draw(
         self, minutes: int, seed: int | None, chosen: frozenset[int], parts: tuple[str, ...]
     ) -> None:
-        """Begin a new interview."""
+        """Draw the items of a new interview."""
         past, records = self.past(), self.session.records().records.items()
         weak = {key for key, score in past.scores.items() if score < rehearsal.WEAK}
         weak |= {card.key for card in self.due()}
@@ -123,28 +131,49 @@ class Talk:
         items, last = list(pool(chosen).values()), set(past.last)
         if past.open:
             last |= {entry.key for entry in past.open[max(past.open)].items}
-            count = len(past.open)
-            what = "One earlier interview is" if count == 1 else f"{count} earlier interviews are"
-            text = f"{what} not over: drills interview --list shows them, --resume goes on."
-            self.session.wrap(text)  # now, when it can still be chosen
-            self.session.notices += [text] * self.session.terminal.json
+            for text in self.describe_open(past):
+                self.session.wrap(text)
+                self.session.notices += [text] * self.session.terminal.json
         items = rehearsal.usual(items, minutes, parts, last)
         try:
             drawn = rehearsal.draw(items, parts, minutes, weak, last, seed)
         except ValueError:
-            raise Misuse("Of these chapters and kinds there is only what was just asked.") from None
+            raise Misuse(
+                "These chapters and kinds have no questions besides those of the last interview."
+            ) from None
         entries = [
             Entry(i.key, i.part, i.chapter, i.minutes, i.title.partition("\n")[0]) for i in drawn
         ]
         if left_out := [part for part in parts if part not in {item.part for item in drawn}]:
             what = ", ".join(left_out)
-            self.session.notices.append(f"Left out for lack of time or of choice: {what}.")
+            self.session.notices.append(
+                f"This interview has no part of the kind {what}: the time is too short, or no "
+                "other question is left."
+            )
         self.interview = Interview(
             self.last_look.isoformat(timespec="milliseconds"), seed, minutes, entries
         )
 
+    def describe_open(self, past: Past) -> list[str]:
+        """Return sentences on the interviews that were stopped before they were finished."""
+        ended = [name for name in past.open if is_ended(past.open[name])]
+        texts = [
+            f"Your interview of {local_time(name)} was stopped before its report was complete: "
+            "nothing is lost, and drills interview --resume NUMBER shows it. The list (drills "
+            "interview --list) has the number."
+            for name in ended
+        ]
+        if count := len(past.open) - len(ended):
+            what = "one unfinished interview" if count == 1 else f"{count} unfinished interviews"
+            shows = "it with its number" if count == 1 else "them with their numbers"
+            texts.append(
+                f"You have {what}: drills interview --list shows {shows}, and drills interview "
+                f"--resume NUMBER continues {'it' if count == 1 else 'one'}."
+            )
+        return texts
+
     def past(self) -> Past:
-        """Return what is kept; what is wrong with its file is said."""
+        """Return what is stored; a notice says what is wrong with the file."""
         past, notices = json_store.load(self.file, FORM)
         self.session.notices += notices
         return past
@@ -156,7 +185,7 @@ class Talk:
         return store.due(deck.deck(), reviews, self.last_look)
 
     def list_open(self) -> int:
-        """Say which interviews are not over, the last one first, each with its number."""
+        """List the unfinished interviews with their numbers, the newest first."""
         session, rows = self.session, []
         past = self.past()
         for number, name in enumerate(sorted(past.open, reverse=True), 1):
@@ -165,46 +194,51 @@ class Talk:
             done = sum(entry.done for entry in one.items)
             title = next((e.title for e in one.items if not e.done), "the report")
             spent = one.seconds / 60
-            when = datetime.fromisoformat(name).astimezone().strftime("%Y-%m-%d %H:%M")
             session.wrap(
-                f"{when}, {spent:.0f} of {one.minutes} minutes, {done} of "
-                f"{len(one.items)} done. Next: {title}",
+                f"{local_time(name)}, {spent:.0f} of {one.minutes} minutes, {done} of "
+                f"{questions(len(one.items))} done. Next: {title}",
                 "      ",
                 f"  {number:>2}. ",
             )
             rows.append({"number": number, "started": name, "done": done, "next": title})
         if rows:
             session.say()
-            session.say("  drills interview --resume NUMBER   goes on")
+            session.say("  drills interview --resume NUMBER   continues one of them")
         else:
-            session.say("No interview is waiting to go on. drills interview begins one.")
+            session.say(NONE_OPEN)
         return session.finish(RIGHT, {"open": rows})
 
     def resume(self, number: int = 1) -> None:
-        """Go on with an interview that is not over, with the lines that came after it.
+        """Continue an unfinished interview, including the lines of its journal.
 
         Args:
-            number: 1 for the last one, 2 for the one before, as `list_open` counts them.
+            number: 1 for the newest one, 2 for the one before, as `list_open` counts them.
         """
         names = sorted((past := self.past()).open, reverse=True)
         if not names:
-            raise Misuse("No interview is waiting to go on. drills interview begins one.")
+            raise Misuse(NONE_OPEN)
         if not 1 <= number <= len(names):
+            what = "one unfinished interview" if len(names) == 1 else f"{len(names)} of them"
             raise Misuse(
-                f"There is no open interview {number}. drills interview --list shows "
-                f"{'all ' * (len(names) > 1)}{len(names)}."
+                f"There is no unfinished interview {number}: you have {what}, and drills "
+                "interview --list shows the numbers."
             )
         self.interview = past.open[names[number - 1]]
         self.read_journal(self.interview)
-        if len(names) > 1:
-            others = "one other is" if len(names) == 2 else f"{len(names) - 1} others are"
-            self.session.wrap(
-                f"This is the interview of {self.interview.started[:16].replace('T', ', ')} UTC; "
-                f"{others} open: drills interview --list shows them."
+        items, when = self.interview.items, local_time(self.interview.started)
+        done = sum(entry.done for entry in items)
+        text = f"You continue the interview of {when}; {done} of {questions(len(items))} done."
+        if is_ended(self.interview):
+            text = (
+                f"The interview of {when} was stopped before its report was complete; here it is."
             )
+        if len(names) > 1:
+            others = "One other is" if len(names) == 2 else f"{len(names) - 1} others are"
+            text += f" {others} unfinished: drills interview --list shows the numbers."
+        self.session.wrap(text)
 
     def read_journal(self, interview: Interview) -> None:
-        """Enter the lines that were typed after the interview was last written as a whole."""
+        """Add the lines that were typed after the whole interview was last written."""
         journal = self.journal_of(interview)
         entries = {entry.key: entry for entry in interview.items}
         with contextlib.suppress(OSError):
@@ -227,7 +261,7 @@ class Talk:
         return self.file and self.file.with_name(f"interviews-{digits(interview)}.lines")
 
     def store(self, edit: Callable[[Past], object]) -> None:
-        """Change the file of the interviews; where that is not possible, it is said once."""
+        """Change the file of the interviews; where that fails, one notice says so."""
         try:
             _, notices = json_store.change(self.file, FORM, edit)
             if self.journal:
@@ -237,7 +271,7 @@ class Talk:
         self.session.notices += [one for one in notices if one not in self.session.notices]
 
     def begin(self) -> None:
-        """Write the draw, so that it is there whatever happens before the first line."""
+        """Store the new interview before its first line is typed."""
         closed: list[Interview] = []
 
         def edit(past: Past) -> None:
@@ -253,7 +287,8 @@ class Talk:
                 journal.unlink(missing_ok=True)
             path = workspace.shown(self.report_path(one).with_suffix(".md"))
             self.session.wrap(
-                f"{OPEN} interviews stay open. The oldest one is closed, with its report: {path}"
+                f"At most {OPEN} interviews stay unfinished. The oldest one is now closed, and its "
+                f"report is {path}."
             )
 
     def report_path(self, interview: Interview) -> Path:
@@ -276,20 +311,23 @@ class Talk:
         interview = self.interview
         if interview.seconds > 60 * interview.minutes and not interview.over:
             interview.over = entry.title
-            self.session.wrap("The time is over. This is noted, and nothing is cut off: go on.")
+            self.session.wrap(
+                f"Your {interview.minutes} minutes are over. You can still finish; the report "
+                "says which question you were answering."
+            )
 
     def book_time(self, entry: Entry) -> None:
-        """Book the time since the last look on an entry, and write all that was said."""
+        """Add the time since the last look to an entry, and store the interview."""
         self.add_time(entry)
         self.store(lambda past: past.open.update({self.interview.started: self.interview}))
 
     def add(self, entry: Entry, name: str, line: str) -> None:
-        """Add a line to a text and to the journal; one that is too long is refused."""
+        """Add a line to a text and to the journal; reject one that is too long."""
         if was_cut(line):
             self.session.wrap(
-                f"A terminal passes on at most {LONGEST_LINE:,} bytes of a line. Yours is as long, "
-                "so its end may be lost. It is stored as far as it came; give the rest in shorter "
-                "lines."
+                f"A terminal passes on at most {LONGEST_LINE:,} bytes of a line, and your line "
+                "reached this limit, so its end may be missing. The part that arrived is stored. "
+                "Type the rest in shorter lines."
             )
         line = clean(line[: LONGEST + 1].rstrip())
         text = getattr(entry, name)
@@ -310,10 +348,14 @@ class Talk:
             self.session.notices += [problem] * (problem not in self.session.notices)
 
     def ask(self, text: str) -> None:
-        """Put a question, with the time that is left."""
+        """Print a question and the time that remains."""
+        self.show_time()
+        self.session.wrap(self.session.terminal.paint(plain(text), "head"))
+
+    def show_time(self) -> None:
+        """Print the time that remains."""
         remaining = self.interview.minutes - self.interview.seconds / 60
         self.session.say(f"\n{remaining:.0f} min left" if remaining > 0 else "")
-        self.session.wrap(self.session.terminal.paint(plain(text), "head"))
 
     def show(self, markdown: str) -> None:
         """Write Markdown."""
@@ -327,19 +369,21 @@ class Talk:
             self.session.wrap(line)
 
     def take(self, entry: Entry, name: str) -> None:
-        """Take an answer: lines up to a dot, or what an editor leaves; blank lines belong to it.
+        """Read an answer: lines up to a dot, or the text from an editor; blank lines belong to it.
 
-        What was pasted behind the dot belongs to it too, and is taken for nothing else.
+        Lines that were pasted after the dot belong to the answer too and are never taken as marks.
         """
-        self.show_typed(getattr(entry, name))  # before the terminal was killed
-        opens = " A first line of e opens your editor." * self.editor
-        how = f"A line with nothing but a dot ends your answer; blank lines belong to it.{opens}"
+        if typed := getattr(entry, name):  # before the interview was stopped
+            self.session.wrap("Your answer so far:")
+            self.show_typed(typed)
+        opens = " Type e as the first line to open your editor." * self.editor
+        how = f"A line with only a dot (.) ends your answer, which may have blank lines.{opens}"
         self.session.wrap(how)
         blank = 0
         while (line := self.read_line()).strip() != ".":
             blank = 0 if line.strip() else blank + 1
             if blank % 100 == 0 < blank:
-                self.session.wrap(how)  # also notices that nobody reads this any more
+                self.session.wrap(how)  # also detects that the output has no reader any more
             if blank > 2:
                 continue
             if self.editor and line.strip() == "e" and not getattr(entry, name).strip():
@@ -353,35 +397,40 @@ class Talk:
         self.book_time(entry)
 
     def edit(self, entry: Entry, name: str) -> None:
-        """Take an answer from an editor; one that is too long stays in its file."""
+        """Read an answer from an editor; one that is too long stays in its file."""
         draft = self.folder / f"{digits(self.interview)}.md"
-        draft.touch()  # what an editor that was killed has saved is there
+        draft.touch()  # an existing draft is kept: an editor that was killed may have saved it
         click.edit(filename=str(draft))
         text = draft.read_text(encoding="utf-8", errors="replace")
         if len(text) >= LONGEST:
-            self.session.wrap(f"{_too_long(0)} Your text is in {workspace.shown(draft)}.")
+            self.session.wrap(
+                f"{_too_long(0)} Your text is in {workspace.shown(draft)}; shorten it there."
+            )
             return
         setattr(entry, name, clean(text))
         draft.unlink()
 
     def clarify(self, item: Item, entry: Entry) -> None:
-        """Have a candidate ask first, and reply; what has no reply is the candidate's to assume."""
-        self.show(entry.clarified)
+        """Read clarifying questions and reply; a question without a reply needs an assumption."""
+        if entry.clarified:
+            self.session.wrap("Your questions so far:")
+            self.show(entry.clarified)
         self.session.wrap(
-            "First ask what you need to know, a question a line. A line with nothing but a dot "
+            "First ask what you need to know, one question per line. A line with only a dot (.) "
             "ends your questions."
         )
         while (line := self.read_line().strip()) != ".":
             if not line:
                 continue
+            self.add(entry, "clarified", f"* {line}")  # stored before anything else happens
             text = rehearsal.reply(item, clean(line[:LONGEST]))
-            text = item.fill(text, figure) or "That is yours to assume. Say what you assume."
+            text = item.fill(text, figure) or "That is yours to assume. State your assumption."
             self.session.wrap(plain(text), "  ", "  ")
-            self.add(entry, "clarified", f"* {line} *{text}*")
+            self.add(entry, "clarified", f"  *{text}*")
         self.book_time(entry)
 
     def speak(self, item: Item, entry: Entry) -> None:
-        """Ask one question: the answer, its marks, the follow-up, and then the model answer."""
+        """Ask one question: the answer, its marks, the follow-up, then the model answer."""
         if not entry.answered:
             self.ask(item.title)
             if item.clarify and not entry.answer:
@@ -390,14 +439,19 @@ class Talk:
             entry.answered = True
             entry.rubric = [item.fill(line, figure) for line in item.rubric]
             self.book_time(entry)
-        levels = ", ".join(f"{i} {mark}" for i, mark in enumerate(MARKS))
-        self.session.say(f"\nHow good was that? {levels}")
+        else:  # resumed: what the marks are about
+            self.ask(item.title)
+            self.session.wrap("Your answer:")
+            self.show_typed(entry.answer)
+        self.session.say("\nHow good was that? Give each of the following lines a mark:")
+        for i, mark in enumerate(MARKS):
+            self.session.say(f"  {i} {mark}: {MEANING[mark]}")
         hints = [f" [your words suggest: {mark}]" for mark in item.aid(entry.answer)]
         for at in range(len(entry.marks), len(item.rubric)):
             line = item.fill(item.rubric[at], figure) + (hints[at] if hints else "")
             self.session.wrap(plain(line), "      ", f"  {at + 1:>2}. ")
             while (mark := self.read_line().strip()) not in tuple("0123"):
-                self.session.say(f"      0 to {len(MARKS) - 1}")
+                self.session.say(f"      Type a mark from 0 to {len(MARKS) - 1}.")
             entry.marks.append(MARKS[int(mark)])
             self.book_time(entry)
         entry.score = rehearsal.share(entry.marks)
@@ -409,17 +463,17 @@ class Talk:
         self.show(f"---\n\n{entry.model}")
 
     def model(self, item: Item) -> str:
-        """Return the model answer, with what a candidate could have asked and what comes next."""
+        """Return the model answer, with questions to ask first and possible follow-ups."""
         first = "\n".join(f"* {line}" for line in item.clarify)
         after = "\n".join(f"* {line}" for line in item.follow_ups)
-        text = f"Ask first:\n\n{first}\n\n" * bool(first) + item.answer
-        text += f"\n\nWhat comes next:\n\n{after}" * (not item.paired)
+        text = f"Questions to ask first:\n\n{first}\n\n" * bool(first) + item.answer
+        text += f"\n\nPossible follow-ups:\n\n{after}" * (not item.paired)
         return item.fill(text, figure)
 
     def debug(self, item: Item, entry: Entry) -> None:
-        """Run a scenario, as `drills debug` does; what was typed before is done again."""
+        """Run a scenario, as `drills debug` does; lines typed before a stop are run again."""
         name, seed = item.key.removeprefix("scenario/"), self.interview.seed % 1000
-        self.ask(entry.title)
+        self.show_time()
         case = scenarios.diagnose(name, seed)
 
         def lines() -> Iterator[str]:
@@ -429,11 +483,13 @@ class Talk:
                 self.add(entry, "answer", line)
                 yield line
 
-        verdict = debugging.talk(self.session, case, [], lines())
+        verdict = debugging.talk(self.session, case, [], lines(), quits=QUIT)
         entry.answered = True
-        self.session.say(f"drills debug {name} --seed {seed} runs it again.")
+        again = f"drills debug {name} --seed {seed}"
+        self.session.say(f"{again}   starts this case again")
         if verdict is None:
-            entry.model = f"Left open: `drills debug {name} --seed {seed}` runs it again."
+            entry.weakest = f"debugging: {item.title}"
+            entry.model = f"You stopped without a conclusion. `{again}` starts this case again."
             return
         sentences = verdict.sentences()
         done = "pass" if verdict.points == 3 else "fail"
@@ -442,19 +498,21 @@ class Talk:
         entry.model = verdict._repr_markdown_()
 
     def code(self, item: Item, entry: Entry) -> None:
-        """Set a drill, graded as often as one likes, in a file of the interviews."""
+        """Set a drill, which is graded any number of times, in a file of the interviews."""
         card = catalogue.card(item.key.removeprefix("drill/"))
         path = self.folder / f"{card.name}.py"
         if not entry.answered:
-            workspace.write_start(path, card, replace=True)  # keeps what is there
+            workspace.write_start(path, card, replace=True)  # backs up an existing file
             entry.answered = True
             self.book_time(entry)
-        self.ask(f"{card.title}: write {card.entry} in {workspace.shown(path)}.")
+        self.ask(card.title)
+        self.session.wrap(f"Write {card.entry} in {workspace.shown(path)}.")
+        self.session.say()
         self.show(task_text.task(card))
         verdicts: list[str] = [attempt["verdict"] for attempt in entry.attempts]
         while "pass" not in verdicts:
             editor = "e opens your editor, " * self.editor
-            self.session.say(f"A blank line grades it, {editor}n goes on without.")
+            self.session.say(f"A blank line grades your answer, {editor}n ends this task.")
             line = self.read_line().strip().lower()
             if line == "n":
                 break
@@ -475,10 +533,10 @@ class Talk:
             entry.model = f"```python\n{card.solution_text()}```"
         else:
             give_up = f"`drills solution {card.name} --give-up`"
-            entry.model = f"`drills hint {card.name}` helps; {give_up} shows the answer."
+            entry.model = f"`drills hint {card.name}` gives hints; {give_up} shows the answer."
 
     def run(self) -> int:
-        """Ask what is not over yet, and report."""
+        """Ask the remaining questions, and report."""
         items, session = pool(), self.session
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -491,17 +549,27 @@ class Talk:
                     runners = {"drill": self.code, "scenario": self.debug}
                     runners.get(kind, self.speak)(item, entry)
                 elif item is None:
-                    session.notices.append(f"The course no longer asks: {entry.title}")
+                    session.notices.append(
+                        f"This question is no longer in the course: {entry.title}"
+                    )
                 entry.read = to_read(entry)
                 entry.done = True
                 self.book_time(entry)
             self.interview.cards_due = [card.key for card in self.due()]
             path = self.report_path(self.interview)
             result = self.write_report(self.interview)
+            self.show_report(path)
         except (KeyboardInterrupt, EOFError, OutputLost, click.ClickException):
             if self.file:
                 self.book_time(entry)
-                session.notices.append("What you said is kept: drills interview --resume goes on.")
+                names = sorted(self.past().open, reverse=True)
+                later = (
+                    names.index(self.interview.started) if self.interview.started in names else 0
+                )
+                number = f" {later + 1}" * bool(later)
+                session.notices.append(
+                    f"All that you typed is stored: drills interview --resume{number} continues."
+                )
             raise
         except OSError as error:
             why = f"{workspace.shown(self.folder)} can't be written: {error.strerror}."
@@ -512,17 +580,24 @@ class Talk:
             past.scores |= {entry.key: entry.score for entry in self.interview.items}
             past.last = [entry.key for entry in self.interview.items]
 
-        self.store(close)
+        self.store(close)  # last: whatever ends the command before, --resume reports again
+        return session.finish(RIGHT, {"report": str(path.absolute()), **result})
+
+    def show_report(self, path: Path) -> None:
+        """Print the scores, what to read, and where the report is."""
+        session = self.session
         session.say()
+        session.say(session.terminal.paint("Your scores", "head"))
         for one in self.interview.items:
             lead = f"{one.score:>4.0%} {one.seconds / 60:>3.0f} min  "
             session.wrap(one.title, " " * len(lead), lead)
             if one.read:
                 session.wrap(f"Read {one.read}.", " " * len(lead))
         if due := self.interview.cards_due:
-            session.say(f"{len(due)} cards are due: drills review")
-        session.wrap(f"The report: {workspace.shown(path.with_suffix('.md'))}, also as .json")
-        return session.finish(RIGHT, {"report": str(path.absolute()), **result})
+            cards = "1 card is" if len(due) == 1 else f"{len(due)} cards are"
+            session.say(f"{cards} due: drills review")
+        report = workspace.shown(path.with_suffix(".md"))
+        session.wrap(f"The report is {report}; the .json file next to it has the same as data.")
 
 
 def digits(interview: Interview) -> str:
@@ -530,16 +605,32 @@ def digits(interview: Interview) -> str:
     return re.sub("[^0-9]", "", interview.started)
 
 
+def is_ended(interview: Interview) -> bool:
+    """Return whether all questions are done, so that only the report is missing."""
+    return all(entry.done for entry in interview.items)
+
+
+def local_time(started: str) -> str:
+    """Return the start of an interview in local time, to the minute."""
+    return datetime.fromisoformat(started).astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def questions(count: int) -> str:
+    """Return a number of questions in words."""
+    return "1 question" if count == 1 else f"{count} questions"
+
+
 def _too_long(length: int) -> str:
-    """Return the sentence for a text that is refused behind so many characters."""
-    notice = f"The first {length:,} characters are kept, and this line is not."
+    """Return the message for a line that is too long after `length` characters of an answer."""
+    stored = f"Its first {length:,} characters are stored, this line is not."
     return (
-        f"An answer has at most {LONGEST:,} characters. {notice if length else 'It is not kept.'}"
+        f"An answer has at most {LONGEST:,} characters. "
+        f"{stored if length else 'This text is longer and is not stored.'}"
     )
 
 
 def to_read(entry: Entry) -> str:
-    """Return the chapter section nearest to the weakest line, or "" after a good answer."""
+    """Return the chapter section closest to the weakest line, or "" after a good answer."""
     chapter = next(chapter for chapter in CHAPTERS if chapter.number == entry.chapter)
     path = notebook_of(chapter)
     if entry.score >= rehearsal.WEAK or not path.is_file():

@@ -1,4 +1,4 @@
-"""The command `drills review`: the cards that are due, then new ones, each rating kept at once."""
+"""The command `drills review`: the cards that are due, then new ones; it stores each rating."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from drills.session import RIGHT, Session, body, options
 
 LIMIT = 20
 _ASK = {
-    "claim": "t true, f false, o true only if; a blank line shows the answer.",
-    "formula": "Type the formula; a blank line shows it.",
-    "drill": "g grades your answer in the work folder; a blank line shows the worked one.",
+    "claim": "Type t for true, f for false or o for true only if. A blank line shows the answer.",
+    "formula": "Type the formula. A blank line shows it.",
+    "drill": "Type g to grade your file in the work folder. A blank line shows the worked answer.",
 }
-_SHOWN = "Say it aloud; a blank line shows the answer."
+_SHOWN = "Say your answer aloud. A blank line shows the model answer."
 
 
 class Over(Exception):
-    """The learner has had enough."""
+    """The learner has typed quit."""
 
 
 @dataclass
@@ -42,7 +42,7 @@ class Round:
         session: where it writes, and the work folder.
         read_line: returns the next line that is typed; EOFError at the end.
         clock: the time, aware.
-        rated: what was rated, for the JSON.
+        rated: the ratings, for the JSON.
     """
 
     session: Session
@@ -51,11 +51,11 @@ class Round:
     rated: list[dict[str, Any]] = field(default_factory=list)
 
     def run(self, chosen: frozenset[int], limit: int, seed: int) -> int:
-        """Ask up to so many cards, and tell how one stands."""
-        import fsrs  # noqa: F401  # what is missing is told before the first question
+        """Ask up to `limit` cards, and report how many are due and new."""
+        import fsrs  # noqa: F401  # a missing package is reported before the first card
 
         session, passed = self.session, set[str]()
-        # Whoever names chapters wants these; else what was opened comes first.
+        # Chapters that were named are all asked alike; otherwise opened ones come first.
         opened = opened_chapters(session.records()) if chosen == EVERY else ()
         cards = store.sequence(deck(chosen), seed, opened)
         last: Entry | None = None
@@ -69,14 +69,15 @@ class Round:
                 if entry is None:
                     break
                 last = entry
-                session.say(session.terminal.paint(self._head(entry, limit), "head"))
+                most = min(limit, len(self.rated) + len(line))
+                session.say(session.terminal.paint(self._head(entry, most), "head"))
                 if not self.ask(entry):
                     passed.add(entry.key)
                 session.say()
         except (Over, EOFError):
             session.say()
         except KeyboardInterrupt:
-            session.notices.append("What you rated is kept.")
+            session.notices.append("Your ratings are stored.")
             raise
         return self._finish(cards, seed)
 
@@ -86,7 +87,7 @@ class Round:
         self._show(shown.front)
         grades: list[bool] = []
         while True:
-            self.session.wrap(_ASK.get(entry.kind, _SHOWN) + " Or skip, or quit.")
+            self.session.wrap(_ASK.get(entry.kind, _SHOWN) + " You can also type skip or quit.")
             line = self._line()
             if line == "skip":
                 return False
@@ -111,22 +112,22 @@ class Round:
         return True
 
     def rate(self, entry: Entry, right: bool | None, intended: int | None) -> None:
-        """Take the rating of a card, and keep it."""
+        """Read the rating of a card, and store it."""
         words = ", ".join(f"{number} {word}" for number, word in RATINGS.items())
-        words += f"; a blank line is {RATINGS[intended]}" if intended else ""
+        words += f". A blank line means {RATINGS[intended]}" if intended else ""
         self.session.wrap(f"How well did you know it? {words}.")
         while (line := self._line()) not in map(str, RATINGS) and (line or not intended):
-            self.session.wrap(f"{task_text.cut(line, 20)!r} is no rating: {words}.")
+            self.session.wrap(f"{task_text.cut(line, 20)!r} is not a rating. Type {words}.")
         rating, now = int(line or intended or AGAIN), self.clock()
         try:
             self.reviews, report = store.rate(self.path, entry, rating, now, self.reviews)
         except json_store.Problem as problem:
             report = (str(problem),)
-            self.path = None  # said once; the round goes on
+            self.path = None  # one notice is enough; the round continues
             self.reviews, _ = store.rate(None, entry, rating, now, self.reviews)
         self._show_status(report)
         due = self.reviews.cards[entry.key]["due"]
-        self.session.say(f"Again in {span(datetime.fromisoformat(due) - now)}.")
+        self.session.say(f"This card comes back in {span(datetime.fromisoformat(due) - now)}.")
         one = {"card": entry.key, "kind": entry.kind, "chapter": entry.chapter, "right": right}
         self.rated.append({**one, "rating": rating, "due": due})
 
@@ -150,7 +151,9 @@ class Round:
         card = catalogue.card(entry.name)
         path = workspace.answer(self.session.work, card.name)
         if not path.exists() or workspace.is_untouched(path, card):
-            self.session.wrap(f"Nothing is written yet: drills start {card.name}, then come back.")
+            self.session.wrap(
+                f"You have not written an answer yet. drills start {card.name} creates its file."
+            )
             return False
         report = commands.graded(self.session, card, str(path), None)
         commands.report_result(self.session, card, report, str(path))
@@ -165,14 +168,17 @@ class Round:
         session, now = self.session, self.clock()
         if missing := store.missing_cards(deck(), self.reviews):
             session.notices.append(
-                f"The course no longer asks {len(missing)} that you rated; they are kept."
+                f"Cards that you rated and that are no longer in the course: {len(missing)}. Their "
+                "ratings stay stored."
             )
         waiting, new = store.due(cards, self.reviews, now), store.fresh(cards, self.reviews)
         counts = [sum(one["rating"] == number for one in self.rated) for number in RATINGS]
         words = [f"{n} {word}" for n, word in zip(counts, RATINGS.values(), strict=True) if n]
+        count = len(self.rated)
         session.wrap(
-            f"{len(self.rated)} rated{': ' * bool(words)}{', '.join(words)}. {len(waiting)} are "
-            f"due now, {len(new)} are new."
+            f"You rated {count} card{'s' * (count != 1)}{': ' * bool(words)}{', '.join(words)}. "
+            f"{len(waiting)} {'is' if len(waiting) == 1 else 'are'} due now, and {len(new)} "
+            f"{'is' if len(new) == 1 else 'are'} new."
         )
         payload = {
             "seed": seed,

@@ -87,7 +87,9 @@ def rate(
         before: Any = content.cards.get(entry.key)
         card = fsrs.Card.from_dict(before) if before else fsrs.Card(entry.number, due=now)
         if card.last_review and card.last_review > now:
-            notices.append(f"The clock stood ahead when {entry.key} was last rated; mended.")
+            notices.append(
+                f"The clock was ahead when {entry.key} was last rated; this is corrected."
+            )
         card, _ = scheduler.review_card(card, fsrs.Rating(rating), now)
         content.cards[entry.key] = dict(card.to_dict())
         content.log.append({"card": entry.key, "rating": rating, "when": now.isoformat()})

@@ -14,7 +14,8 @@ may move; the arm picks it up and puts it into its slot, around posts that it mu
 - `inside` runs all of this in the sandbox's child process; `play` plays many tasks in two of them.
 - `levels`, `faults`, `report`, `holders`, `store`, `film` and `history` are what a learner sees.
 - `command` is `drills robot`, `running`, `hidden` and `pictures` its commands; `state` and `tables`
-  are what they share. `sweeps` plays a setting as a job of `course.measure.sweep`.
+  are what they share. `unfinished` says how a killed run ended. `sweeps` plays a
+  setting as a job of `course.measure.sweep`.
 
 Left out on purpose: the gripper's orientation (a suction cup has none that matters), the arm in
 the camera's image, the mass of the part, and contact between gripper and part.

@@ -1,4 +1,4 @@
-"""The command `drills robot`: look at your robot; its other commands are in modules beside."""
+"""The command `drills robot`: show your robot. Its subcommands are in neighbouring modules."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from drills.session import RIGHT, Session, body, options
 def command(context: click.Context, as_json: bool, work: str | None) -> int:
     """Build a robot from your answers, and measure it.
 
-    Each solved exercise becomes a part of a pick-and-place robot; the course's parts fill the
-    other slots.
+    Each solved exercise becomes a part of a pick-and-place robot. The course's parts fill the other
+    slots.
     """
     if context.invoked_subcommand is None:
         return body(_status)(as_json=as_json, work=work)
@@ -35,7 +35,7 @@ def command(context: click.Context, as_json: bool, work: str | None) -> int:
 @options
 @body
 def status(session: Session) -> int:
-    """Draw the robot: whose part is in each slot, and which levels are passed."""
+    """Show which slots hold your parts, and which levels your robot has passed."""
     return _status(session)
 
 
@@ -60,11 +60,11 @@ def _status(session: Session) -> int:
         session.say(f"  {mark} level {one.number}: {one.title:<34} {when}".rstrip())
     session.say()
     empty = [name for name in NAMES if held[name].part.holder != YOURS]
-    # A stage without a part of the learner's first: a level counts once every stage has one.
+    # Stages without a part of the learner's come first: a level counts once every stage has one.
     stages = state.stages_without([holder.part for holder in held.values()])
     first = [name for name in empty if stage_of(name) in stages] or empty
     if first:
-        session.say(f"  drills start {first[0]}   the next slot to fill")
+        session.say(f"  drills start {first[0]}   fills the next slot")
     session.say(f"  drills robot run --level {state.next_level(stored)}   plays {TASKS} tasks")
     payload = {
         "action": "status",
@@ -89,11 +89,11 @@ def _say_slot(session: Session, holder: Holder) -> None:
     mark = task_text.sign(SOLVED if yours else holder.state, terminal)
     label = terminal.paint("yours      ", "good") if yours else "the course's"[:12]
     if holder.missing:
-        note = f"solved; put your answer into {name}.py"
+        note = f"solved; save your answer as {name}.py"
     elif holder.wrong:
-        note = "its last grading was not right"
+        note = "failed its last check"
     elif holder.changed:
-        note = "changed since it was graded"
+        note = "changed since its last check"
     else:
         note = NAMED[name].does
     gap = " " if yours else ""

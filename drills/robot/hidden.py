@@ -21,6 +21,7 @@ from drills.session import RIGHT, WRONG, Session, body, options
 from drills.workspace import Misuse
 
 IN_A_ROW = 3  # hidden faults to name; by chance one in 216 would
+MOST = 60  # tasks of a log
 
 
 def run_hidden(session: Session, stored: Stored, tasks: int) -> int:
@@ -31,6 +32,11 @@ def run_hidden(session: Session, stored: Stored, tasks: int) -> int:
     case = stored.hidden.get("case")
     if not isinstance(case, int):
         case = secrets.randbelow(1 << 31)
+
+    def update(new: Stored) -> None:
+        new.hidden["case"] = case
+
+    state.change(session, update)  # before the log: its fault can then always be named
     stage, direction = fault_of(case)
     parts = [course_part(name) for name in NAMES]
     session.say(terminal.paint(f"Level {HIDDEN}: {one.title}", "head"))
@@ -41,7 +47,7 @@ def run_hidden(session: Session, stored: Stored, tasks: int) -> int:
     state.compile_known(session)
     bar = state.progress_bar(session, "tasks")
     fault = stage, direction
-    played = play(parts, one, min(tasks, 60), seed=case, fault=fault, progress=bar)
+    played = play(parts, one, tasks, seed=case, fault=fault, progress=bar)
     path = session.work / "robot_log.csv"
     head = ",".join(["task", *(f"{name}_{axis}" for name in SIGNALS for axis in "xy")])
     rows = [
@@ -53,11 +59,6 @@ def run_hidden(session: Session, stored: Stored, tasks: int) -> int:
         workspace.write_over(path, "\n".join([head, *rows, ""]))
     except OSError as error:
         raise Misuse(f"{workspace.shown(path)} can't be written: {error.strerror}.") from None
-
-    def update(new: Stored) -> None:
-        new.hidden["case"] = case
-
-    state.change(session, update)
     summary = report.summarise(played)
     session.say(f"  success {int(summary.success.sum())}/{summary.tasks}")
     for why, n in report.reasons(played)[:3]:

@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from drills import progress
-from drills.robot import chapters, hidden, inside, report, state, tables
+from drills.robot import chapters, hidden, inside, report, state, tables, unfinished
 from drills.robot.arguments import level_option, parts_options, seed_option, tasks_option
 from drills.robot.cell import Level, World
 from drills.robot.chapters import GAP
@@ -67,11 +67,29 @@ def run(
     session.command = "robot"
     stored, held = state.load(session)
     number = number or state.next_level(stored)
+    started = progress.timestamp()
     if number == HIDDEN:
-        return hidden.run_hidden(session, stored, tasks)
+        tasks = min(tasks, hidden.MOST)
+        with unfinished.noted(session, number, tasks, started):
+            return hidden.run_hidden(session, stored, tasks)
     parts = chosen(session.work, held, choices, own, session.notices)
     if gap is None and twin:
         gap = GAP
+    setting = Setting(number, tasks, seed, gap)
+    with unfinished.noted(session, number, tasks, started):
+        return _run(session, stored, parts, setting, started, with_libraries)
+
+
+def _run(
+    session: Session,
+    stored: Stored,
+    parts: list[Part],
+    setting: Setting,
+    started: str,
+    with_libraries: bool,
+) -> int:
+    """Play your robot, store its result, then play the known robots, and report."""
+    number, tasks, seed, gap = setting
     one, world = level(number), _world(gap)
     terminal = session.terminal
     session.say(terminal.paint(f"Level {number}: {one.title}", "head"))
@@ -86,27 +104,31 @@ def run(
     if played.failure is not None:
         return tables.stopped(session, played, parts, payload)
     mine = report.summarise(played)
-    all_course = all(part.holder == COURSE for part in parts)
-    setting = Setting(number, tasks, seed, gap)
-    course = mine if all_course else known_result(session, stored, COURSE, setting)
-    other = known_result(session, stored, LIBRARIES, setting) if with_libraries else None
-    tables.say_summary(session, mine, None if all_course else course, other)
-    named = report.diagnose(played, mine, None if all_course else course)
-    tables.say_named(session, named, parts, played)
     empty = state.stages_without(parts)
-    broken = [row.part for row in named if row.breach is not None]
+    # Broken promises need no other robot, so the result is stored before any other one plays.
+    broken = [row.part for row in report.diagnose(played, mine, None)]
     passed = mine.low > one.threshold
     it_counts = passed and gap is None and not empty and not broken
-    verdict = _verdict(mine, one, passed, empty, broken)
-    word = terminal.paint(verdict[0], "right" if passed else "wrong")
-    session.wrap(f"{word}: {verdict[1]}")
-    for line in verdict[2:]:
-        session.wrap(line)
-    entry = _entry(mine, parts, number, tasks, seed, gap)
-    previous = _previous(stored, entry)
-    if previous is not None:
-        tables.say_replaced(session, previous, mine, entry)
+    entry = _entry(mine, parts, setting, started)
     _remember(session, entry, it_counts, number)
+    all_course = all(part.holder == COURSE for part in parts)
+    try:
+        course = mine if all_course else known_result(session, stored, COURSE, setting)
+        other = known_result(session, stored, LIBRARIES, setting) if with_libraries else None
+        tables.say_summary(session, mine, None if all_course else course, other)
+        named = report.diagnose(played, mine, None if all_course else course)
+        tables.say_named(session, named, parts, played)
+        verdict = _verdict(mine, one, passed, empty, broken)
+        word = terminal.paint(verdict[0], "right" if passed else "wrong")
+        session.wrap(f"{word}: {verdict[1]}")
+        for line in verdict[2:]:
+            session.wrap(line)
+        previous = _previous(stored, entry)
+        if previous is not None:
+            tables.say_replaced(session, previous, mine, entry)
+    except KeyboardInterrupt:
+        session.notices.append("Your robot's result is stored: drills robot history shows it.")
+        raise
     payload |= {
         "passed": passed,
         "counts": it_counts,
@@ -230,12 +252,11 @@ def known_result(session: Session, stored: Stored, holder: str, setting: Setting
     return summary
 
 
-def _entry(
-    mine: Summary, parts: list[Part], number: int, tasks: int, seed: int, gap: float | None
-) -> dict[str, Any]:
-    """Return what is stored of a run."""
+def _entry(mine: Summary, parts: list[Part], setting: Setting, started: str) -> dict[str, Any]:
+    """Return the stored form of a run."""
+    number, tasks, seed, gap = setting
     return {
-        "at": progress.timestamp(),
+        "at": started,
         "level": number,
         "tasks": tasks,
         "seed": seed,

@@ -11,7 +11,7 @@ from typing import Any
 from course import json_store
 from course.json_store import Problem
 from drills import interrupts
-from drills.robot import store
+from drills.robot import store, unfinished
 from drills.robot.holders import Holder, holders
 from drills.robot.levels import LEVELS
 from drills.robot.slots import STAGES, YOURS, Part, stage_of
@@ -25,10 +25,11 @@ SLOW = 1.0  # s, the longest silence before a line says what takes so long
 
 
 def load(session: Session) -> tuple[Stored, dict[str, Holder]]:
-    """Return what is stored and who holds the slots."""
+    """Return what is stored and who holds the slots; say how a run ended that was killed."""
     path = store.path_of(session.work, session.progress_file)
     stored, notices = json_store.load(path, store.FORM)
     session.notices += notices
+    unfinished.report(session, stored)
     before = {name: dict(row) for name, row in stored.graded.items()}
     held = holders(session.work, session.records(), stored)
     if stored.graded != before:

@@ -20,8 +20,8 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# Choose the second preset in the menu, which uses the old velocity, and then the third, which uses the new one. Their
-# impacts lose no energy and happen at their exact moments, so all change of energy is an error of the steps in flight.
+# Choose the second preset in the menu, which uses the old velocity, and then the third, which uses the new one. In
+# these presets impacts are exact and lose no energy, so every change of energy is an error of the flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
 # store and update an orientation so that it neither drifts nor fails at some attitude; choose an integrator by its
@@ -30,9 +30,8 @@ simulation("bouncing_box")
 #
 # ## How this chapter works
 #
-# Most sections explain an idea, ask you about it, and show the answer. Every measured
-# number comes from a cell on this page or from a check that `python -m course.derivations 1` runs again. The code is
-# the package `course.rigid_body`. Six exercises wait in section 8:
+# Every measured number comes from a cell on this page or from a check that `python -m course.derivations 1` runs again.
+# The code is the package `course.rigid_body`. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -65,8 +64,6 @@ def source(*functions):
 #
 # ### How many numbers describe a rigid body?
 #
-# A simulator has to store what a body is doing.
-#
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
 # about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
 # alone does not say where the body goes next: Newton's law gives accelerations, so you also need the six velocities.
@@ -77,17 +74,18 @@ edges = [(a, b) for a in range(8) for b in range(a) if np.sum(corner[a] != corne
 sheet = np.array([[-0.55, 1.0, 0.0], [-0.35, -0.17, 1.0]])  # x to the front, y right, z up
 
 
-def draw_box(axes, pose, colour, sides=(0.5, 0.8, 0.3)):
-    """Draw the edges of a box, and its long axis, in an oblique view."""
+def draw_box(axes, pose, colour, sides=(0.5, 0.8, 0.3), mark=True):
+    """Draw the edges of a box, and with `mark` its long axis, in an oblique view."""
     flat = (corner * sides) @ pose.T @ sheet.T
     for a, b in edges:
         axes.plot(*flat[[a, b]].T, color=colour, lw=1.4)
-    mark = np.array([[0, 0.8, 0], [0, 1.25, 0]]) @ pose.T @ sheet.T
-    axes.plot(*mark.T, color=colour, lw=3)
+    if mark:
+        axis = np.array([[0, 0.8, 0], [0, 1.25, 0]]) @ pose.T @ sheet.T
+        axes.plot(*axis.T, color=colour, lw=3)
 
 
 figure_, axes_ = plt.subplots(figsize=(6.5, 3.6), layout="constrained")
-draw_box(axes_, np.eye(3), "0.35")
+draw_box(axes_, np.eye(3), "0.35", mark=False)
 round_ = np.linspace(0.3, 2 * np.pi - 0.7, 40)
 for k, (colour, name) in enumerate((("tab:blue", "x"), ("tab:orange", "y"), ("tab:green", "z"))):
     unit, across = np.eye(3)[k], np.roll(np.eye(3), -k - 1, axis=0)[:2]
@@ -122,15 +120,15 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
 # ### Free rotation: what stays constant without torque
 #
-# Throw a book into the air with a spin. Nothing touches it, so you might expect it to spin steadily. It wobbles. To
-# see why, you need to know how hard a body is to turn.
+# Throw a book into the air with a spin. Nothing touches it, and yet it wobbles. To see why, you need to know how hard a
+# body is to turn.
 #
 # A piece of mass at the distance $r$ from an axis resists rotation about it in proportion to $r^2$. Summed over the
 # body, the **moments of inertia** about the axes $x$, $y$ and $z$ through the centre of mass are
 #
 # $$I_x = \int (y^2+z^2)\,dm, \qquad I_y = \int (x^2+z^2)\,dm, \qquad I_z = \int (x^2+y^2)\,dm .$$
 #
-# For a body in a general position there are also mixed terms such as $-\int xy\,dm$. All of them together form the
+# For a body in a general position there are also mixed terms such as $-\int xy\,dm$. All these together form the
 # **inertia tensor** $I$, a symmetric 3 × 3 matrix. Like every symmetric matrix it has three perpendicular eigenvectors.
 # An eigenvector of $I$ is called a **principal axis**, and its eigenvalue a principal moment. In these axes $I$ is
 # diagonal. For a box they are the axes of symmetry.
@@ -139,10 +137,12 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
 #
 # Now look at a body without torque. $L$ is constant in space. But the body turns, and $I$, seen from space, turns with
-# it. If $L = I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves
-# although nothing pushes. There is one exception. If the body spins about a principal axis, $L$ and $\omega$ are
-# parallel and stay so. In the simulation, the tip of $\omega$ draws a green curve in space and a pink one in the body.
-# The surfaces that the arrow sweeps are the *space cone* and the *body cone*.
+# it. If $L = I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves.
+# Only for a spin about a principal axis, $L$ and $\omega$ are parallel and stay so.
+#
+# In the simulation, the tip of $\omega$ draws a green curve in space and a pink one in the body. The lines from the
+# origin to these curves form the *space cone* and the *body cone*. Because the energy $\tfrac12\,\omega\cdot L$ is
+# constant, the tip stays in a plane (grey).
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -204,10 +204,10 @@ predict("brick_that_flips")
 # %%
 simulation("flip")
 # %% [markdown]
-# Two quantities of a free body are constant, the length of $L$ and the energy $\tfrac12\,\omega\cdot L$. In the body
-# frame the first says that the tip of $L$ stays on a sphere, the second that it stays on an ellipsoid. So the tip of
-# $L$ runs along the intersection of the two surfaces. The path of $\omega$ in the body is called the **polhode**; we
-# draw the path of $L$ instead.
+# Two quantities of a free body are constant, the length of $L$ and the energy $\tfrac12\,\omega\cdot L = \sum_i
+# L_i^2/(2I_i)$. In the body frame the first keeps the tip of $L$ on a sphere. The second keeps it on an ellipsoid. So
+# the tip runs along the intersection of the two surfaces. The path of $\omega$ in the body is called the **polhode**;
+# we draw the path of $L$ instead.
 #
 # Close to the axes of the smallest and of the largest moment, the curves are small closed loops. Through the middle
 # axis two curves cross, and a body that starts near the crossing travels all the way to the opposite side and back:
@@ -258,7 +258,12 @@ for axis, name, place in zip(plane.T, names, ((-125, 45), (65, 0), (85, -2)), st
         fontsize=9,
         arrowprops={"arrowstyle": "-", "lw": 0.6},
     )
-left.set(xlim=(-1.75, 1.95), ylim=(-1.05, 1.05), aspect="equal", title="paths of $L$ in the body")
+left.set(
+    xlim=(-1.75, 1.95),
+    ylim=(-1.05, 1.05),
+    aspect="equal",
+    title="paths of $L$ in the body, moments 1, 2, 3 kg m²",
+)
 left.axis("off")
 time = 0.01 * np.arange(4001)
 for row, start, colour in (
@@ -278,7 +283,7 @@ right.set(
     xlabel="time [s]",
     ylabel="component of $L$ along the start axis",
     ylim=(-1.2, 1.4),
-    title="spin with a disturbance of 2 %",
+    title="|L| = 1 N m s (0.5 rad/s about axis 2), disturbance of 2 %",
 )
 right.legend(loc="upper right", ncols=3, fontsize=9)
 plt.show()
@@ -295,9 +300,9 @@ print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # $$\sigma = \Omega\,\sqrt{\frac{(I_2-I_1)(I_3-I_2)}{I_1\,I_3}} .$$
 #
 # **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
-# other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 g m². The root is $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} =
-# 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every $1/5.3 = 0.19$ s. From one degree, a flip
-# takes about one second to its middle and two in all.
+# other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 in units of $10^{-3}$ kg m². The root is
+# $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every
+# $1/5.3 = 0.19$ s. From one degree, a flip takes about one second to its middle and two in all.
 #
 # <details><summary>Derive it: the rate of growth</summary>
 #
@@ -322,8 +327,9 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # axis. The torque adds a small sideways piece at every instant, so the axis turns sideways.
 #
 # This slow circling is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is
-# about $mgl/L$: the faster the spin, the slower the precession. Released with its axis at rest, the top also nods:
-# *nutation*.
+# about $mgl/L$: the faster the spin, the slower the precession. If you release the top spinning but not yet circling,
+# it also nods (*nutation*). In the simulation, a blue line is the path of its axis. The formula is a limit for fast
+# spin.
 # %%
 show("gyroscopic_term_holds_the_top_up")
 # %%
@@ -363,20 +369,22 @@ except ValueError as problem:
 #
 # ### Euler angles and gimbal lock
 #
-# Pilots describe the attitude of a plane by three angles. First turn by the **yaw** about the axis $z$, which points
-# up, then by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$ axis, the nose. A
-# positive $\theta$ turns the nose down. At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There
-# yaw and roll turn about the same line, and no angle turns the nose sideways. This is **gimbal lock**. Watch the blue
-# ring (yaw) and the violet ring (roll), then set the pitch to 90°:
+# The attitude of a plane can be described by three angles. First turn by the **yaw** about the axis $z$, which points
+# up as usual in robotics, then by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$
+# axis, the nose. With $z$ up, a positive $\theta$ turns the nose down. (In aviation $z$ points down, and a positive
+# pitch turns the nose up.)
+#
+# At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There yaw and roll turn about the same line,
+# and no angle turns the nose sideways. This is **gimbal lock**. Watch the blue ring (yaw) and the violet ring (roll),
+# then set the pitch to 90°:
 # %%
 simulation("gimbal")
 # %% [markdown]
 # A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
-# \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two: there is one direction of $\omega$, the *lost
-# axis*, that no finite angle rates can produce. Close to the lock the rates exist, but they are huge. Take all vectors
-# of angle rates of length 1. The smallest $\lvert\omega\rvert$ that they give is the smallest **singular value** of
-# $E$, which the simulation plots. The cell below turns about the axis that needs the largest rates. The card after it
-# takes the axis that is lost at 90°; there the yaw rate is $1/\cos\theta$.
+# \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two: no angle rates produce an $\omega$ with a
+# component along one direction, the *lost axis*. Close to the lock the rates exist, but they are huge. The smallest
+# $\lvert\omega\rvert$ that angle rates of length 1 produce is the smallest **singular value** of $E$; the simulation
+# plots it as *weakest turn*. The cell below turns about the axis that needs the largest rates.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the worst axis")
 for angle in (60.0, 89.0, 90.0):
@@ -440,9 +448,9 @@ show("quaternion_has_no_lock")
 # %%
 simulation("double_cover")
 # %% [markdown]
-# Never subtract two quaternions as they come to compare orientations. A controller that does so may command a turn of
-# nearly 360 degrees for an error of nearly zero. If the dot product is negative, flip the sign of one of them first.
-# Then interpolate, or compare by the angle $4\arcsin(\lvert q - p\rvert/2)$, which is exact for small angles, too.
+# Before you subtract or interpolate two quaternions, make their signs agree: if the dot product is negative, flip the
+# sign of one of them. A controller that forgets this may command a turn of nearly 360 degrees for an error of nearly
+# zero. Then compare by the angle $4\arcsin(\lvert q - p\rvert/2)$, which stays accurate for small angles.
 #
 # **SLERP**, spherical linear interpolation, moves from one orientation to another at a constant rate, along the arc
 # between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. Mixing the four numbers linearly and
@@ -532,12 +540,11 @@ more_claims(
 # %% [markdown]
 # ### The stability limit of a step
 #
-# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight
-# is suddenly too long. To see where the border lies, you need only a mass on a spring. A spring of **stiffness** $k$
-# pulls back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a stable resting position,
-# a mechanical system whose forces rise in proportion to the displacement, without friction or velocity-dependent
-# forces, behaves like a set of such springs, one for each *mode of vibration* (a pattern in which all parts oscillate
-# at one frequency).
+# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight is
+# suddenly too long. To see where the border lies, you need only a mass on a spring. A spring of **stiffness** $k$ pulls
+# back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Close to a stable resting position and without
+# forces that depend on velocity, a mechanical system behaves like a set of such springs. There is one for each *mode of
+# vibration*, a pattern in which all parts oscillate at one frequency.
 #
 # On a spring, a step multiplies the state by a fixed matrix. For semi-implicit Euler insert the first line into the
 # second:
@@ -546,7 +553,8 @@ more_claims(
 # A = \begin{pmatrix}1-(\omega h)^2 & h\\ -\omega^2h & 1\end{pmatrix}.$$
 #
 # After $n$ steps the state is $A^n$ times the first one. It stays bounded if the two **eigenvalues** of $A$ differ and
-# neither has a modulus above one. So the whole question is where two numbers lie in the complex plane.
+# neither has a modulus above one. (With two equal ones it can grow linearly.) So the whole question is where two
+# numbers lie in the complex plane.
 # %%
 predict("spring_and_step")
 # %%
@@ -592,7 +600,7 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# Learn this result by heart. With the highest frequency $\omega_{\max}$ among the modes,
+# With the highest frequency $\omega_{\max}$ among the modes,
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} \;}\qquad\text{for one mass on one spring:}\quad h < 2\sqrt{\frac{m}{k}}.$$
 #
@@ -658,8 +666,8 @@ more_claims(
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
-# The drawing shows one large step on a spring. The dots are the positions at which the method evaluates the force
-# (of a method that iterates, the last one only), the square is where the step ends, and the line is the exact motion.
+# The drawing shows one large step on a spring. Dots show where the force is evaluated (for the implicit method, the
+# last evaluation), the square is where the step ends, and the line is the exact motion.
 # %% tags=["hide-code"]
 h = 1.2
 methods = {
@@ -694,7 +702,7 @@ for axes_, (name, (method, times)) in zip(panels.flat, methods.items(), strict=T
     )
     axes_.axvline(0, color="0.85", lw=0.8)
     axes_.axvline(h, color="0.85", lw=0.8)
-    axes_.set(title=f"{name} (misses by {abs(missed[name]):.3f})")
+    axes_.set_title(f"{name} (misses by {abs(missed[name]):.3f})", fontsize=9.5)
 panels[0, 0].legend(fontsize=8, loc="upper left")
 for axes_ in panels[1]:
     axes_.set(xlabel="time", xticks=[0, h / 2, h], xticklabels=["0", "h/2", "h"])
@@ -716,7 +724,7 @@ for name, error in missed.items():
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 = 2.83$ |
 #
 # Semi-implicit Euler and Verlet keep area only while forces depend on positions alone. With forces that depend on the
-# velocity too, Verlet takes $a' = a(q', v + ha)$.
+# velocity too, Verlet needs the new velocity for $a'$ and estimates it as $v + ha$.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -732,8 +740,8 @@ more_claims(
 # %% [markdown]
 # ### Symplectic integrators: area in phase space
 #
-# Why does semi-implicit Euler stay near the right energy for a million steps, with an error of first order, while RK4,
-# which is far more accurate, slowly loses energy? The answer is geometric.
+# Over a million steps, the energy error of semi-implicit Euler does not grow. That of RK4 is far smaller, but it grows
+# all the time. The reason is geometric.
 #
 # Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start not with one state but
 # with a patch of them, say all states within a small circle. As time passes, each state moves, and the patch is carried
@@ -801,21 +809,20 @@ plt.show()
 # %%
 show("area_preserved")
 # %% [markdown]
-# What follows from a constant area? For a smooth system and a small fixed step, the energy error of a symplectic
-# method stays bounded for a very long time. The smaller the step, the longer: this time grows exponentially in $1/h$.
-# The reason is that the method almost exactly conserves a slightly different energy. Semi-implicit Euler on a spring
-# keeps
+# What follows from a constant area? For a smooth system and a small fixed step, the energy error of a symplectic method
+# stays bounded for a very long time. The smaller the step, the longer: this time grows exponentially in $1/h$. The
+# method conserves a slightly different energy almost exactly. On a spring, semi-implicit Euler conserves exactly (per
+# unit of mass)
 #
 # $$\tfrac12 v^2 + \tfrac12\omega^2x^2 - \tfrac12\omega^2h\,x\,v$$
 #
-# exactly. The true energy is the sum of the first two terms, so it swings around this constant value.
+# The true energy is the sum of the first two terms, so it swings around this constant value.
 # %%
 show("symplectic_conserves_energy")
 # %% [markdown]
 # So know what the word does *not* promise. The energy is not exact. The oscillation does not have the right period. A
 # step beyond the limit explodes all the same, area or not: the patch is stretched in one direction and squeezed in the
-# other. And as soon as there is friction, a velocity-dependent force or a step size that follows the state, the
-# guarantee is gone.
+# other. With friction, velocity-dependent forces or a step size that follows the state, the guarantee is gone.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -881,10 +888,10 @@ print("(between quaternions, as drawn, the angles are half of these)")
 #
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
-# It stays on the sphere, and for a steady spin it is exact. In $q\,s\,(0,r)\,s^*q^*$ the factor $s$ is next to $r$, so
-# it acts first. A rotation $s$ given in body axes has to act before $q$ takes the body's coordinates to the world. So
-# it is the factor on the *right*. If your $\omega$ is in the world frame, its rotation is the factor on the left: $q' =
-# \exp(h\,\omega)\,q$. Confusing the two sides is a classic bug (section 7).
+# It stays on the sphere, and for a steady spin it is exact. In $q\,s\,(0,r)\,s^*q^*$ the inner factor $s$ acts on $r$
+# first. A rotation in body axes must act before $q$ takes body coordinates to the world, so it stands on the *right*.
+# If your $\omega$ is in the world frame, its rotation is the factor on the left: $q' = \exp(h\,\omega)\,q$. Confusing
+# the two sides is a classic bug (section 7).
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
 # scaling turns it by $2\arctan(\tfrac12\omega h) = 0.09992$ rad. The lag, about $\tfrac1{12}(\omega h)^3 = 0.00008$
@@ -963,9 +970,9 @@ print(f"energy per kilogram: before {before:.2f} J, bounce at the end of the ste
 print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J")
 # %% [markdown]
 # RK4 is exact in flight, and it still gains energy with the rule at the end of the step. Do the two errors of
-# semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? Partly, and only by luck. The
-# fold-out tests such statements on a *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps
-# of 10 ms.
+# semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? Half of the loss does on average:
+# a flight that ends at the speed $v$ loses $mghv$, and the depth $d$ is anything between 0 and $hv$. All of it cancels
+# only by luck.
 #
 # <details><summary>Derive it: the loss of a flight, and the gain of a bounce</summary>
 #
@@ -973,6 +980,9 @@ print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J
 # mgh$ times the change of velocity. A bounce reverses the velocity but restores nothing, so the next flight loses as
 # much again. The rule at the floor lifts the ball by the depth $d$, which adds $mgd$, and leaves the speed that the
 # ball had at that depth.
+#
+# The claims below use a *worked example*: a ball of 1 kg that falls 5 m and bounces with $e = 1$, in steps of 10 ms.
+# *The usual listing* is a box simulator as tutorials print it: semi-implicit Euler, with the bounce rule at the centre.
 #
 # </details>
 # %%
@@ -1016,7 +1026,7 @@ for row, (period, colour) in enumerate(
             axes_.plot([t, t + 1.85], [row, row], color=colour, lw=4, alpha=0.35)
 axes_.axvline(1000 / 60, color="tab:purple", lw=0.8, ls=":")
 axes_.annotate(
-    "the image falls between two states",
+    "the image falls due between two steps",
     (1000 / 60, 0),
     (8.2, 0.25),
     arrowprops={"arrowstyle": "->"},
@@ -1031,9 +1041,10 @@ axes_.set(
 plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
-# The course's loop records what it does. `age` says how old the data are that a task uses. Every other physics step
-# applies a command that is 1 ms old. The image due at 16.667 ms shows the state of one step earlier, 15.667 ms. No step
-# ends there, so that state is interpolated between those at 15 and 16 ms:
+# The course's loop records what it does. In the table, *age* is that of the command that a physics step applies, or of
+# the state that an image shows. Every other physics step applies a command that is 1 ms old. The image due at 16.667 ms
+# shows the state of one step earlier, 15.667 ms. No step ends there, so that state is interpolated between those at 15
+# and 16 ms:
 # %% tags=["hide-code"]
 from course.rigid_body.loop import FixedStepLoop, Phases, float_clock_error, trace_table
 
@@ -1058,8 +1069,8 @@ figures(
 # Three details decide whether the loop works:
 #
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
-#   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics itself
-#   never reads a clock, so the clock makes no two runs differ.
+#   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics never
+#   reads the clock, so two runs give the same result.
 # * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight of the newer of the last
 #   two states; the older one gets the rest. If you draw the latest state instead, the motion judders by up to one step.
 #   Interpolation costs one step of delay.
@@ -1109,7 +1120,8 @@ plt.show()
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
 # step. Call `mj_forward` for those of the new positions. MuJoCo's `RK4` is the classical method. Its `Euler` is
 # semi-implicit Euler with *implicit* joint damping (computed from the new velocity). `implicitfast` makes the damping
-# of motors and cables implicit as well, and `discrete` makes the springs implicit, too.
+# of motors and cables implicit as well, and `discrete` also the springs. Implicit forces allow larger steps (section
+# 7).
 # %%
 more_claims(
     "steps_per_picture",
@@ -1133,7 +1145,8 @@ more_claims(
 source(rigid_body.retract, rigid_body.semi_implicit_euler)
 # %% [markdown]
 # RK4 needs one more idea. Its four angular velocities, the **stages**, belong to four *different* orientations, and
-# rotations do not commute. Turn a box by a quarter about $x$ and then about $z$, and in the other order:
+# rotations do not commute. Turn a box by a quarter about $x$ and then about $z$, and in the other order (both axes are
+# fixed in space, $x$ towards you and $z$ up):
 # %% tags=["hide-code"]
 quarter = {
     "about x": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -1156,10 +1169,10 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# If you average the four like ordinary vectors, the order drops from 4 to 2. For fourth order it is enough to add two
-# correction terms, each the cross product of two stages (Munthe-Kaas and Owren 1999); the code calls them `bracket`.
-# The result is one rotation vector, and $q$ is multiplied by its exponential. For ordinary coordinates the brackets are
-# zero, and the code is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages):
+# If you average the four like ordinary vectors, the order drops from 4 to 2. Two cross products of stages, in the code
+# `bracket`, correct the averaged rotation vector and restore fourth order (Munthe-Kaas and Owren 1999). Then $q$ is
+# multiplied by its exponential. For ordinary coordinates the brackets are zero, and the code is the RK4 of section 2
+# (`_along` adds a multiple, `_mean` averages):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
@@ -1192,8 +1205,8 @@ more_claims("rotation_stages_add")
 # force.
 #
 # With friction, restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact can *gain* energy, as
-# Kane showed in 1984. So the box uses Stronge's definition (1990), with which none can: of the energy that the contact
-# stores while the bodies press together, the share $e^2$ comes back. Without friction the two are the same.
+# Kane showed in 1984. With Stronge's definition (1990), which the box uses, no impact gains energy: of the energy that
+# the contact stores while the bodies press together, the share $e^2$ comes back. Without friction the two are the same.
 # %%
 predict("box_at_rest")
 # %% tags=["hide-code"]
@@ -1223,8 +1236,9 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# The box of the first screen with all controls. Impacts slower than the *rest speed* end the bouncing.
-# *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
+# The box of the first screen with all controls. The dashed path is the same box with very small steps. The two separate
+# because each impact enlarges small differences. Impacts slower than the *rest speed* end the bouncing. *Steps not
+# resolved* counts the steps with more impacts than the solver may process in one step.
 #
 # Predict each preset before you choose it:
 #
@@ -1283,13 +1297,14 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# The free tumble, with a tolerance of 1 mrad after 20 s (cross: failed; grey band: the reference is no better):
+# The free tumble, with a tolerance of 1 mrad after 20 s (cross: failed; in the grey band the reference solution itself
+# is not accurate enough):
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
 # The bouncing box has two separate errors of first order: the flight of semi-implicit Euler, and impacts that are
 # placed at the end of a step. For this throw and a step of 1 ms the two partly cancel, and correcting only one makes
-# the result worse. For another throw that may be different. Only correcting both always helps.
+# the result worse. Only correcting both always helps.
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
@@ -1339,7 +1354,8 @@ more_claims(
 #
 # Reinforcement learning needs thousands of copies of a scene, mostly on GPUs; this chart measures one CPU core. It
 # compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. The
-# last column is the simulated time per second of computing, *summed over all bodies*:
+# last column is the simulated time per second of computing, *summed over all bodies*. The errors differ, too: only our
+# program finds the impact times:
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1365,10 +1381,9 @@ figures(
 #
 # ### The smallest model that answers the question
 #
-# The largest savings come before the integrator, from what you do *not* simulate. Air, deformation, the third
-# dimension: which of them may you neglect? State the question and the tolerance. Then compute the answer with and
-# without each effect. Leave effects out as long as all these changes of the answer together (see the fold-out) stay
-# below the tolerance, and check once more without all of them.
+# The largest savings come before the integrator, from what you do *not* simulate. State the question and the tolerance.
+# Then compute the answer with and without each effect. Leave out effects while their changes (in the fold-out) add up
+# to less than the tolerance. Then check with all of them left out.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
@@ -1392,8 +1407,8 @@ figures(
 #   The contacts set the step, and their error is of first order anyway.
 # * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. At the tolerances of the
 #   charts it needed the fewest evaluations on every smooth problem but the simple pendulum.
-# * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler or MuJoCo's
-#   `discrete`. Implicit midpoint is stable too, but lets the spring ring.
+# * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler (forces at the
+#   *end* of the step) or MuJoCo's `discrete`. Implicit midpoint is stable too, but lets the spring ring.
 # * *Very long runs where averages matter and not the exact path*: a symplectic method with a fixed step.
 #
 # ## 7 · Debug: where it fails
@@ -1449,8 +1464,9 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # %% [markdown]
 # ### Energy over a million steps
 #
-# A pendulum over a million steps: explicit Euler is useless after a few seconds. RK4 is the most accurate at first, but
-# its small error accumulates. The errors of the symplectic methods do not grow:
+# A pendulum over a million steps: explicit Euler is useless after a few seconds. RK4 starts with the smallest error,
+# which then grows in proportion to time. At the end it is still far below that of semi-implicit Euler, but implicit
+# midpoint has overtaken it. The errors of the symplectic methods do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1458,14 +1474,14 @@ figures(
     read("long_run_energy").replace("largest relative energy error: ", ""),
     "explicit_euler",
     "semi_implicit_euler",
+    "implicit_midpoint",
     "rk4",
     summary="All methods: largest relative energy error in the first and last 1 % of the run",
 )
 # %% [markdown]
 # Bounded energy is what "symplectic" buys, and only for a fixed step. Alternate two steps that are both below the
 # limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product of two area-preserving steps preserves
-# area, but it may stretch one direction again and again. Much shorter steps do the same if they vary in rhythm with the
-# motion (five steps of 0.3, then sixteen of 0.1). And even a fixed step gets the period slightly wrong:
+# area, but it may stretch one direction again and again. Even a fixed step gets the period slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1521,10 +1537,10 @@ simulation("tunnelling")
 # mm per step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is
 # **continuous collision detection**: test the whole motion between two steps, or compute the time of impact.
 #
-# There is a second way through a wall, and no smaller step closes it. MuJoCo's default contact is soft, so a fast ball
-# sinks in. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens
-# at the penetration $D/2$. In the chart, $b$ is the length of the path on which a check leads to a bounce: the whole
-# overlap $D$ in our model, its first half in MuJoCo:
+# There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
+# step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens at
+# the penetration $D/2$. In the chart, $b$ is how far the ball travels while a check would still bounce it: $D$ in our
+# model, $D/2$ in MuJoCo:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
@@ -1558,10 +1574,10 @@ predict("impacts_at_rest")
 # bounces and the box's jitter are both called **chatter**. The remedy is a **rest speed**: a body whose impact is
 # slower is set to rest. It works if impacts are found within the step.
 #
-# If they are noticed at its end, a rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) does not even stop a ball. And a
-# box rocks: its corners hit in turn, at about $gh$ or faster. A rest speed of 10 mm/s makes these bounces lower but
-# more frequent, one in every step. MuJoCo's spring contact has no rest speed. With it, the box's corners lift off and
-# touch in turn, at a speed that shrinks with the step:
+# If impacts are noticed only at the end of a step, a rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) does not even
+# stop a ball. And a box rocks: its corners hit in turn, at about $gh$ or faster. A rest speed of 10 mm/s makes these
+# bounces lower but more frequent. With MuJoCo's spring contact the corners lift off and touch in turn as well, at a
+# speed that shrinks with the step:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1596,8 +1612,8 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$, where $\omega_{\max}^2$ is the
-# largest eigenvalue of $Kx = \omega^2Mx$; the matrices $K$ and $M$ take the places of $k$ and $m$. Then halve the step
-# several times. If that does not help, the step is not the cause, or the integrator has no stable step.
+# largest eigenvalue of $M^{-1}K$, with the stiffness and mass matrices $K$ and $M$. Then halve the step several times.
+# If that does not help, the step is not the cause, or the integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1616,8 +1632,8 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Objects pass through each other.* Compare the relative travel per step, $vh$, with the *sum* of
-# both thicknesses. If $vh$ is larger, use continuous collision detection (in MuJoCo the `speculative` flag). If $vh$ is
-# much smaller, the pair is not tested, or the contact is too soft.
+# both thicknesses, in MuJoCo with half of it. If $vh$ is larger, use continuous collision detection (in MuJoCo the
+# `speculative` flag). If $vh$ is much smaller, the pair is not tested, or the contact is too soft.
 #
 # <details><summary>And in between</summary>
 #
@@ -1630,37 +1646,29 @@ figures(
 # %%
 predict("perfect_energy_wrong_momentum")
 # %% [markdown]
-# <table>
-# <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>positions go to infinity within a few steps</td> <td>$h$ beyond $2/\omega_{\max}$</td>
-# <td>compare $\omega_{\max}h$ with the table of integrators in section 2</td> <td>smaller step, implicit method, softer
-# contact</td></tr>
-# <tr><td>amplitude grows slowly at <em>every</em> step size</td> <td>explicit Euler or explicit midpoint on an
-# undamped oscillation</td>
-# <td>energy ratio per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint:
-# Verlet or RK4</td></tr>
+# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>positions go to infinity within a
+# few steps</td> <td>$h$ beyond $2/\omega_{\max}$</td> <td>compare $\omega_{\max}h$ with the table of integrators in
+# section 2</td> <td>smaller step, implicit method, softer contact</td></tr> <tr><td>amplitude grows slowly at
+# <em>every</em> step size</td> <td>explicit Euler or explicit midpoint on an undamped oscillation</td> <td>energy ratio
+# per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint: Verlet or RK4</td></tr>
 # <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
-# $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr>
-# <tr><td>box jitters on the floor for ever</td> <td>gravity adds $gh$ in each step, and the impact returns $e\,gh$</td>
-# <td>count impacts per second</td> <td>impact times and a rest speed, or a contact
-# solver that works on velocities</td></tr>
-# <tr><td>fast object passes a thin wall</td> <td>$vh$ larger than both thicknesses together, or a contact that is too
-# soft</td> <td>print $vh/D$; record the depth</td> <td>continuous collision detection; stiffer contact</td></tr>
-# <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not multiplied</td>
-# <td>steady spin: compare the angle with $\omega t$ ($\lvert q\rvert-1$ shows nothing if $q$ is normalised)</td>
-# <td>$q\exp(h\omega)$</td></tr>
-# <tr><td>a jump of $2\pi$, or a controller that turns the long way</td> <td>$q$ compared with $-q$</td> <td>dot
-# product of the two</td> <td>flip the sign if it is negative</td></tr>
+# $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr> <tr><td>box jitters on the floor
+# for ever</td> <td>gravity adds $gh$ in each step, and the impact returns $e\,gh$</td> <td>count impacts per
+# second</td> <td>impact times and a rest speed, or a contact solver that works on velocities</td></tr> <tr><td>fast
+# object passes a thin wall</td> <td>$vh$ larger than both thicknesses together (in MuJoCo: than half of that), or a
+# contact that is too soft</td> <td>print $vh/D$; record the depth</td> <td>continuous collision detection; stiffer
+# contact</td></tr> <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not
+# multiplied</td> <td>steady spin: compare the angle with $\omega t$ ($\lvert q\rvert-1$ shows nothing if $q$ is
+# normalised)</td> <td>$q\exp(h\omega)$</td></tr> <tr><td>a jump of $2\pi$, or a controller that turns the long way</td>
+# <td>$q$ compared with $-q$</td> <td>dot product of the two</td> <td>flip the sign if it is negative</td></tr>
 # <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world frame</td> <td>body rate
-# multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat, from a
-# tilted start, with three equal moments, which have no gyroscopic term: if the error vanishes, that term is
-# wrong</td> <td>$q\exp(h\omega)$ for body
-# rates, $\exp(h\omega)\,q$ for world rates; $I\dot\omega=-\omega\times(I\omega)$</td></tr>
-# <tr><td>satellite speeds up without torque</td> <td>gyroscopic term in an Euler step from the old rates</td>
-# <td>kinetic energy
-# over time</td> <td>RK4, implicit midpoint, smaller step</td></tr>
-# <tr><td>joints creep without a command</td> <td>gravity is on and no motor balances it, or the engine's friction is
-# soft</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffer friction</td></tr>
+# multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat, from a tilted
+# start, with three equal moments, which have no gyroscopic term: if the error vanishes, that term is wrong</td>
+# <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates;
+# $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td> <td>gyroscopic term in
+# an Euler step from the old rates</td> <td>kinetic energy over time</td> <td>RK4, implicit midpoint, smaller
+# step</td></tr> <tr><td>joints creep without a command</td> <td>gravity is on and no motor balances it, or the engine's
+# friction is soft</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffer friction</td></tr>
 # </table>
 # %%
 predict("drift_of_joints")
@@ -1901,20 +1909,19 @@ check(tumble)
 # %% [markdown]
 # ### Formulas
 #
-# Your formula is checked symbolically, so any equivalent form counts. If it is wrong, you get values for which it
-# differs.
-# <span class="kernel-only">Replace the text in quotes.</span>
+# The largest stable step of RK4 on an undamped spring of angular frequency $\omega$, and that of semi-implicit Euler on
+# a mass $m$ with a spring $k$: <span class="kernel-only">replace the text in quotes.</span> Your formula is checked
+# symbolically, so any equivalent form counts. If it is wrong, you get values for which it differs.
 
 # %%
-answer("semi_implicit_limit", "2*sqrt(m/k)")
+answer("rk4_limit", "2/omega")
 
 # %%
 answer("semi_implicit_limit", "sqrt(m/k)")
 
 # %% [markdown]
 # Others to try: `explicit_energy_factor` (energy after one step divided by the energy before, in `omega` and `h`),
-# `rk4_limit` (largest stable step in terms of `omega`), `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`,
-# `l`).
+# `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
 #
 # ## 9 · Frontier: differentiable simulation
 #
@@ -1965,11 +1972,13 @@ print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[
 # Before the impacts, the distance of the two curves is the difference of the drop heights, so the derivative with
 # respect to the drop height $H$ is 1. At the impact it jumps to $-e$. The ball from $H + dH$ lands later by $dH/v$,
 # where $v$ is the impact speed. In this time the first ball rises by $e\,v\,(dH/v) = e\,dH$. So the second ball is now
-# $e\,dH$ *below* the first. From then on the derivative increases by $(1+e)\,g/\sqrt{2gH}$ per second.
+# $e\,dH$ *below* the first. After the impact at $t_1 = \sqrt{2H/g}$ the height is $e\,v\,(t-t_1) - \tfrac12
+# g\,(t-t_1)^2$ with $v = \sqrt{2gH}$. Its derivative with respect to $H$ starts at $-e$ and increases by $(1+e)\,g/v$
+# per second.
 #
-# A fixed-step program loses this. After the bounce, its state depends on the drop height only through the *number of
-# steps* before the impact. That is an integer, and the derivative of an integer is zero. The error of the height
-# shrinks with the step; the gradient stays wrong at every step:
+# A fixed-step program loses this. Its floor rule sets the height to 0, and the speed there is $gh$ times the number of
+# steps. So after the bounce only this *number of steps* depends on the drop height. It is an integer, and its
+# derivative is zero. The error of the height shrinks with the step; the gradient stays wrong at every step:
 # %% tags=["hide-code"]
 from course.rigid_body.differentiable import (
     Setup,
@@ -2022,6 +2031,8 @@ for label, poor in (
 ):
     print(f"--- {label}\n{information(truth, poor, times)}\n")
 # %% [markdown]
+# <details><summary>Engines with gradients</summary>
+#
 # <table>
 # <tr><th>engine</th> <th>runs on</th> <th>known for</th></tr>
 # <tr><td>Brax (Freeman et al. 2021)</td> <td>JAX</td> <td>rigid bodies on accelerators, for reinforcement
@@ -2033,6 +2044,8 @@ for label, poor in (
 # <tr><td>MuJoCo MJX (2023)</td> <td>JAX</td> <td>MuJoCo's models and contacts on accelerators</td></tr>
 # <tr><td>Dojo (Howell et al. 2022)</td> <td>CPU, in Julia</td> <td>hard contacts, with smoothed gradients</td></tr>
 # </table>
+#
+# </details>
 # %%
 more_claims(
     "gradient_by_differences",

@@ -21,9 +21,9 @@ predict("gentle_pull")
 simulation("touch")
 # %% [markdown]
 # The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
-# perpendicular to the floor (*normal*) against its part along the floor (*tangential*, positive to the right). The two
-# slanted lines mark the largest friction that each normal part allows. A box whose point lies on a line slides; between
-# the lines it sticks or creeps. Section 2 explains *ω h*.
+# perpendicular to the floor (*normal*) against its part along the floor (*tangential*, positive to the right). The
+# two slanted lines mark the largest friction that each normal part allows. A box whose point lies on a line slides;
+# between the lines it sticks or creeps (slides slowly). Section 2 explains *ω h*.
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
@@ -142,11 +142,10 @@ more_claims(
 # made of triangles), every combination of corners, edges and faces would need its own formula. One idea covers all
 # **convex** shapes, those that contain the straight line between any two of their points.
 #
-# Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference** $A
-# \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the shapes
-# share a point. If they are apart, the distance from the origin to the set equals the distance of the shapes. A problem
-# about two shapes has become a problem about one set and one point. **GJK**, the algorithm of Gilbert, Johnson and
-# Keerthi (1988), solves it.
+# Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference**
+# $A \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the
+# shapes share a point. If they are apart, the distance from the origin to the set equals the distance of the shapes.
+# **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves it.
 #
 # A **support function** returns the point of a convex shape that lies farthest in a given direction; for a box it is a
 # corner. The Minkowski difference has a support function too: the support point of $A$ in the direction $s$ minus the
@@ -168,10 +167,11 @@ show("gjk_minkowski")
 # The new point $w$ may be farther from the origin than $c$. It helps nevertheless, because the line from $c$ to $w$
 # passes nearer to the origin.
 #
-# For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from the simplex that GJK found, which it
-# first completes to a triangle or tetrahedron around the origin. It takes the face nearest to the origin (in the plane,
-# the edge) and computes the support point in the direction of its outward normal. It removes the faces that this point
-# can see, those that have the point on their outer side, and joins the point to the rim of the hole.
+# For overlapping shapes, **EPA**, the expanding polytope algorithm, continues from GJK's simplex. If that is not yet
+# a triangle (in space, a tetrahedron) around the origin, EPA adds support points until it is. It takes the face
+# nearest to the origin (in the plane, the edge) and computes the support point in the direction of its outward
+# normal. It removes every face that has this point on its outer side. That leaves a hole, and new faces join its rim
+# to the point.
 #
 # When the support point already lies on the nearest face, EPA stops: the distance of that face from the origin is the
 # depth, and its normal is the contact normal. Step through both:
@@ -298,8 +298,8 @@ simulation("penalty_spring")
 # relaxed. (In a contact, that is where the bodies just touch.) At 1, **critical damping**, or above, a mass released at
 # rest only approaches it.
 #
-# In the next simulation the $\max$ is switched off and a hand lifts the blue box out of an overlap. (The orange one
-# leaves at once.) Watch the force plot:
+# In the next simulation the $\max$ is switched off and a hand lifts the blue box out of an overlap. (For the orange
+# box the constraint removes the overlap at once.) Watch the force plot:
 # %%
 simulation("touch", "Pull-back", still=0.1)
 # %%
@@ -344,7 +344,7 @@ simulation("touch", "Explosion")
 # </details>
 #
 # In practice, use a tenth of the limit. The limit assumes that the bodies stay in touch. A body that bounces can gain
-# energy even at a step below the limit.
+# energy even at a step below the limit, unless something else takes it, such as the hand's damper above.
 #
 # <details><summary>Derive it: three tasks with hints and solution</summary>
 #
@@ -415,8 +415,7 @@ more_claims(
 # ### Complementarity: the law of a rigid contact
 #
 # Put a mug on a table. The table pushes up exactly as hard as needed, whatever the mug weighs, and lets go at once
-# when you lift it. No spring is involved. What does a *rigid* contact demand of the force $f$ and the gap $\phi$ (the
-# signed distance)?
+# when you lift it. What does a *rigid* contact demand of the force $f$ and the gap $\phi$ (the signed distance)?
 #
 # 1. The bodies do not overlap: $\phi \ge 0$.
 # 2. The contact only pushes: $f \ge 0$.
@@ -438,7 +437,7 @@ simulation("half_axes")
 # %%
 show("contact_law_is_set_valued")
 # %% [markdown]
-# The corner of the picture is worth a second look. What are force and gap there?
+# What are force and gap in the corner of the picture?
 # %%
 show("one_of_force_and_gap_is_zero")
 # %% [markdown]
@@ -564,10 +563,10 @@ print("J v_f =", (step.rows @ step.free).round(4).tolist(), "m/s")
 print("p =", solve("lcp", step).impulses[:, 0].round(4).tolist(), "N s")
 # %% [markdown]
 # The general task is called an **LCP**, a linear complementarity problem: given $A$ and $q$ (here $q = J v_f +
-# \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. The equations are linear. The hard part is to find
-# out which contacts are open. A bounce, called **restitution**, fits in as well: after the step, the bodies separate at
-# least at $e$ times the closing speed $s$ that they had before. For a contact that touches, replace the condition by $0
-# \le p_n \perp u_n - e\,s \ge 0$, with a coefficient $e$ between 0 (no bounce) and 1.
+# \phi/h$), find $p \ge 0$ with $Ap + q \ge 0$ and $p \perp Ap + q$. The equations are linear. The hard part is to
+# find out which contacts are open. A bounce, called **restitution**, fits in as well: after the step the bodies
+# separate at $e\,s$ or faster, where $s$ was their closing speed before. For a contact that touches, replace the
+# condition by $0 \le p_n \perp u_n - e\,s \ge 0$, with a coefficient $e$ between 0 (no bounce) and 1.
 #
 # Practise with one body. It touches the floor and moves downwards, so $v < 0$:
 # %%
@@ -615,8 +614,8 @@ more_claims(
 simulation("friction_cone")
 # %% [markdown]
 # While the block sticks, the law allows every force inside the cone or on it. Only the balance with the pull decides
-# which one it is. There is no formula to evaluate, so the force has to be solved for. That is what makes contact harder
-# than a spring. When the block slides, the size of friction is fixed: it is $\mu f_n$, against the motion.
+# which one it is. There is no formula to evaluate, so the force has to be solved for. That is what makes contact
+# harder than a spring.
 #
 # <details><summary>A worked example: a box of 3 kg</summary>
 #
@@ -633,9 +632,9 @@ simulation("friction_cone")
 simulation("touch", "Slip", still=0.15)
 # %% [markdown]
 # A round cone is not linear, so the step is no longer an LCP. The traditional way out is a **pyramid**: its four
-# edges lie on the cone, along $x$ and $y$, and its faces are flat. The allowed forces are all sums of four
-# vectors along the edges with non-negative weights. Then everything is linear again. Seen from above, the circle
-# of radius $\mu f_n$ has become a square that stands on its corner.
+# edges lie on the cone, along $x$ and $y$, and its faces are flat. The allowed forces are all sums of four vectors
+# along the edges with non-negative weights. Seen from above, the circle of radius $\mu f_n$ has become a square that
+# stands on its corner.
 #
 # Two things follow. A block that sticks is held less well: between two corners the square lies inside the circle, and
 # at 45 degrees it allows only $1/\sqrt 2$ of the force. A block that slides is braked in another direction. Coulomb's
@@ -671,9 +670,9 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #    one number $a$ for both rows. The larger eigenvalue of their $2\times2$ block of $A$ is a safe choice.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# Once a sweep changes nothing more, shortening $p_t - u_t/a$ returns $p_t$. So at a sliding contact $p_t - u_t/a$ and
-# $p_t$ have the same direction, and $u_t$ points straight against $p_t$. If each row were divided by its own $A_{ii}$,
-# friction would point elsewhere.
+# When the sweeps have converged, $p_t$ is $p_t - u_t/a$, shortened. Shortening keeps the direction, so at a sliding
+# contact $u_t$ lies along $p_t$, against it. If each row were divided by its own $A_{ii}$, friction would point
+# elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -705,14 +704,16 @@ predict("heavy_on_light")
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
 # **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are open and which way the others
-# slide, and changes one guess at a time (a *pivot*) until all conditions hold. It can also end without a solution,
-# and then reports that.
+# slide, and changes one guess at a time (a *pivot*) until all conditions hold. In exact arithmetic it ends with a
+# solution if no bodies overlap and none bounces (Anitescu and Potra 1997). Otherwise there may be none, as for a body
+# wedged between two walls, both of which should push it out. Then it reports that.
 #
-# For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of the
-# contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$ and go to
-# the nearest point of the cone; $\rho$ is any positive number, in kg, so that $\rho\,\tilde u$ is an impulse. If this
-# gives $p$ again, $p$ satisfies Coulomb's law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left
-# side minus the right side is the **natural map**, and Newton's method searches for its zero.
+# For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of
+# the contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). (The addition makes $u_n = 0$ while
+# the contact slides.) Subtract $\rho\,\tilde u$ from $p$ and go to the nearest point of the cone; $\rho$ is any
+# positive number, in kg, so that $\rho\,\tilde u$ is an impulse. If this returns $p$, then $p$ satisfies Coulomb's
+# law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left side minus the right side is the **natural map**, and
+# Newton's method searches for its zero.
 #
 # <details><summary>Why this is Coulomb's law: three cases</summary>
 #
@@ -774,15 +775,14 @@ for dt in (1e-2, 1e-3, 1e-4):
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** come from the engine ODE (Open Dynamics Engine); many others have adopted them. **ERP** (error
-# reduction parameter) is the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: under a force
-# $f$, the bodies may go on approaching at the speed CFM $\cdot f$. With the impulse $p = h f$ this speed is (CFM$/h$)
-# $p$, so CFM$/h$ is added to the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated
-# implicitly and therefore stable at every step:
+# reduction parameter) is the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: the condition
+# becomes $u_n$ + CFM $\cdot f = 0$, so under a force $f$ the bodies go on approaching. Since $f = p/h$, that adds
+# CFM$/h$ to the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and
+# therefore stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
-# The same spring needs other values at another step. If you keep ERP and CFM and halve the step, you simulate another
-# spring:
+# At another step, the same spring needs other values:
 # %% tags=["hide-code"]
 for dt in (1e-2, 1e-3):
     erp, cfm = erp_cfm(1e4, 100.0, dt)
@@ -881,33 +881,33 @@ show("mujoco_is_convex_and_unique")
 # ### MuJoCo's soft contact: solref, solimp, impratio, condim
 #
 # In MuJoCo, a contact has one or several **rows**. With elliptic cones there is a normal row and one per direction of
-# friction. With pyramids and friction, each row is one edge of the pyramid: the normal plus or minus $\mu$ times one
+# friction. With a pyramid, each row is a push along one of its edges: the normal plus or minus $\mu$ times one
 # direction of friction.
 #
 # Each row asks for a reference acceleration $a_{\text{ref}}$, that of a spring and a damper. It gets less than that
-# in proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact; with
-# $R = 0$ the row would get exactly what it asks for. With the row's velocity $u$ and its position error $r$ (the gap
-# for a normal row, always 0 for friction), as long as the force lies inside the cone:
+# in proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact. With the
+# row's velocity $u$ and its position error $r$ (the gap for a normal row, always 0 for friction), as long as the
+# force lies inside the cone:
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
 #
-# Otherwise the contact slides, and the minimisation finds a force on the cone. $\hat A$ estimates the row's entry on
-# the diagonal of $A$. MuJoCo computes the estimate once, from the masses in the start position, and keeps it. The
-# **impedance** $d$ lies between 0 and 1. It blends two accelerations: for a row on its own,
-# $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where $a_0$ is the acceleration without contact. At $d = 0$ there is no
-# contact. At $d = 1$ the row follows the reference exactly. The parameters:
+# Otherwise the contact slides, and its force lies on the cone. $\hat A$ estimates the row's entry on the diagonal of
+# $A$. MuJoCo computes the estimate once, from the masses in the start position, and keeps it. The **impedance** $d$
+# lies between 0 and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where
+# $a_0$ is the acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the row follows the reference
+# exactly. The parameters:
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k = 1/(d_1 T \zeta)^2$ and $b = 2/(d_1 T)$, where
-#   $d_1$ is the largest $d$. So the spring's $\omega$ is about $1/(\zeta T)$. The default (0.02 s, 1) gives a
-#   critically damped spring that settles in about a tenth of a second. MuJoCo raises $T$ to at least two steps, so a
-#   harder contact needs a shorter step.
-# * **solimp** = (d at touch, d at full depth, width, ...) sets $d$ as a function of the depth. The width is the depth
-#   from which $d$ no longer rises. By default $d$ rises from 0.9 to 0.95 over the first millimetre.
+#   $d_1$ is the largest $d$. The default (0.02 s, 1) gives a critically damped spring that settles in about a tenth
+#   of a second. MuJoCo raises $T$ to at least two steps, so a harder contact needs a shorter step.
+# * **solimp** = (d at touch, d at full depth, width, midpoint, power) sets $d$ as a function of the depth. The width
+#   is the depth from which $d$ no longer rises. Midpoint and power shape the S-curve in between. By default $d$ rises
+#   from 0.9 to 0.95 over the first millimetre.
 # * **impratio** divides $R$ in the friction rows of an elliptic cone. Above 1, friction yields less than the normal
 #   direction. (With pyramids there are no separate friction rows, and the manual advises against large values.)
-# * **condim** is the number of directions in which the contact has a force: 1 is the normal alone, 3 adds sliding
-#   friction, 4 adds friction against spinning, 6 adds rolling friction.
+# * **condim** is the number of forces and torques of the contact: 1 is the normal force alone, 3 adds two forces of
+#   sliding friction, 4 adds a torque against spinning, 6 adds two torques against rolling.
 #
 # Drag the impedance curve or change solref, and watch how a body of 1 kg lands and how deep it rests:
 # %%
@@ -1027,10 +1027,11 @@ predict("push_that_starts_too_slow")
 #
 # </details>
 #
-# In the right panel a ball flies at a wall and bounces off; the axes are its initial distance and its position after
-# 1 s. The true position rises with the distance. A simulator that applies the bounce at the end of its step has a
-# derivative of the wrong sign between its jumps. Compare a gradient with finite differences, for several changes of
-# the parameter.
+# In the right panel a ball flies at a wall and bounces off without loss. The horizontal axis is its initial distance,
+# the vertical one its position after 1 s, counted towards the wall. A ball that starts farther away bounces later, so
+# its true position rises with the distance. If a simulator applies the bounce only at the end of a step, the computed
+# position jumps as the distance changes, and between the jumps it falls: its derivative has the wrong sign. Compare a
+# gradient with finite differences, for several changes of the parameter.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -1147,10 +1148,11 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# We compare the models on four scenes; the last table adds a fifth. *Where
-# does a block stop* (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid?
-# *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1
-# mm)? *How far does a held glass slip* (1 mm)? The fifth: *how deep do the four legs of a table sink* (1 mm)?
+# We compare the models on four scenes; the last table adds a fifth. *Where is a braking block after 0.24 s*
+# (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid? (With the true
+# cone it has stopped by then.) *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light
+# body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)? The fifth: *how deep do the four legs
+# of a table sink* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
 # better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
@@ -1161,7 +1163,7 @@ from course.simulations.trade_off import TradeOff
 
 STEPS = (2e-2, 1e-2, 5e-3, 2e-3, 1e-3)
 measured = charts.work_precision("braking", STEPS, repeats=1)
-print("error of the stopping point at a step of 1 ms:")
+print("error of the position after 0.24 s, at a step of 1 ms:")
 for name in ("true cone (Newton)", "exact pyramid (LCP)", "MuJoCo Newton, elliptic"):
     curve = next(curve for curve in measured.curves if curve.name == name)
     print(f"{name:<24} {1e3 * curve.points[-1].error:6.2f} mm")
@@ -1184,7 +1186,7 @@ def my_model(problem):
 
 # %% tags=["hide-code"]
 def once(dt):
-    """Return the stopping point of the braking block, stepped with it."""
+    """Return the position of the braking block after 0.24 s, stepped with it."""
     requested, steps = charts.QUESTIONS["braking"], round(charts.DURATION / dt)
     h, q, v = charts.DURATION / steps, requested.scene.q, requested.scene.v
     for _ in range(steps):
@@ -1261,7 +1263,7 @@ more_claims("coal_is_the_truth")
 # %% [markdown]
 # ### What to pick
 #
-# The scenes above support the third and the fourth item; the others are our opinion.
+# The scenes above support the advice on small stacks and on compliant contacts; the rest is our opinion.
 #
 # * **A robot arm:** a soft convex model such as MuJoCo's. It has one answer and is fast on these small scenes. Use the
 #   elliptic cone; raise impratio where things are held, and harden solref or solimp where a heavy body rests on a light

@@ -2,7 +2,8 @@
 # # 3 · Simulation platforms
 #
 # *You load one robot into four simulators, and get four motions. Which one should you believe, and why do they
-# differ?* Below, four engines run the same model with the same step. Predict first what decides their errors.
+# differ?* Below, four engines run the same model with the same step: MuJoCo, Drake and PyBullet, three free
+# simulators, and this course's own code. Predict first what decides their errors.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -23,8 +24,9 @@ simulation("platforms")
 # **After this chapter you can** say what makes two simulators differ before you run them; set up a comparison that
 # means something; name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by
 # comparing measured errors and costs with what your job allows. You need semi-implicit Euler (chapter 1) and
-# Coulomb's law (chapter 2), and you should know what a robot's links, joints and mass matrix are (chapter 4 has the
-# details). The code of these three chapters runs here as a fourth engine, called *own code*.
+# Coulomb's law (chapter 2). A robot consists of **links**, its rigid bodies, and joints between them. Its **mass
+# matrix** says which torques the joints need for given accelerations (chapter 4). The code of chapters 1, 2 and 4 runs
+# here as a fourth engine, called *own code*.
 
 # %% tags=["hide-code"]
 import inspect
@@ -97,7 +99,7 @@ def heights(engine):
 def scenes_at(k, rise):
     """Draw three scenes at sample k and return the picture."""
     picture, axes = plt.subplots(1, 3, figsize=(9.6, 3.1), dpi=72, layout="constrained")
-    titles = ("block, fair, height x 20", "tower, fair, sinking x 300", "grasp, as shipped")
+    titles = ("block, fair, height x 20", "tower, fair, sinking x 100", "grasp, as shipped")
     for ax, title in zip(axes, titles, strict=True):
         _ = ax.set(title=title, xticks=[], yticks=[])
         ax.title.set_fontsize(10)
@@ -105,19 +107,23 @@ def scenes_at(k, rise):
         travelled = 1e3 * np.hypot(*outcome.paths[2, 1, 1, e, k])
         floor = -240.0 * e
         axes[0].plot([-60, 520], [floor, floor], color="0.6", lw=0.8)
-        up = floor + 20.0 * rise.get(name, np.zeros(SAMPLES))[k]
+        risen = floor + 20.0 * rise.get(name, np.zeros(SAMPLES))
+        up, path = risen[k], 1e3 * np.hypot(*outcome.paths[2, 1, 1, e, : k + 1].T)
+        axes[0].plot(path, risen[: k + 1], color=colour, lw=1.5)
         axes[0].add_patch(Rectangle((travelled - 50, up), 100, 60, color=colour))
         axes[0].text(-55, floor + 100, name, fontsize=8, color=colour)
-        sunk = max(0.0, -outcome.paths[3, 1, 1, e, k, 1]) * 300.0
+        sunk = max(0.0, -outcome.paths[3, 1, 1, e, k, 1]) * 100.0
         for n in range(5):
             size = (500.0 - sunk) / 5.0
-            axes[1].add_patch(Rectangle((150 * e, n * size), 90, 0.93 * size, color=colour))
+            axes[1].add_patch(Rectangle((150 * e, n * size), 90, 0.88 * size, color=colour))
         axes[1].text(150 * e + 45, -50, name, fontsize=8, color=colour, ha="center")
         fallen = outcome.paths[4, 1, 0, e, k, 1]
         axes[2].add_patch(Rectangle((60 * e - 14, -20), 6, 40, color="0.5"))
         axes[2].add_patch(Rectangle((60 * e + 8, -20), 6, 40, color="0.5"))
         if fallen > -60:
             axes[2].add_patch(Rectangle((60 * e - 7, fallen - 15), 14, 30, color=colour))
+        else:
+            axes[2].text(60 * e, -45, "fallen out", fontsize=8, color=colour, ha="center")
         axes[2].text(60 * e, -72, name, fontsize=8, color=colour, ha="center")
     _ = axes[0].set(xlim=(-70, 540), ylim=(-760, 200))
     _ = axes[1].set(xlim=(-50, 620), ylim=(-80, 560))
@@ -142,10 +148,11 @@ print(", ".join(f"{name} {max(0.0, x):.2f} mm" for name, x in highest.items()))
 Image(film.getvalue(), format="png")
 
 # %% [markdown]
-# All positions are from runs at a step of 1 ms. An engine may limit friction separately along two fixed directions on
-# the floor, the **axes of the contact**; the block is launched between them, at 22.5 degrees. The fingers press with
-# 1.02 times the force that the part needs. Drake's and PyBullet's blocks are drawn on the floor: launched along an
-# axis, they were in the air for less than 1 % of the time (section 3).
+# All positions are from runs at a step of 1 ms. Some engines limit friction along two fixed directions on the floor,
+# the **axes of the contact**, because this is easier to compute. The block is launched at 22.5 degrees to one of them.
+# The fingers press with 1.02 times the force that the part needs. The heights of Drake's and PyBullet's blocks were not
+# recorded. In a similar run they hardly left the floor (section 3), so they are drawn on it. The thin lines are the
+# paths of the blocks' lower edges.
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, higher if the
 # contact is set stiff, as here. **Towers sag**: a soft contact yields under load, and the lowest one carries the most.
@@ -343,8 +350,8 @@ show("engines_agree")
 #
 # Drake's *discrete* **plant** (its name for the simulated bodies) uses semi-implicit Euler; a continuous one uses a
 # Runge-Kutta scheme of order three with error control. The fitted orders of chain and arm in the chart are a little off
-# 1, because these motions amplify errors. The card below measures the tumble and a shorter fall of the arm, with fair
-# settings. (As shipped, PyBullet's error on tumble and arm doesn't depend on the step: its dashed lines are flat.)
+# 1, because these motions amplify errors. The card below measures the tumble and a shorter fall of the arm. (As
+# shipped, PyBullet's error on tumble and arm doesn't depend on the step: its dashed lines are flat.)
 #
 # **A worked example.** At 1 ms the chain is off by 21 mrad, and you may be off by 10. Euler at half the step costs
 # twice as much and just misses; it takes 0.4 ms, at two and a half times the cost. An RK4 step costs four times as
@@ -377,8 +384,12 @@ predict("out_of_the_box")
 # To compare engines rather than choices, both sides must simulate the same thing. The list of fair settings does two
 # things. It *undoes* what the scene doesn't have: air resistance, motors, inertias that are not in the file, and a
 # friction **pyramid**, which replaces Coulomb's round cone by flat sides. And it *chooses* how stiff a contact is,
-# since no scene says so: `impratio`, `solref` and `solimp` in MuJoCo, the stiffness of a patch in Drake (section 2
-# explains patches). Each change is listed with its reason:
+# since no scene says so: `impratio`, `solref` and `solimp` in MuJoCo, and in Drake the stiffness of a contact
+# **patch**, the area on which two bodies touch (section 2).
+#
+# In the table, a **servo** is a motor with a position controller; a damping ratio of 1 is critical (no overshoot);
+# **sweeps** are passes of a solver over all contacts; and **substeps** divide a step into smaller ones. Each change is
+# listed with its reason:
 
 # %%
 table(
@@ -396,8 +407,7 @@ table(
 # view. A time constant below 0.005 s sinks less at rest, but it also threw a sliding block off its slope. The manual
 # allows 0.005 s; our `solimp` goes a little beyond its advice.
 #
-# In PyBullet we left the solver's own settings as shipped: 50 sweeps over all contacts per step (section 3 explains
-# sweeps), error correction, no substeps.
+# In PyBullet we left the solver's own settings as shipped: 50 sweeps per step, error correction, no substeps.
 #
 # How much do the defaults cost? The table divides the error as shipped by the error with fair settings, both at 1 ms,
 # in the five scenes of the simulation: the tumble lasts 4 s, the chain 2 s, the block is launched at 22.5 degrees, the
@@ -450,11 +460,12 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # the wrong inertias alone, since damping and motors slow the motion down. In Drake it is one switch, from contact
 # points to contact patches.
 #
-# The longest bar to the left is the tower's: with the default pyramid it sinks about sixty times less. MuJoCo writes a
-# contact force as a sum of forces along the pyramid's edges, each with a normal and a tangential component. It sets
-# their stiffness so that friction is as stiff as with the elliptic cone. With a small $\mu$ the edges are steep, so the
-# normal direction becomes much stiffer: about six times at $\mu = 0.5$. An `impratio` of 10 stiffens the whole edge, so
-# it adds a factor of ten. With an elliptic cone it acts on friction only:
+# The longest bar to the left is the tower's: fair but with the default pyramid, it sinks about sixty times less. (As
+# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The reason lies in the
+# pyramid's edges. MuJoCo adds a contact force up from forces along these edges, and each of them is mostly normal. To
+# give friction the right stiffness, the edges must be stiff. This makes the normal direction about six times stiffer at
+# $\mu = 0.5$. An `impratio` of 10 stiffens the whole edge, so it adds a factor of ten. With an elliptic cone it acts on
+# friction only:
 
 # %%
 for cone in ("elliptic", "pyramidal"):
@@ -564,7 +575,7 @@ axes[0].text(-1.7, -0.95, "the box tips about this point", fontsize=9)
 for x in across[::2]:
     size = 0.15 + 0.5 * (1.0 - x**2)
     axes[1].annotate("", (x, -0.06 + size), (x, -0.06), arrowprops={**arrow, "lw": 1})
-axes[1].text(-1.7, -0.95, "the patch can carry a moment", fontsize=9)
+axes[1].text(-1.7, -0.95, "the patch resists tipping", fontsize=9)
 plt.show()
 
 # %%
@@ -635,9 +646,10 @@ figures(
 )
 
 # %% [markdown]
-# (Values below 1e-8 are drawn at 1e-8.) These are errors at the end of each motion. A motion can end well and be wrong
-# in between, so a second table records the largest error during the motion and the share of time without contact (for
-# *brake*, until Coulomb's law stops the block).
+# (Values below 1e-8 are drawn at 1e-8.) Fair settings bring the simulators together in rest, brake and slide. In tower
+# and grasp they still differ more than tenfold. These are errors at the end of each motion. A motion can end well and
+# be wrong in between, so a second table records the largest error during the motion and the share of time without
+# contact (for *brake*, until Coulomb's law stops the block).
 #
 # ![Largest error on the way and time in the air, by scene and engine](../docs/charts/platform_paths.png)
 
@@ -833,23 +845,25 @@ predict("millions_a_second")
 predict("five_numbers")
 
 # %% [markdown]
-# The simulation's radar chart has five axes. The table lists the measured values at an axis's centre (0) and end (1),
-# then where each engine stands. Each value is the median of the engine's values in several scenes. The first four axes
-# are logarithmic.
+# The simulation's radar chart has five axes. Columns 2 and 3 of the table are the measured values at the centre (0) and
+# at the end (1) of an axis; then follows each engine's place between 0 and 1, the median over several scenes. The first
+# four axes are logarithmic.
 
-# %%
-print(f"{'axis':<18}{'0 is':>9}{'1 is':>9}  " + "".join(f"{name:>11}" for name in outcome.engines))
-for k, (axis, (low, high)) in enumerate(AXES.items()):
-    print(
-        f"{axis:<18}{low:9.4g}{high:9.4g}  " + "".join(f"{x:11.2f}" for x in outcome.radar[:, k, 1])
-    )
+# %% tags=["hide-code"]
+table(
+    ("axis", "centre", "end", *outcome.engines),
+    [
+        (axis, f"{low:.4g}", f"{high:.4g}", *(f"{x:.2f}" for x in outcome.radar[:, k, 1]))
+        for k, (axis, (low, high)) in enumerate(AXES.items())
+    ],
+)
 
 # %% [markdown]
-# *Smooth accuracy*: how large is an engine's error in chain and tumble, divided by the tolerance, in the time that
-# MuJoCo needs at 1 ms? *Contact accuracy* is error divided by tolerance at 1 ms, in three scenes with contact. *Speed
-# in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays within the
-# tolerance. *Honesty* is the share of faulty models that the engine rejects or warns about. A thick band on an axis
-# spans the scenes.
+# For *smooth accuracy*, each engine gets the computing time that MuJoCo needs at 1 ms. The value is its error in chain
+# and tumble, divided by the tolerance. *Contact accuracy* is error divided by tolerance at 1 ms, in three scenes with
+# contact. *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that
+# stays within the tolerance. *Honesty* is the share of faulty models that the engine rejects or warns about. A thick
+# band on an axis spans the scenes.
 #
 # The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is $\tfrac12
 # \sin 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*. Reorder the
@@ -1002,8 +1016,8 @@ for preset, (scene, card_, fair) in {
 
 # %% [markdown]
 # Readouts: *ends apart* is the largest distance between the final positions of any two engines; *area of the five* is
-# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is relative to MuJoCo's fair step,
-# timed over many steps, also after the motion has ended. So it differs from section 3's cost of a motion.
+# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is relative to MuJoCo's fair step. It
+# was timed over many steps, also after the motion had ended, so it differs from section 3's cost of a motion.
 #
 # ## 6 · Speed against accuracy
 #
@@ -1049,16 +1063,16 @@ print_figures(
 
 # %% [markdown]
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python. For them the
-# panel shows the share of a step's time that 100 steps in one call save; in our compiled loop, nearly all. PyBullet is
-# called once per step. For it the panel shows the cost of a step in an *empty* world, as a share of the whole step:
+# panel shows how much of a step's time is saved if one call makes 100 steps: in our compiled loop, nearly all. PyBullet
+# makes one step per call. For it the panel shows the cost of a step in an *empty* world, as a share of the whole step:
 # with one link more than half. So a rate that you measure on a small scene says little about the engine's work on
 # bodies.
 #
 # On these scenes, the measurements suggest four choices. For smooth motion with weak damping, take RK4, in MuJoCo or
 # our code. If bodies may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this.
 # (Its pyramid sinks less, but turns a sliding block off its course.) For bodies that slide and must stay on the ground,
-# take PyBullet or Drake with fair settings. For a patch that must carry a moment, take Drake's hydroelastic contact, if
-# you can afford it.
+# take PyBullet or Drake with fair settings. For a contact area that must resist tipping, take Drake's hydroelastic
+# contact, if you can afford it.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("steps_per_second", "fewer_environments")
@@ -1091,15 +1105,18 @@ print_figures("platform_braking", "own code", "PyBullet, as")
 path = outcome.paths[2, 1, 0, outcome.engines.index("PyBullet")]
 speed = np.hypot(*(path[-1] - path[-2])) / (outcome.duration[2] / (len(path) - 1))
 print(f"PyBullet, as shipped: still {speed:.2f} m/s at the end of the simulation's scene")
+ends = 1.5  # the scene's duration over Coulomb's stopping time
+print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too far at that moment")
 
 # %% [markdown]
 # Along an axis, engines with fair settings lie nearly on one line: how far the block stops short is decided by the
-# scheme alone. (PyBullet leaves the line at the longest step.) Section 1's first claim, with its large difference on a
-# braking block, is no contradiction: it compares *errors* at 1 ms, which are all at most a millimetre of 41 cm.
+# scheme alone. (PyBullet leaves the line at the longest step.) Section 1's first claim reports a large difference on a
+# braking block. That was a difference between *errors* of about a millimetre; the stopping places, at 41 cm, agree.
 #
 # The large deviations come from defaults. A negative share in the printed lines means too far, at the end of a scene
 # that lasts one and a half times Coulomb's stopping time. PyBullet *multiplies* the coefficients of both bodies, so its
-# block has half the friction: it is 80 % too far when the scene ends, and still slides.
+# block has half the friction: it is 80 % too far when the scene ends, and still slides. (With half the friction alone
+# it would be further off, as the last line says. The default damping brakes it as well.)
 #
 # Drake as shipped stops far too early. Its two boxes touch in one point, and its contact approximation `lagged` limits
 # friction there with the normal force of the step before. With `sap`, which computes both forces in the same step, the
@@ -1180,8 +1197,8 @@ for settings in (AS_SHIPPED, FAIR):
 predict("part_that_sinks")
 
 # %% [markdown]
-# In MuJoCo, softened friction lets through a tangential acceleration $R_t f_t$ under the load $f_t$, and a damping $b$
-# [1/s] brakes the slip speed $v$ with $b\,v$. In steady creep the two balance: $v = R_t\,f_t/b$. The compliance $R_t$
+# In MuJoCo, a soft contact under the tangential load $f_t$ accelerates by $R_t f_t$. Damping takes $b\,v$ away at the
+# slip speed $v$, with $b$ in 1/s. In steady creep the two balance: $v = R_t\,f_t/b$. The compliance $R_t$
 # [1/kg] depends on the **impedance** $d$ of the contact, near 1 for a hard contact, and on the inverse mass $w$ of both
 # bodies. The option `impratio` divides it. **Noslip** is a second pass after the solver that reduces the slip that is
 # left; the chart runs it with 3 iterations.
@@ -1203,9 +1220,9 @@ print_figures(
 # and presses with 6 N; the fair grasp of section 3 is stiffer and creeps more slowly. Our code doesn't creep.)
 #
 # The law also answers a question that users asked in 2026 (MuJoCo's issue 3328): a part, pinched with several times the
-# force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is not a bug. It is a velocity, so its harm is
-# proportional to how long you hold the part. On a steeper slope one edge of the block loses its load and the law ends;
-# with a pyramid a part creeps faster.
+# force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is not a bug. The harm of a creep speed is
+# proportional to how long you hold the part. The law needs an elliptic cone, and a load on all corners: on a steep
+# slope one edge of the block carries nothing.
 #
 # ### The smallest force that holds
 #
@@ -1234,9 +1251,9 @@ for name, share in least.items():
 
 # %% [markdown]
 # In the chart a disc, in the printed lines an o means held and an x dropped, with the squeeze growing to the right.
-# (Our slow code ran at 8 ms only.) Chart and lines ask only whether the part *slips*: one that sinks steadily without
-# accelerating counts as held. The card below is stricter. There, a part that creeps by a millimetre in half a second
-# isn't held, so MuJoCo as shipped passes here and fails there.
+# (Our slow code ran at 8 ms only.) Here a part counts as dropped only if it *accelerates* downwards; a part that sinks
+# at a constant speed counts as held. The card below is stricter. There, a part that creeps by a millimetre in half a
+# second isn't held, so MuJoCo as shipped passes here and fails there.
 #
 # Three of the four have a threshold. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold
 # down to 0.98 of it: the part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave the
@@ -1279,8 +1296,7 @@ show("tower_by_engine")
 #
 # Debugging needs runs that repeat. **Bitwise** equality means that every bit of two results agrees: a test without a
 # tolerance to argue about. A program that does the same operations on the same numbers in the same order gets the same
-# bits. The card is about one machine, one process and one thread; across machines, versions or numbers of threads, sums
-# are computed in a different order and round differently.
+# bits. Other machines, versions or numbers of threads add the same numbers in a different order, and round differently.
 
 # %%
 show("fresh_worlds_repeat")
@@ -1323,11 +1339,11 @@ world.close()
 # as bad is a **silent repair**: the model runs, and isn't the one in your file.
 #
 # The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
-# library for robot dynamics. A reader's two bars are separate counts. Files that it repairs have no bar; the claim
-# below counts them as taken without a word. Among the names in the fold-out, *triangle* means moments of inertia that
-# no body can have (one exceeds the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue,
-# *short origin* and *comma* broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint
-# that copies another one.
+# library for robot dynamics. One bar of a reader counts rejected files, the other one swallowed files. Repaired files
+# are not drawn. (The claim below counts repaired files as swallowed.) Among the names in the fold-out, *triangle* means
+# moments of inertia that no body can have (one exceeds the sum of the other two), *indefinite* an inertia matrix with a
+# negative eigenvalue, *short origin* and *comma* broken lists of numbers, *long line* a valid file in one long line,
+# and *mimic* a joint that copies another one.
 #
 # ![Faulty models and features, by reader: rejected or swallowed](../docs/charts/platform_readers.png)
 
@@ -1405,12 +1421,13 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
 #
 # </div>
 
+# %% [markdown]
+# Here is a symptom to diagnose: MuJoCo's part sinks in its grasp. Find its row in the table below.
+
 # %%
 simulation("platforms", "Sinking grasp")
 
 # %% [markdown]
-# Which row of this table describes MuJoCo's part?
-#
 # <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>the model moves differently
 # from the robot, with equal torques</td> <td>inertias, damping, armature, friction</td> <td>torques for a given motion
 # against Pinocchio's in several postures; let it coast down</td> <td>read the model back; identify parameters (chapter

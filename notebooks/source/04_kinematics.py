@@ -145,8 +145,9 @@ show("fk_is_a_product")
 # **Worked example.** Take $l_1 = 1$ m, $l_2 = 0.8$ m, $q_1 = 30°$ and $q_2 = 60°$, the posture in the drawing. The
 # second link points straight up, at $30° + 60° = 90°$. So $x = 0.866 + 0 = 0.866$ m and $y = 0.5 + 0.8 = 1.3$ m.
 #
-# Always ask how an angle is measured. If the motor of the elbow sits in the base and drives the second link through a
-# belt, its encoder, the sensor of the angle, measures from the $x$ axis (the orange arc), and $q_2$ replaces $q_1+q_2$.
+# Always ask how an angle is measured. The sensor of an angle is called an **encoder**. If the elbow's motor sits in the
+# base and drives the second link through a belt, its encoder measures from the $x$ axis (the orange arc). Then write
+# $q_2$ where the formula has $q_1+q_2$.
 #
 # The same product works in space. From here on, our larger example is an arm with seven revolute joints, a **7-R arm**,
 # with the dimensions of the Franka Panda. The course stores a pose as seven numbers, a position and a unit quaternion.
@@ -171,11 +172,11 @@ more_claims("two_link_position")
 #
 # Three descriptions say where the joints are.
 #
-# **Homogeneous transforms**, six numbers per joint, are used by URDF files and this course's `Chain`.
+# **Homogeneous transforms**, six numbers per joint, are used by URDF robot files and this course's `Chain`.
 #
-# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. A frame may slide
-# along its joint's axis and turn about it. These two choices make two of the six numbers zero. The transform of one
-# joint, turn included, is
+# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. Each frame may lie
+# anywhere along its joint's axis, at any angle about it. These two choices make two of the six numbers zero. The
+# transform of one joint, turn included, is
 #
 # $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
@@ -243,10 +244,10 @@ plt.show()
 #
 # $$\mathrm{Ad}_T = \begin{pmatrix} R & 0 \\ [p]\,R & R \end{pmatrix} .$$
 #
-# With $T_{i-1} = e^{[S_1]q_1}\cdots e^{[S_{i-1}]q_{i-1}}$, the twist of joint $i$ after the joints before it have moved
-# is $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. At 1 rad/s it moves the tip, at $p$, with the velocity $v_i +
-# \omega_i\times p$. The cell checks tip and velocities for `two`, the arm of the drawings, with its `lengths` and its
-# `posture`:
+# When the joints before joint $i$ move, they carry its axis along. They move it by $T_{i-1} = e^{[S_1]q_1}\cdots
+# e^{[S_{i-1}]q_{i-1}}$, so the twist of joint $i$ becomes $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. A body
+# with this twist moves its point at $p$ with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities
+# for `two`, the arm of the drawings, with its `lengths` and its `posture`:
 
 # %% tags=["show-code"]
 from scipy.linalg import expm
@@ -320,8 +321,8 @@ for i in range(2):
 # This is the **geometric Jacobian**, with the linear rows first (in the twists above, $\omega$ came first). Pinocchio,
 # the C++ library of section 5, calls this choice `LOCAL_WORLD_ALIGNED`: velocity of the tip, in world axes. The lower
 # three rows give the angular velocity, which is not the derivative of any three angles. The **analytic Jacobian**
-# replaces these rows by the rates of Euler angles. Close to gimbal lock its entries grow without bound, even where the
-# arm itself is fine.
+# replaces these rows by the rates of Euler angles. At **gimbal lock**, the axes of two of the three angles lie on one
+# line. Close to it the entries grow without bound, even where the arm itself is fine.
 #
 # **Forces use the transpose.** Leave out mass, gravity and friction. Then the power that a force delivers at the tip
 # equals the power that the torques deliver at the joints; this is the principle of **virtual work**. So
@@ -423,8 +424,9 @@ for name, r in (
 
 # %% [markdown]
 # On each edge the two solutions merge into one. (Equal links have no hole. Folded, they reach the base in every
-# direction.) Drag the target from inside the ring to the outside and into the hole. The dashed arms are the exact
-# solutions; on the edge they merge:
+# direction.) In the simulation, the dashed arms are the exact solutions; the moving arm may hide one. The tip glows red
+# when it is close to the edge. Drag the target from inside the ring to the outside and into the hole: on the edge the
+# dashed arms merge.
 
 # %%
 simulation("arm", "Target out of reach")
@@ -478,9 +480,10 @@ show("two_link_jacobian")
 
 # %% [markdown]
 # For two links $\det J = l_1l_2\sin q_2$. The determinant is zero exactly where the elbow is stretched or folded, and
-# $q_1$ doesn't enter: turning the whole arm changes nothing. With more joints other postures are possible. In an arm
-# without a spare joint, a direction is lost whenever the axes of two revolute joints line up, even in the middle of the
-# workspace. On a wrist of three joints this happens when its first and last axis are parallel.
+# $q_1$ doesn't enter: turning the whole arm changes nothing. With more joints other postures are possible, even in the
+# middle of the workspace. In an arm with just as many joints as the task has numbers, a direction is lost whenever two
+# revolute axes lie on one line. In a wrist of three joints whose axes meet in a point, this happens when the first and
+# the last axis are parallel.
 
 # %%
 show("singular_stretched_or_folded")
@@ -518,7 +521,9 @@ more_claims("condition_is_a_product", "condition_needs_a_length")
 # ### Iterative inverse kinematics: pseudo-inverse and damping
 #
 # An arm of six or more joints has a convenient closed form only if its axes are arranged for it. Otherwise use Newton's
-# method: compute the error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat.
+# method: compute the error $e$ of the tip, solve $J\,\Delta q \approx e$ for a step, apply it, and repeat. If $J$ is
+# not square, take the step with the smallest error, and among several of these the shortest: the **minimum-norm
+# least-squares solution**.
 #
 # **The error of a pose.** For the position, subtract. Orientations can't be subtracted. Compute the rotation that is
 # missing, $\delta = Q_{\text{target}}\otimes Q_{\text{hand}}^{*}$, as a unit quaternion $(w, \vec v)$. A quaternion and
@@ -565,16 +570,16 @@ predict("gain_of_a_step")
 #
 # **Worked example.** Two degrees from stretched, our two-link arm has $s_{\min} = 0.014$ m/rad. The target is 1 cm
 # closer to the base. The pseudo-inverse asks for $0.01/0.014 = 0.7$ rad, or 40 degrees, for one centimetre. With
-# $\lambda =
-# 0.1$ m/rad the step is $0.01\cdot 0.014/(0.014^2+0.1^2) = 0.014$ rad. The arm stays calm, but the step removes only 2
-# % of the error.
+# $\lambda = 0.1$ m/rad the step is $0.01\cdot 0.014/(0.014^2+0.1^2) = 0.014$ rad. The arm stays calm, but the step
+# removes only 2 % of the error.
 
 # %%
 show("damped_gain")
 
 # %% [markdown]
 # Here the arm starts almost stretched, with the pseudo-inverse. Press *Play*: the joints jump at once, and *largest
-# gain so far* records the jump. Then try the damped step and move $\lambda$. The red glow grows with $1/s_{\min}$:
+# gain so far* records the jump. (The still shows the arm after it.) Then try the damped step and move $\lambda$. The
+# red glow grows with $1/s_{\min}$:
 
 # %%
 simulation("arm", "Jump beside the singularity")
@@ -645,7 +650,7 @@ end = here + 0.6 * along
 row = jacobian(two, end)[0]
 back = end + row * (1.2 - tip(two, end)[0]) / (row @ row)
 figure_, axes = plt.subplots(figsize=(6.8, 3.8), layout="constrained")
-_ = axes.plot(a, curve, color="#3b6ea5", label="solutions with x = 1.2 m (upper half)")
+_ = axes.plot(a, curve, color="#3b6ea5", label="solutions with x = 1.2 m and q1 + q2 > 0")
 _ = axes.plot(*np.column_stack([here, end]), "o-", color="tab:orange", label="null-space step")
 _ = axes.plot(*np.column_stack([end, back]), "o-", color="tab:green", label="one IK step")
 _ = axes.set(xlabel="q1 [rad]", ylabel="q2 [rad]", title="the null space is only the tangent")
@@ -658,7 +663,7 @@ predict("tip_in_the_null_space")
 # %% [markdown]
 # The green ball is the elbow, with its path. The orange arrows are the target frame of the hand, the black ones its
 # present frame. The number *off by one step / h²* is the motion of the hand in one step, divided by $h^2$. It hardly
-# changes when you change $h$.
+# changes when you change $h$, but it does depend on the posture. (The claim below has its median over random postures.)
 
 # %%
 simulation("elbow")
@@ -708,23 +713,24 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # %% [markdown]
 # ### The swivel angle: six joints in closed form
 #
-# For an arm like the Panda you can walk along the curve of solutions without iterating. Choose the angle of the last
-# joint. Only the last link lies between the wrist and the hand, so now you know where the wrist is. The first three
-# axes meet in the shoulder, which never moves. Shoulder, elbow and wrist form a triangle with three known sides, and
-# the law of cosines gives the angle of the elbow.
+# For an arm like the Panda you can walk along the curve of solutions without iterating. Its wrist is the point where
+# the axes of joints 5 and 6 meet. Choose the angle of joint 7: only this joint lies between the wrist and the hand, so
+# now you know where the wrist is. The first three axes meet in the shoulder, which never moves. Shoulder, elbow and
+# wrist form a triangle with three known sides, and the law of cosines gives the angle of the elbow.
 #
 # The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**, zero
-# with the elbow straight above the line. It follows from the forearm: its axis makes a known angle with the line, which
-# describes a cone, and it is perpendicular to the next axis of the wrist, which describes a plane. Cone and plane meet
-# in two lines or in none. With two bends of the elbow and two postures of the shoulder, each angle of the last joint
-# allows up to eight postures.
+# with the elbow straight above the line. To find it, look for the direction of the forearm. The forearm makes a known
+# angle with the line from shoulder to wrist, so it lies on a cone. It is also perpendicular to the axis of joint 6, so
+# it lies in a plane. Cone and plane meet in two lines or in none. With two bends of the elbow and two postures of the
+# shoulder, each angle of the last joint allows up to eight postures.
 #
 # ![All postures of one pose; share of poses without an answer against time](../docs/charts/seven_joint.png)
 #
 # On the left, every point is a posture with the same pose of the hand. On the right, each method looks for one posture
 # within the joint limits. The numbers say how many angles of the last joint, or how many random starts, it tries. Our
-# compiled search needs about the same time. The closed form is worth it for something else: it gives all postures, and
-# its error is rounding instead of the tolerance of a search. If it has no answer, there is none for this angle.
+# compiled search is faster, and in a batch several times as fast (see the fold-out). The closed form is worth it for
+# something else: it gives all postures, and its error is rounding instead of the tolerance of a search. If it has no
+# answer, there is none for this angle.
 
 # %%
 figures(read("seven_joint"), summary="Time, answers and errors")
@@ -788,22 +794,22 @@ plt.show()
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | force per acceleration of a link when the motors beyond it are slack | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | how heavy each link feels if the joints beyond it are free | $O(n)$ |
 #
 # RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
 # Differentiate this for the angular acceleration $\alpha$. Relative to its (revolute) joint, a point of the link at $r$
 # accelerates by $\alpha\times r + \omega\times(\omega\times r)$. Use this for the next joint, and for the acceleration
 # $a_c$ of the centre of mass. The link needs the force $m\,a_c$ and the torque $I\alpha+\omega\times I\omega$.
 #
-# *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. A force $f$ that
-# is passed on adds the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest.
-# Gravity costs nothing extra. In a lift that accelerates upwards everything feels heavier, so let the base accelerate
-# upwards at $g$ instead.
+# *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. The link's own
+# force acts at its centre of mass, the passed-on one at the next joint. Each force $f$, at $r$ from this joint, adds
+# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. In a lift that
+# accelerates upwards everything feels heavier, so let the base accelerate upwards at $g$ instead.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
 #
-# The three algorithms must agree, which is a good test:
+# The three algorithms must agree:
 
 # %% tags=["show-code"]
 free = replace(arm, damping=0.0)  # joints without friction
@@ -819,7 +825,7 @@ print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
 # A second test is energy. A falling arm without motors and friction keeps it, so with RK4 from chapter 1 the drift must
-# fall by a factor of at least $2^4 = 16$ when the step is halved. If $h$ is wrong in a way that does work, the drift
+# fall by a factor of about $2^4 = 16$ when the step is halved. If a wrong $h$ changes the energy, the drift
 # stays:
 
 # %% tags=["hide-code"]
@@ -838,7 +844,7 @@ more_claims("articulated_bodies_lose_fewer_digits")
 # %% [markdown]
 # ### Identification: what can torques tell about the masses?
 #
-# The data sheet is wrong. Can you measure the masses without taking the arm apart?
+# Can you measure the masses without taking the arm apart?
 #
 # Each link has ten inertial numbers: its mass, three first moments (mass times centre of mass), and six second moments.
 # Torques are *linear* in all of them: $\tau = Y(q,\dot q,\ddot q)\,\theta$. The matrix $Y$ is the **regressor**. So you
@@ -889,10 +895,9 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 # joint space angles, actuator space torques and currents. Feedback runs on each level, one control loop inside the
 # other.
 #
-# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that
-# its commands are executed
-# at once. As a rule of thumb each loop runs three to ten times as fast as the loop
-# around it. Only the innermost loops need a kilohertz or more.
+# **The inner loop must be fast compared with the loop that closes around it.** The outer loop can then assume that its
+# commands are executed at once. As a rule of thumb each loop runs three to ten times as fast as the loop around it.
+# Only the innermost loops need a kilohertz or more.
 
 # %% tags=["hide-code"]
 LEVELS = (
@@ -983,6 +988,9 @@ source(kinematics.null_space)
 # a damped step per iteration. The library's `ik` adds three things: it enforces joint limits, it restarts from another
 # posture when it gets stuck, and it says *why* it failed.
 
+# %%
+show("listing_reaches_its_target")
+
 
 # %% tags=["show-code"]
 def follow(chain, goal, q, damping=0.1, tolerance=1e-4, at_most=100):
@@ -1005,9 +1013,6 @@ print(f"target {goal[:2]}, reached {tip(pair, reached)[:2].round(4)} after {take
 for place in (goal, np.array([1.8, 0.5, 0.0])):
     one = ik(pair, place, np.array([0.5, 0.5]))
     print(f"ik to {place[:2]}: {one.reason}, off by {one.distance:.1e} m, {one.starts} starts")
-
-# %%
-show("listing_reaches_its_target")
 
 # %%
 more_claims("listing_converges")
@@ -1071,8 +1076,8 @@ figures(read("arm_throughput"), summary="Ratios of the times, one state and 10,0
 # All three agree up to rounding, so no accuracy is traded for speed. With one state per call, the course spends most of
 # its time on checking arguments and creating arrays. A batch shares this fixed cost: to the right of the crossing the
 # course is faster. Pinocchio's batch calls save the overhead of Python too, but close only a part of the gap; we did
-# not measure where the rest comes from. With the largest batch the course's Jacobians are hardly faster than
-# Pinocchio's.
+# not measure where the rest comes from. With 100,000 states per batch, where the chart ends, the rate of the course's
+# Jacobians falls almost to Pinocchio's. (The fold-out has 10,000.)
 #
 # ### Jacobians from finite differences
 #
@@ -1102,11 +1107,13 @@ print_figures(
 # ### How many poses does a solver find?
 #
 # The benchmark has ten thousand reachable poses of the 7-R arm, to be solved within the joint limits to a micrometre
-# and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger. The
-# *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one start.
-# *Clamped, 20 starts* adds joint limits and restarts. *Same with full steps* also takes the whole step in place of a
-# tenth. The course's compiled solver begins at random postures (*uniform starts*) or at the *nearest of a table* of
-# random postures:
+# and a microradian. The Python loops get only three hundred of them, so their uncertainty, shaded, is larger. (The
+# claim below has its own sample of 400 poses, so its percentages differ a little.)
+#
+# The *usual loop* is the example from Pinocchio's documentation: a tenth of each pseudo-inverse step, no limits, one
+# start. *Clamped, 20 starts* adds joint limits and restarts. *Same with full steps* also takes the whole step in place
+# of a tenth. The course's compiled solver begins at random postures (*uniform starts*) or at the *nearest of a table*
+# of random postures:
 #
 # ![Share of poses solved against time per pose](../docs/charts/ik_success.png)
 
@@ -1129,13 +1136,14 @@ figures(read("ik_success"), summary="Steps, starts, and poses solved per second"
 
 # %% [markdown]
 # Joint limits in every step and restarts decide *whether* a pose is solved. Full steps instead of tenths make the same
-# loop several times as fast. A start from the table saves steps, but the look-up costs time: in the fold-out it pays
-# only for ordinary poses that are solved in one batch.
+# loop several times as fast. A start from the table saves steps, but its look-up costs time. It pays only for ordinary
+# poses that are solved in one batch.
 #
 # ### Which step for which tolerance?
 #
 # Here are forty poses near a start. Every method runs for one to forty steps. Drag the tolerance, or move it with the
-# arrow keys. On each side a circle marks the cheapest run that meets it; the text below states the cost.
+# arrow keys. On each side a circle marks the cheapest run that meets it: the fewest steps on one side, the least time
+# on the other. These may be different methods.
 
 # %% tags=["hide-code"]
 from course.measure.work_precision import Method, Result, measure
@@ -1175,10 +1183,10 @@ print(f"fewest steps for an error below 1e-6: {best.count:.0f} (remaining error 
 TradeOff(result)
 
 # %% [markdown]
-# Counted in steps, the pseudo-inverse, the adaptive step and Levenberg-Marquardt converge like Newton's method near the
-# solution. In time, Levenberg-Marquardt is ahead. It solves a small linear system per step, where the other two compute
-# singular values. The next chart compares an ordinary target with one exactly on the edge of the workspace of two
-# links, where the solution itself is singular:
+# Near the solution, the pseudo-inverse, the adaptive step and Levenberg-Marquardt about double the number of correct
+# digits in each step. In time, Levenberg-Marquardt is ahead. It solves a small linear system per step, where the other
+# two compute singular values. The next chart compares an ordinary target with one exactly on the edge of the workspace
+# of two links, where the solution itself is singular:
 #
 # ![Remaining error against steps, for an ordinary target and one on the edge](../docs/charts/ik_residual.png)
 
@@ -1210,9 +1218,8 @@ print_figures("velocity_limits", "clipped", "quadratic program", "time of mink",
 # hand, but a single joint at its limit stops the whole arm. The program is not perfect either: it looks no further than
 # one cycle, and may lead the arm to a limit that a planner would have avoided. Shorter cycles don't change that.
 #
-# With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller, and
-# on the path at the right mink's are smaller away from the limits. The printed figures are for cycles of 5 ms, the next
-# claim's for 50 ms on other paths.
+# With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller; we
+# have not found out why. The printed figures are for cycles of 5 ms, the next claim's for 50 ms on other paths.
 
 # %%
 more_claims("clipped_velocities")
@@ -1242,8 +1249,8 @@ figures(
 #
 # ### What to pick
 #
-# * *Two joints and a point, three joints and a point with a heading, six with a wrist whose axes meet*: the closed
-#   form. It returns all solutions, without iterations and without a start.
+# * *Two joints and a point, three joints and a point with a direction of the hand, six with a wrist whose axes meet*:
+#   the closed form. It returns all solutions, without iterations and without a start.
 # * *Following a path, at every tick*: one or two steps from the last posture, adaptive or Levenberg-Marquardt, checked
 #   by forward kinematics. With hard limits, a quadratic program.
 # * *A single pose without a previous solution*: Levenberg-Marquardt with joint limits and random restarts (in a batch,
@@ -1257,10 +1264,11 @@ figures(
 # ### How much damping is enough?
 #
 # The tip is commanded to move at 0.1 m/s, and the joints can do 2 rad/s (the norm of both), so the gain must stay below
-# 20 rad/m. Under the black line of the map the gain exceeds it. The predicted boundary (dashed), $s/(s^2+\lambda^2)$
-# equal to that limit, lies on the measured one. In the right-hand panel the tip is led past the hole around the base in
-# points 2 mm apart, with one damped step per point. Weak damping adds no error, and strong damping makes the tip miss
-# its points by up to centimetres. In between there is no simple rule: the curves rise, fall and cross.
+# 20 rad/m. Below the black line of the map the joints are too fast. The predicted boundary (dashed),
+# $s/(s^2+\lambda^2)$ equal to that limit, lies on the measured one. In the right-hand panel the tip is led past the
+# hole around the base in points 2 mm apart, with one damped step per point. Weak damping adds no error, and strong
+# damping makes the tip miss its points by up to centimetres. In between there is no simple rule: the curves rise, fall
+# and cross.
 #
 # ![Joint speed against elbow bend and damping, and the tracking error that damping
 # costs](../docs/charts/damping_map.png)
@@ -1568,7 +1576,7 @@ check(rnea_planar)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# An IK loop runs until forward kinematics agrees with the target. So if it converges, its result is correct even with a
+# An IK loop runs until forward kinematics agrees with the target. So if it converges, the *pose* is correct even with a
 # wrong Jacobian, and bugs can hide there. Here is an example. The **flange** is the plate at the end of the arm to
 # which a tool is screwed. This loop computes the Jacobian at the flange, although the tip of the tool is 35 cm away:
 
@@ -1591,7 +1599,7 @@ for name, point in (("at the tool", longer.tool[:3]), ("at the flange", flange))
     )
 
 # %% [markdown]
-# Both loops return correct angles. If the loop converges, a wrong Jacobian shows in the *number of steps* or in a
+# Both loops reach the pose. If the loop converges, a wrong Jacobian shows in the *number of steps* or in a
 # comparison with finite differences, but not in the remaining error. (With a flipped sign the loop would not converge.)
 # The same matrix also turns forces into torques, printed here for the first three joints. Nothing corrects those.
 #
@@ -1770,9 +1778,9 @@ interview("kinematics")
 # %% [markdown]
 # ### Checkpoint
 #
-# These three formulas are not on this page, but you can derive them from what is: the coupling entry of the mass
-# matrix of two rods, the radius of the hole when the elbow has a limit, and the pseudo-inverse step close to a
-# singularity. The checkpoint is passed when all three are correct.
+# These three formulas are not written out on this page, but you can derive them from what is: the coupling entry
+# $M_{12}$ of the mass matrix of two rods, the radius of the hole when the elbow has a limit, and the pseudo-inverse
+# step close to a singularity. The checkpoint is passed when all three are correct.
 
 # %%
 checkpoint(

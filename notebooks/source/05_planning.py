@@ -49,8 +49,8 @@ from course.kinematics import compose, frames, panda, tip
 from course.planning import check_path, length, plan, scenes, time_parameterise
 from course.planning.worlds import DISC, LAST_SIDE
 
-BLUE, ORANGE, GREY, GREEN, RED, ROSE = (
-    "#0072b2", "#d55e00", "#8a8a8a", "#009e73", "#c0392b", "#e9a3a0",
+BLUE, ORANGE, GREY, GREEN, RED, ROSE, PURPLE = (
+    "#0072b2", "#d55e00", "#8a8a8a", "#009e73", "#c0392b", "#e9a3a0", "#8e44ad",
 )  # fmt: skip
 HALO = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8}
 
@@ -80,10 +80,14 @@ def obstacles(axis, world):
 
 
 def branches(axis, nodes, parents, ink, width=0.9):
-    """Draw the edges of a tree, nodes (2, m), each from its parent."""
+    """Draw the edges of trees, nodes (2, m), each from its parent; a second tree is purple."""
     for i, parent in enumerate(parents):
         if parent >= 0:
-            _ = axis.plot(*nodes[:, [parent, i]], color=ink, lw=width)
+            root = parent
+            while parents[root] >= 0:
+                root = parents[root]
+            tint = ink if root == 0 else PURPLE
+            _ = axis.plot(*nodes[:, [parent, i]], color=tint, lw=width)
 
 
 def ends(axis, start, goal):
@@ -308,7 +312,9 @@ high = 3.2 + np.sqrt(3.9**2 - 2.6**2)
 _ = axes[1].plot([0.5, 9.5], [high, high], color=GREY)
 _ = axes[1].plot([2.4, 7.6], [high, high], "o", color=GREEN)
 _ = axes[1].plot([5, 7.6, 5, 5], [3.2, high, high, 3.2], color="black", lw=1)
-for spot, word in (((5.8, 6.5), "s/2"), ((3.9, 4.6), "h"), ((5.85, 3.4), r"$\sqrt{h^2 + s^2/4}$")):
+_ = axes[1].plot([5, 5 - 3.2 * np.cos(0.4)], [3.2, 3.2 - 3.2 * np.sin(0.4)], color=GREY, lw=1)
+for spot, word in (((5.8, 6.4), "s/2"), ((4.5, 4.6), "h"), ((3.2, 2.9), "r"),
+                   ((5.85, 3.4), r"$\sqrt{h^2 + s^2/4}$")):  # fmt: skip
     _ = axes[1].text(*spot, word, fontsize=9)
 bare(axes[1], "enlarged disc (dashed): nothing missed")
 axes[2].add_patch(plt.Circle((6.0, 7.4), 2.2, color=ROSE))
@@ -335,9 +341,9 @@ plt.show()
 #
 # For a point robot among discs and polygons, checking points is unnecessary. The distance from a disc's centre to a
 # segment can be computed exactly. That takes about as long as checking one point, and it misses nothing. The chart
-# shows the share of colliding edges that each method accepts. OMPL, the library of section 6, checks points as well, so
-# its markers lie on ours. The thin dark lines through the markers (*closed form*) are formulas for what points miss;
-# the bands are two standard errors to each side. Our exact test stays at zero:
+# shows the share of colliding edges that each method accepts. OMPL, an open-source planning library, checks points as
+# well, so its markers lie on ours. The thin dark lines (*closed form*) predict the share that points miss. The bands
+# show two standard errors. Our exact test stays at zero:
 #
 # ![Share of colliding edges that points along the edge miss, and that an exact test misses
 # (none)](../docs/charts/thin_obstacles.png)
@@ -349,12 +355,12 @@ plt.show()
 # arm can move farther than $g$ during the next stretch of the motion, that stretch is free. Go to the end of that
 # stretch, measure again, and repeat. (The sketch shows a single point, for which the gap is a circle.)
 #
-# How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$. From here on, $s$ is the share of
-# the edge that is done, from 0 to 1, and no longer a spacing. When joint $i$ turns by $\Delta q_i$, a point at a
-# distance $r$ from that joint moves at most $r\,|\Delta q_i|$. Let $r_i$ be the reach of the part of the arm beyond
-# joint $i$ when that part is stretched out. Then the safe step is
+# How far can a point of the arm move? Let the edge lead from $q$ to $q + \Delta q$, and let $\lambda$ be the share of
+# the edge that is done, from 0 to 1. When joint $i$ turns by $\Delta q_i$, a point at a distance $r$ from that joint
+# moves at most $r\,|\Delta q_i|$. Let $r_i$ be the reach of the part of the arm beyond joint $i$ when that part is
+# stretched out. Then the safe step is
 #
-# $$\boxed{\;\Delta s = \frac{g(q)}{\sum_i r_i\,|\Delta q_i|}\;}$$
+# $$\boxed{\;\Delta \lambda = \frac{g(q)}{\sum_i r_i\,|\Delta q_i|}\;}$$
 #
 # **A worked example.** Two links of 1 m, both joints turn by 0.5 rad. Then $r_1 = 2$ m, $r_2 = 1$ m, and no point moves
 # farther than $2 \cdot 0.5 + 1 \cdot 0.5 = 1.5$ m along the whole edge. With a gap of 0.3 m, the first $0.3/1.5 = 20$ %
@@ -428,7 +434,7 @@ figure_, axes = plt.subplots(1, 3, figsize=(9.5, 3.2), layout="constrained")
 nodes = np.array([[1.2, 2.6, 3.4], [1.5, 2.6, 4.2]])
 second = np.array([[8.8, 8.0], [8.6, 7.0]])
 new, sample = np.array([4.9, 4.9]), np.array([8.2, 6.2])
-for points, ink in ((nodes, BLUE), (second, "#8e44ad")):
+for points, ink in ((nodes, BLUE), (second, PURPLE)):
     _ = axes[0].plot(*points, "o-", color=ink, ms=4)
 _ = axes[0].plot(*sample, "x", color="black", ms=8)
 _ = axes[0].plot([3.4, 4.9], [4.2, 4.9], color=ORANGE, lw=2.5)
@@ -450,6 +456,9 @@ for axis, method in zip(axes[1:], ("rrt", "rrt_connect"), strict=True):
 plt.show()
 
 # %% [markdown]
+# Left: the tree that extends is blue, its new edge orange; the other tree is purple, its connecting edges green. In the
+# other two sketches, blue is the tree of the start, purple that of the goal, and the green line is the path.
+#
 # **A worked example.** Start and goal are 11.3 m apart, nothing is in the way, the step size is 1 m. In the first round
 # the tree of the start adds one node. The tree of the goal then walks all the way to it, about eleven nodes, and the
 # problem is solved with a single sample. If instead each tree adds one edge per sample, the two approach by 2 m per
@@ -466,10 +475,10 @@ simulation("growing", "Narrow gap")
 
 # %% [markdown]
 # Try several seeds and both planners. The number of samples varies enormously from seed to seed, so comparing two
-# single runs, as in the picture above, shows nothing. A comparison needs its settings (scene, wall, step size, goal
-# bias, edge check, when the goal counts as reached), the spread over many seeds, and the path length before and after
-# shortening. Here is one with all of them: a square of 10 m, a wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT,
-# exact edge checks, a goal that has to be connected, 100 seeds.
+# single runs shows nothing. A comparison needs its settings (scene, wall, step size, goal bias, edge check, when the
+# goal counts as reached), the spread over many seeds, and the path length before and after shortening. Here is one with
+# all of them: a square of 10 m, a wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal
+# that has to be connected, 100 seeds.
 
 # %% tags=["hide-code"]
 lines = [
@@ -498,11 +507,11 @@ for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
 table(*lines)
 
 # %% [markdown]
-# Read the last two columns together. A gap that is hard to find makes the search longer, and before shortening
-# RRT-Connect's path too. After shortening (section 3) both planners return practically the shortest path, so in this
-# scene path length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap. Other cards give
-# other numbers, because they use 300 seeds, or means instead of medians. In a bug trap that matters: a few very long
-# runs raise RRT-Connect's mean far above its median.
+# Read the last two columns together. A narrower gap lengthens the search. It also lengthens the raw path of
+# RRT-Connect. After shortening (section 3) both planners return practically the shortest path, so in this scene path
+# length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap. Other cards give other
+# numbers for the same gap, because they use 150 to 300 seeds, or means instead of medians. Mean and median can differ
+# widely: in a bug trap, a few very long runs raise the mean of RRT-Connect far above its median.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -523,8 +532,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
-# surface. If a bridge test finds nothing after many attempts, it gives up and takes a uniform sample instead. All
-# bridge samples that you see in open space below are such uniform samples:
+# surface. Our sampler gives up the bridge test after many attempts without a result and takes a uniform sample instead.
+# All bridge samples that you see in open space below are such uniform samples:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -592,9 +601,10 @@ plt.show()
 # and $4.6 + 4.8 = 9.4$ m is shorter, so *c* is rewired. Node *b* is not: its path of 6.7 m is shorter than the 8.0 m
 # over the new node. (In the sketch, the numbers are path lengths from the start, and the dotted circle is the radius.)
 #
-# The length of the best path never increases. It converges to the optimum with probability one under two conditions:
-# the radius does not shrink too fast as the tree grows, and paths with some clearance come arbitrarily close to the
-# optimum. Such a planner is **asymptotically optimal**.
+# A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability one.
+# Consider what that takes. A node changes its parent only for a shorter path. With a radius that shrinks too fast, a
+# new node soon finds no neighbours to compare. And a shortest path that squeezes through a gap of zero width is never
+# sampled.
 
 # %%
 show("rrt_star_converges")
@@ -612,10 +622,10 @@ show("rrt_star_converges")
 #
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
-# Lines are medians over seeds, bands quartiles. The circle marks the fastest setting within 5 % of the optimum:
-# RRT-Connect in both scenes, followed by a few rounds of shortening at the gap. Around the disc its lead is clear; at
-# the gap Informed RRT\* is close behind. (The planner PRM\* belongs to the next part.) With 10 ms to spend, RRT-Connect
-# with shortcuts gives the shorter path around the disc, and Informed RRT\* at the gap.
+# Lines are medians over seeds, bands quartiles. The circle marks the fastest setting within 5 % of the optimum: around
+# the disc RRT-Connect alone, at the gap RRT-Connect with a few rounds of shortening. Around the disc its lead is clear;
+# at the gap Informed RRT\* is close behind. (The planner PRM\* belongs to the next part.) With 10 ms to spend,
+# RRT-Connect with shortcuts gives the shorter path around the disc, and Informed RRT\* at the gap.
 
 # %%
 more_claims("informed_rrt_star")
@@ -665,18 +675,18 @@ for axis, (title, inks) in zip(axes[1:], states_, strict=True):
     ends(axis, points[:, 0], points[:, 8])
     bare(axis, title)
 world_ = scenes.discs()
-road = planning.build_roadmap(world_.world, 150, 0)
+road = planning.build_roadmap(world_.world, 110, 0)
 obstacles(axes[0], world_.world)
 for i, j in road.pairs[road.status == 1]:
     _ = axes[0].plot(*road.nodes[[i, j]].T, color=BLUE, lw=0.4)
 _ = axes[0].plot(*road.nodes.T, ".", color=BLUE, ms=3)
-bare(axes[0], "a roadmap among discs")
+bare(axes[0], "a small roadmap among discs")
 plt.show()
 
 # %% [markdown]
-# In the two sketches on the right, green edges are on the present candidate and free, the red one collides, blue ones
-# were found free before but are not on the present candidate, and grey ones were never checked. The dashed edge is on
-# the first candidate, but the check stopped before it.
+# The left sketch shows the free edges of a small roadmap. In the other two, green edges are on the present candidate
+# and free. The red edge collides. Blue edges were found free earlier, and grey ones were never checked. The dashed edge
+# is on the first candidate, but the check stopped before it.
 
 # %%
 show("lazy_tests_the_final_path")
@@ -732,8 +742,8 @@ for k in range(5):
     reply = plan(world, *pair, method="roadmap", roadmap=roadmap, budget=20_000, rng=k, step=1.0)
     passed = "free" if check_path(world, reply.path, *pair) else "in collision"
     rows.append((k + 1, reply.edge_checks, reply.path.shape[1], passed))
-rows.append(("stored roadmap", f"{len(roadmap.pairs):,} edges", f"{len(roadmap.nodes)} nodes", ""))
-table(*rows)
+counts = f"The stored roadmap has {len(roadmap.nodes)} nodes and {len(roadmap.pairs):,} edges."
+Markdown(f"{table(*rows).data}\n\n{counts}")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -753,8 +763,9 @@ more_claims("cached_roadmap")
 #
 # The path of a tree zigzags, because it runs through random points. **Shortcutting** repairs that: pick two points on
 # the path at random, and if the straight edge between them is free, replace the part between them by this edge. Repeat
-# a few hundred times. Choose the points anywhere on the path. If you allowed only **waypoints**, the corner points of
-# the path, a path with a single corner could be improved only by the straight line from start to goal.
+# a few hundred times. The ends and corner points of a path are its **waypoints**. Choose the two points anywhere on the
+# path, not only among the waypoints. Between waypoints, a path with a single corner has only one possible shortcut, the
+# straight line from start to goal.
 
 # %%
 show("shortcut_never_lengthens")
@@ -815,7 +826,8 @@ table(*rows)
 # %% [markdown]
 # The limits are 1 m/s and 1 m/s², for x and for y separately; on a diagonal the point may be faster. The last row holds
 # a lesson. The smoothed path has many waypoints, and a robot that stops at each of them is slower than on the raw path
-# of the tree. It is the *motion* that has to be smooth, not the drawing of the path.
+# of the tree. It is the *motion* that has to be smooth, not the drawing of the path. Where the timing rounds the
+# corners, smoothing first gains nothing here.
 #
 # ### Smoothing and trajectory optimisation
 #
@@ -826,16 +838,17 @@ table(*rows)
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
 # that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) replaces the cost near the current path
 # by a **convex** one, whose only minima are global. This cost penalises waypoints that are too close to an obstacle.
-# (The published version also penalises the volume swept between waypoints; the one on this page adds only the middles
-# of the edges.) TrajOpt minimises that cost, moves the path a little, and repeats.
+# (The published version also penalises collisions of the volume swept between waypoints. Ours tests only the midpoint
+# of each edge.) TrajOpt minimises that cost, moves the path a little, and repeats.
 #
 # **STOMP** (Kalakrishnan and others 2011) needs no gradient: it samples noisy variations of the trajectory and averages
 # them, weighted by their cost.
 #
-# All of them start from an **initial guess**, and it decides a lot. Paths on different sides of an obstacle belong to
-# different **homotopy classes**: you can't deform one into the other without crossing the obstacle. A small deformation
-# usually stays in its class. If the initial guess runs through the obstacle, it is hard to predict which side it ends
-# on, or whether it gets out at all.
+# All of them start from an **initial guess**, and it decides a lot. If no deformation turns one path into another
+# without crossing an obstacle, the two belong to different **homotopy classes**. In the plane, these are the paths on
+# different sides of an obstacle. (In three dimensions a path can slide over a ball to its other side.) A small
+# deformation usually stays in its class. If the initial guess runs through the obstacle, it is hard to predict which
+# side it ends on, or whether it gets out at all.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(6.5, 3.0), layout="constrained")
@@ -856,8 +869,8 @@ plt.show()
 
 # %% [markdown]
 # The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from the
-# start near the lower left corner over one via point to the goal near the upper right corner. The colour at the via
-# point shows how the optimiser's result turned out: free and short, free and longer, or in collision.
+# start near the lower left corner to the goal near the upper right corner. The point where the lines meet is its **via
+# point**. The colour there shows the optimiser's result: free and short, free and longer, or in collision.
 #
 # ![Result of two optimisers for 169 initial guesses, at the via point of each
 # guess](../docs/charts/optimiser_minima.png)
@@ -871,10 +884,9 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# The card below repeats the test with other settings and in a more crowded scene, that of the shortcutting picture,
-# where nearly every guess runs through discs. It is the scene that makes the difference: with the chart's settings, the
-# shares there stay similar. The remedy is a better initial guess, such as a planner's path, or several guesses of which
-# you keep the best valid result.
+# The card below repeats the test in a more crowded scene, that of the shortcutting picture, where nearly every guess
+# runs through discs. It also uses other settings, but they hardly change its shares. The remedy is a better initial
+# guess, such as a planner's path, or several guesses of which you keep the best valid result.
 
 # %%
 show("optimisers_get_stuck")
@@ -888,7 +900,7 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # A path says where, not when. **Time parameterisation** finds the fastest motion along a given path that respects the
 # velocity and acceleration limits of all joints. (For a joint, the page says *rate* for velocity.)
 #
-# Describe the path by its arc length, again called $s$: $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its
+# In this part, $s$ is the arc length along the path. $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its
 # derivatives with respect to $s$, and $\dot s$ is the speed along the path. The chain rule gives the joint
 # accelerations:
 #
@@ -917,16 +929,16 @@ for k in range(len(place_) - 2, -1, -1):
     back[k] = min(cap[k], np.sqrt(back[k + 1] ** 2 + 2 * 2.0 * 0.005))
 for k in range(1, len(place_)):
     ahead[k] = min(back[k], np.sqrt(ahead[k - 1] ** 2 + 2 * 2.0 * 0.005))
-_ = axes[0].plot(place_, cap, ":", color=GREY, label="rate limits and corners")
+_ = axes[0].plot(place_, cap, ":", color=GREY, label="highest speed allowed at s")
 _ = axes[0].plot(place_, back, "--", color=ORANGE, label="backward pass")
 _ = axes[0].plot(place_, np.minimum(back, ahead), color=BLUE, lw=2, label="forward pass: result")
-_ = axes[0].set(xlabel="s [m]", ylabel="speed along the path [m/s]", ylim=(0, 3.4))
+_ = axes[0].set(xlabel="s [m]", ylabel="path speed [m/s]", ylim=(0, 3.4))
 _ = axes[0].legend(fontsize=7, loc="upper right")
 for distance, name in ((2.0, "2 rad: trapezoid"), (0.2, "0.2 rad: triangle")):
     move = time_parameterise(np.array([[0.0, distance]]), (1.0, 2.0))
     when = np.linspace(0.0, move.duration, 400)
     _ = axes[1].plot(when, move(when)[1][0], label=name)
-_ = axes[1].set(xlabel="time [s]", ylabel="rate of one joint [rad/s]", ylim=(0, 1.35))
+_ = axes[1].set(xlabel="time [s]", ylabel="joint rate [rad/s]", ylim=(0, 1.35))
 _ = axes[1].legend(fontsize=7, loc="upper right")
 motion = time_parameterise(cut, (1.0, 1.0), blend=0.5, free=scene.world)
 times = np.linspace(0.0, motion.duration, 4001)
@@ -958,19 +970,20 @@ plt.show()
 #
 # <details><summary>Derive: the trapezoid for several joints</summary>
 #
-# All joints stay on the line, $q = a + s\,(b - a)$ with $s$ from 0 to 1. Joint $i$ moves at $|b_i - a_i|\,\dot s$, so
-# $\dot s \le v = \min_i v_i/|b_i - a_i|$ and $|\ddot s| \le u = \min_i u_i/|b_i - a_i|$; the two minima may belong to
-# two different joints. Speeding up to $v$ takes $v/u$ seconds and $v^2/(2u)$ of the line, braking the same. If $v^2/u <
-# 1$ there is a stretch at full speed and the motion lasts $1/v + v/u$. Otherwise the ramps meet in the middle and the
-# motion lasts $2/\sqrt{u}$.
+# All joints stay on the line, $q = a + \lambda\,(b - a)$ with $\lambda$ from 0 to 1. Joint $i$ moves at $|b_i -
+# a_i|\,\dot\lambda$, so $\dot\lambda \le v = \min_i v_i/|b_i - a_i|$ and $|\ddot\lambda| \le u = \min_i u_i/|b_i -
+# a_i|$; the two minima may belong to two different joints. Speeding up to $v$ takes $v/u$ seconds and $v^2/(2u)$ of the
+# line, braking the same. If $v^2/u < 1$ there is a stretch at full speed and the motion lasts $1/v + v/u$. Otherwise
+# the ramps meet in the middle and the motion lasts $2/\sqrt{u}$.
 #
 # </details>
 #
-# In a computer the two passes visit a grid of points along the path, and between two of them the path acceleration
-# $\ddot s$ is constant. At each grid point $\ddot s$ jumps, and so does $\ddot q$. The simplest scheme tests the joint
-# limits only at the first point of each interval. Up to the last point $\ddot s$ stays the same, but the joint
-# accelerations don't, and may exceed their limits there. (The library TOPP-RA offers this scheme and one that tests
-# both ends.) A motor drive may shut down whenever a limit is exceeded.
+# In a computer the two passes visit a grid of points along the path. Between two of them the path acceleration $\ddot
+# s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test the joint limits only at
+# the first point of each interval, others at both ends. (The library TOPP-RA offers both.) And the shape of the path
+# counts: on a straight line or a parabola, $q''$ is constant between two grid points, on a circular arc it turns. Now
+# look at the formula for $\ddot q$ and ask where it is largest. A motor drive may shut down whenever a limit is
+# exceeded.
 
 # %%
 show("limits_between_grid_points")
@@ -1026,7 +1039,7 @@ plt.show()
 # | **Task planning** | *what*: pick up the cup, put it on the shelf | goals, objects | ↓ a grasp pose |
 # | **Motion planning** | *which way*: a collision-free path from here to there | a world, a start, goals from inverse kinematics | ↓ waypoints |
 # | **Trajectory generation** | *how fast*: smooth, within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
-# | **Control** | *how hard*: torques that follow the trajectory | a reference, a measurement | torques, at a kilohertz |
+# | **Control** | *how hard*: torques that follow the trajectory | the trajectory, measured joint angles | torques, at a kilohertz |
 #
 # A trajectory optimiser can work on the second and third level at once, if time and the limits are part of its problem.
 # As used in section 3, TrajOpt and CHOMP only bend the path.
@@ -1098,12 +1111,13 @@ _ = axis.plot(*edge_[:, np.r_[:200, 0]], "--", color=GREY, lw=0.8)
 branches(axis, answer_.nodes, answer_.parents, BLUE, 0.7)
 _ = axis.plot(*motion.waypoints(0.02), color=GREEN, lw=2.5)
 ends(axis, start, goal)
-bare(axis, "two trees, and the shortened path", -2.0, 2.0)
+bare(axis, "two trees (blue, purple), shortened path", -2.0, 2.0)
 plt.show()
 
 # %% [markdown]
-# What should a planner do with bad input? A wrong *argument* is the caller's mistake and raises an error that names it.
-# A start in collision is a normal situation for a robot and gets a *status*, so that the level above can react:
+# In these cells `planning` is the planning code of the course and `scenes` holds its ready-made worlds. What should a
+# planner do with bad input? A wrong *argument* is the caller's mistake and raises an error that names it. A start in
+# collision is a normal situation for a robot and gets a *status*, so that the level above can react:
 
 # %% tags=["show-code"]
 gap = scenes.gap(0.1)
@@ -1131,22 +1145,23 @@ for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start,
 #
 # Take the seven-joint arm and its two shelves from section 2, and a single RRT in plain Python with a step size of 1
 # rad, measured as Euclidean distance over all seven joints. It is even slower than the one in the question: most of its
-# queries are unsolved when it is stopped after five seconds. The short step is a handicap: OMPL's default is a fifth of
-# the extent of the space, here 2.6 rad. Most of the space in front of the shelf is free, and the compartments are its
-# narrow passages. A short step means many nodes before the tree has crossed that open space.
+# queries are unsolved when it is stopped after five seconds. Most of the space in front of the shelf is free, and the
+# compartments are its narrow passages. For comparison: the default step of the library OMPL is a fifth of the extent of
+# the space, here 2.6 rad.
 
 # %%
 predict("first_of_ten_ideas")
 
 # %% [markdown]
-# Versions 2 to 6, 9 and 10 change one thing in the version that the table names; 7 and 8 are new starts with a roadmap.
-# The single trees and version 7 stop after 20,000 samples, the others after 200,000. Each version got the same 100
-# queries that are known to have a solution (5 for version 1, 10 for versions 2 and 3), once with the shelf unchanged
+# There are ten versions. Most change one thing in an earlier version, named in the table below ("as 2"); versions 7 and
+# 8 are new starts with a roadmap. The single trees and version 7 stop after 20,000 samples, the others after 200,000;
+# version 1 also stops after five seconds. The test has 100 queries that are known to have a solution. Version 1 got
+# every 20th of them, versions 2 and 3 every 10th, the others all. Each query was run once with the shelf unchanged
 # ("still") and once with a ball in front of it ("moved").
 #
 # The chart shows the median and the slowest query. The slowest was run once, so it changes a lot from one set of
-# queries to the next. A triangle at the top edge means that there is no value, because at least one query (for the
-# median: half of them) was not solved. Triangles of several curves overlap.
+# queries to the next. A triangle at the top edge marks a time without a value. For the slowest query, one unsolved
+# query is enough; for the median, half of them have to be unsolved. Triangles of several curves overlap.
 #
 # ![Planning time of ten versions at two shelves, median and slowest query](../docs/charts/shelf_ladder.png)
 
@@ -1181,8 +1196,8 @@ table(
 # What each version contributed:
 #
 # * *1 to 3.* One tree with short steps, then compiled, then with an edge check that advances in long strides. Versions
-#   2 and 3 solve three to six of ten queries; ten are too few to tell "still" and "moved" apart. In the chart, the
-#   medians with the ball differ by a factor of ten.
+#   2 and 3 grow the same trees and solve three to six of ten queries; ten are too few to tell "still" and "moved"
+#   apart. With the ball, where both have a median, version 3 is about ten times faster.
 # * *4. Longer steps.* One number of version 3 changed, and nearly all queries are solved.
 # * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
 #   than finding the way into one.
@@ -1191,15 +1206,16 @@ table(
 # * *8 and 9. A stored roadmap.* The median gets somewhat worse than with RRT-Connect. With small trees at start and
 #   goal (9) the slowest query gets faster than with RRT-Connect (5) at both shelves, still and moved; without them (8)
 #   clearly so only at the open shelf.
-# * *10. Earlier paths added.* These queries show no gain over version 9.
+# * *10. Earlier paths added.* The slowest query takes longer than with version 9, at both shelves, still and moved.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *How do you speed up planning?* Don't recite a menu, give an order. (1) Measure two numbers: how
 # many checks, and what one costs. (2) Reduce the number first, since that decides whether a query is solved at all:
-# longer steps, a second tree. (3) Make the check cheap: simple shapes, compiled or vectorised code, a distance instead
-# of many points. (4) Reuse: a stored roadmap, checked lazily. (5) When replanning, keep what is still free of the last
-# path. (6) Special samplers last, for a passage that you can name. *And say what each one costs.*
+# longer steps, a second tree. Measure both together: long steps can slow two trees.
+# (3) Make the check cheap: simple shapes, compiled or vectorised code, a distance instead of many points. (4) Reuse: a
+# stored roadmap, checked lazily. (5) When replanning, keep what is still free of the last path. (6) Special samplers
+# last, for a passage that you can name. *And say what each one costs.*
 #
 # </div>
 
@@ -1211,8 +1227,8 @@ more_claims("both_ends_first")
 #
 # OMPL is the standard open-source library for sampling-based planning. We ran its RRT-Connect in two ways: with a
 # Python function that checks single configurations (*Python states* in the chart), as most of its Python users do, and
-# with our compiled edge check passed to it. World, step size and goal are the same on both sides. A path that
-# `check_path` rejects counts as no path.
+# with our compiled edge check passed to it. World, step size and goal are the same on both sides. The walls are 0.5 m
+# thick. A path that `check_path` rejects counts as no path.
 #
 # ![Share of seeds with a valid path against time, compared with OMPL, in four scenes](../docs/charts/plan_times.png)
 
@@ -1244,16 +1260,16 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# With the same compiled edge check, the two are within a factor of little more than two of each other, although OMPL
-# has to call Python once per edge. The curve *OMPL's own part* omits the time of these calls, edge checks included. The
-# last column takes the edge checks off on both sides: then OMPL is the faster one in most scenes. For the seven-joint
-# arm nearly all the time is edge checking, and the two are equal.
+# With the same compiled edge check, OMPL takes about as long as our planner in most scenes, and several times as long
+# at the 2 % gap. OMPL has to call Python once per edge. The curve *OMPL's own part* leaves out these calls, and with
+# them the edge checks. The last column takes the edge checks off on both sides: then OMPL is the faster one in most
+# scenes. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
 #
 # With a collision check in Python, planning is many times slower, and at OMPL's default spacing some of the returned
-# paths are in collision. *OMPL, Python, 0.2%* checks points that are five times as dense.
+# paths are in collision. The curve *OMPL, Python, 0.2%* uses a fifth of the default spacing.
 #
-# So what should you pick? OMPL, with a compiled edge check that you trust. Between OMPL and the planner of this course
-# the choice hardly matters. The edge check does.
+# So what should you pick? OMPL, with a compiled edge check that you trust. The choice between OMPL and the planner of
+# this course matters far less than the edge check.
 #
 # <details><summary>Is it the same algorithm? Samples of both, and the seven-joint arm in detail</summary>
 #
@@ -1297,21 +1313,22 @@ for k, (title, thick, pieces) in enumerate(shapes):
         _ = axis.plot([0, end_x], [0, 0], [0, 0], color=GREEN, lw=2.5, zorder=5 if end_x > 0 else 0)
     _ = axis.set_title(title, fontsize=9)
     _ = axis.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xticks=(), yticks=(), zticks=())
-    axis.view_init(28, -50)
+    axis.view_init(35, -30)
     axis.computed_zorder = False
 plt.show()
 
 # %% [markdown]
 # On the left, the chart shows the probability that two random points, one on each side of the wall, see each other
-# through the opening. On the right, it shows how many samples RRT-Connect needs. Every opening is a tenth of the wall
-# wide.
+# through the opening. On the right, it shows how many samples RRT-Connect needs. In each direction in which an opening
+# is narrow, it is a tenth of the wall wide.
 #
 # ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
 # The curves of tube and cube end in five dimensions, where the medians exceed the budget (triangle at the top edge);
 # higher dimensions were not run. The bands are quartiles over 100 seeds, and the band of this course's planner overlaps
-# with that of OMPL everywhere. OMPL's larger medians for the tube are chance: a rank test finds no difference.
+# with that of OMPL everywhere. OMPL's medians for the tube are larger; a hundred seeds don't settle whether that is
+# chance.
 #
 # Through the slab two points see each other as often in seven dimensions as in two, and RRT-Connect needs at most about
 # twice the samples. The tube gets harder by a large factor with each dimension. So count the directions in which your
@@ -1348,8 +1365,8 @@ show("step_through_a_passage")
 #
 # Planning times have a heavy tail: a few runs take far longer than the median. Is that bad luck of the random numbers,
 # or are some queries simply harder? The answer decides the remedy. If it is luck, restart with another seed. If it is
-# the query, look at that query. Solving 36 queries with five seeds each separates the two, for RRT-Connect at the tight
-# shelf.
+# the query, look at that query. At the tight shelf the queries differ: in some postures the arm has little room to
+# leave its compartment. Solving 36 queries with five seeds each separates the two causes, for RRT-Connect.
 
 # %%
 show("slow_plans_are_slow_questions")
@@ -1623,8 +1640,8 @@ your_robot(5)
 #
 # The test worlds have three walls with one slit each. In the chart below, the first panel shows one of them with the
 # proposed samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The bridge
-# test of section 2 does badly here: few pairs of samples lie in a wall on both sides of a slit, so nearly all of its
-# checks are wasted. The last panel belongs to the diffusion model, which comes next.
+# test of section 2 does badly here. It needs two samples in the same wall, one on each side of the slit. Few pairs lie
+# like that, so nearly all of its checks are wasted. The last panel belongs to the diffusion model, which comes next.
 #
 # ![A learned sampler and a diffusion planner, compared with methods without
 # learning](../docs/charts/learned_planners.png)
@@ -1639,12 +1656,15 @@ NAMES = {
     "turned: learned": "learned sampler, worlds rotated by 90°",
 }
 checks = {a.strip(): rest for a, *rest in key(
-    "learned_planners", r"^(.{24,32}?) median +(\d+) checks .*90 % within (\d+)"
+    "learned_planners",
+    r"^(.{24,32}?) median +(\d+) checks \((\d+) to (\d+) by seed\), 90 % within (\d+)",
 )}  # fmt: skip
-table(
-    ("where samples come from", "collision checks, median", "90 % of the queries within"),
-    *((title, *(f"{int(n):,}" for n in checks[name])) for name, title in NAMES.items()),
-)
+rows = [("where samples come from", "collision checks: median (range over seeds)",
+         "90 % of the queries within")]  # fmt: skip
+for name, title in NAMES.items():
+    middle, least, largest, tail = (f"{int(n):,}" for n in checks[name])
+    rows.append((title, f"{middle} ({least} to {largest})", tail))
+table(*rows)
 
 # %% [markdown]
 # So ask three questions about a learned sampler. What does its *input* cost? A camera delivers the grid for free;
@@ -1745,8 +1765,9 @@ bare(axes[2], "convex regions, computed in advance")
 plt.show()
 
 # %% [markdown]
-# The numbers at the points give the order in which they are checked. With four points per instruction, the first
-# instruction already looks at all parts of the edge, and three instructions do the work of twelve.
+# In the first two sketches, the number at each point of the edge says which instruction checks it. With four points per
+# instruction, the first instruction already looks at all parts of the edge, and three instructions do the work of
+# twelve. On the right, three convex regions overlap; a path that stays in them is free without a check.
 #
 # <table>
 # <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
@@ -1767,9 +1788,9 @@ plt.show()
 # once</td> <td>a check at points along each edge</td></tr>
 # </table>
 #
-# VAMP makes a check cheap, the second factor in the key insight of section 2: the algorithm is still RRT-Connect, and
-# the edge check became hundreds of times faster, according to its authors. It checks points along the edge, with the
-# risk that section 2 shows. (We read the newer works as abstracts and documentation; none of them was run here.)
+# VAMP makes a check cheap, the second factor in the key insight of section 2: the algorithm is still RRT-Connect. For a
+# seven-joint arm, its authors report a median planning time of 35 µs. It checks points along the edge, with the risk
+# that section 2 shows. (We read the newer works as abstracts and documentation; none of them was run here.)
 #
 # ## 10 · Interview
 #

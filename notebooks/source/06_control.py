@@ -29,19 +29,18 @@ simulation("joint")
 # * compute the highest stable gain of a rigid joint before you tune it;
 # * write a PID controller that copes with torque limits, jams and encoders;
 # * choose a tracking controller for an arm, and diagnose it when the arm does not follow;
-# * choose among four controllers for contact with a wall;
+# * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means within 2 % of the step for good. Section 1 explains the other readouts. You
+# In the simulation, *settled* means within 2 % of the step for good. You
 # need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and shows the answer in a simulation or a chart.
 # Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
-# the claim needs a condition that it does not state. Derivations are folded away. Measured numbers come from a cell
-# on this page or from a check that you can run yourself with `python -m course.derivations 6`. The code is the package
-# `course.control`. These exercises wait in section 8:
+# the claim needs a condition that it does not state. Measured numbers come from a cell on this page or from a check
+# that you can run yourself with `python -m course.derivations 6`. The code is the package `course.control`. These
+# exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -105,7 +104,7 @@ def print_figures(chart, *rows):
 #
 # The **set-point** $q_d$ is the angle that the joint should have, $q$ is the measured angle, and $e = q_d - q$ is the
 # error. The controller turns the error into a torque, the motor turns the joint, and the encoder measures the new
-# angle. This circle is the control loop. We come to its torque limit and its delay later in this section:
+# angle. This circle is the control loop:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.9), layout="constrained")
@@ -168,7 +167,7 @@ plt.show()
 
 # %% [markdown]
 # With these gains P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going
-# past it. P alone does not always oscillate. The **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$ decides: a mass
+# past it. The **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$ decides: a mass
 # on a spring oscillates only below 1, its **critical damping**. For P alone, $\zeta \ge 1$ means $b^2 \ge 4 J K_p$.
 #
 # The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
@@ -183,7 +182,7 @@ show("integral_removes_the_error")
 # %% [markdown]
 # The D term needs the rate of the error. There are two ways to compute it: differentiate the error $e$, or
 # differentiate the measured angle and use $-\dot q$. While the set-point is constant, both are the same. Now let the
-# set-point jump from one sample to the next, and think about the error.
+# set-point jump from one sample to the next.
 
 # %%
 show("error_derivative_kick")
@@ -191,7 +190,8 @@ show("error_derivative_kick")
 # %% [markdown]
 # The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
 # switch to the derivative of the measurement. The spike is gone. Stability does not change, because for a constant
-# set-point both derivatives are the same. So differentiate the measurement.
+# set-point both derivatives are the same. So differentiate the measurement if the set-point can jump. On a planned
+# motion use $\dot q_d - \dot q$, as section 2 does.
 #
 # <details><summary>A continuous joint: wrap the error</summary>
 #
@@ -233,10 +233,10 @@ predict("jammed")
 # limit. But this range does not know whether the motor is at its limit. A range that the sum never reaches changes
 # nothing, and one that is narrower than the load leaves an error for ever.
 #
-# The chart shows a milder case than the card: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the
+# The chart shows another case: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the
 # right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the
 # set-point. With conditional integration (blue) it leaves the limit at once. Solid lines are the exact solution of the
-# joint, dots are MuJoCo:
+# joint, dots are the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -353,11 +353,11 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # %% [markdown]
 # ### Stability margins
 #
-# How far is a tuned loop from its limit? Cut the loop at the motor and feed in a sine of torque. The feedback subtracts
-# the measured angle. Leave out that minus sign here, and compare the torque that comes back with the torque that
-# went in. The ratio of their sizes is the **open-loop gain**, and the shift of the sine is its **phase lag**. A sine
-# that comes back with the same size and a lag of 180 degrees is inverted. The minus sign inverts it once more, into the
-# sine that went in, and the oscillation keeps itself going.
+# How far is a tuned loop from its limit? Cut the loop at the motor, feed in a sine of torque, and compare the torque
+# that the controller answers with. The feedback subtracts the angle; ignore this minus sign for the comparison. The
+# ratio of the two sizes is the **open-loop gain**, and the shift between the two sines is the **phase lag**. A lag of
+# 180 degrees inverts the sine, and the minus sign of the feedback inverts it once more. So a sine that comes back
+# with the same size and a lag of 180 degrees equals the sine that went in: the oscillation keeps itself going.
 #
 # * The **gain margin** is the factor by which all gains can be raised before the loop becomes unstable. (With an I
 #   term, a loop can also become unstable when all gains are lowered.)
@@ -400,15 +400,15 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# The course computes all margins exactly for the sampled loop. For a robot, quote the delay margin. It is in
-# milliseconds, like the latency that communication, motor drive and filters will add.
+# For a robot, quote the delay margin. It is in milliseconds, like the latency that communication, motor drive and
+# filters will add.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
 # Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency it draws the open
 # loop $L$ as one point in the complex plane, with the open-loop gain as its distance from zero and the phase as its
-# angle. The critical point is $-1$: gain 1 and a lag of 180 degrees. The closer the curve comes to $-1$, the closer the
-# loop is to instability.
+# angle. The critical point is $-1$: gain 1 and a lag of 180 degrees. The distance of the curve from $-1$
+# is the smallest change of $L$ that can make the loop unstable.
 #
 # What does the closed loop do to a sine? Let $d$ be the error without control, and $e$ the error that remains. Going
 # round the loop multiplies a sine by $L$, wherever you start. Start at the error: controller and joint turn $e$ into
@@ -434,17 +434,17 @@ plt.show()
 simulation("nyquist")
 
 # %% [markdown]
-# The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. At the gain margin, the step response
-# oscillates at the frequency at which the curve crosses $-1$. Now compare $\lvert S\rvert$ between 100 and 1000 rad/s
-# in *High sensitivity* and *Comfortable*:
+# The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. Raise the gain by the gain margin: the
+# curve now passes through $-1$, and the step response oscillates at the frequency of that point. Now compare $\lvert
+# S\rvert$ between 100 and 1000 rad/s in *High sensitivity* and *Comfortable*:
 
 # %%
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
-# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. (If the plant
-# is unstable, such as an upright pendulum, it has to rise even more.) So decide which frequencies matter for the task,
-# and accept the rise elsewhere. A common design rule limits it to $M_s \le 2$.
+# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. (If the
+# controlled system, the **plant**, is unstable, such as an upright pendulum, it has to rise even more.) So decide which
+# frequencies matter for the task, and accept the rise elsewhere. A common design rule limits it to $M_s \le 2$.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
@@ -452,7 +452,7 @@ more_claims("peak_sensitivity_bounds_margins")
 # %% [markdown]
 # ### Stable PD gains: damping and the delay of the rate
 #
-# Now leave out friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without
+# Now omit friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without
 # units: $K_p\,dt^2/J$ and $K_d\,dt/J$. The left chart has $K_d$ along the horizontal and $K_p$ along the vertical axis.
 # Each colour is one way to get the rate; the gains below its curve are stable. With the exact rate they form a
 # triangle. If $K_d$ is small, the hold makes the loop unstable, as in the worked example. If $K_d$ is large, the
@@ -481,10 +481,10 @@ predict("faster_loop")
 
 # %% [markdown]
 # An estimator that sees only angles trades noise for lag. A plain difference has the least lag and the most noise. A
-# low-pass filter with time constant $\tau$ averages the difference over about that time. A **tracking observer**
+# low-pass filter averages the difference over about its time constant. A **tracking observer**
 # predicts angle and rate one sample ahead, and corrects both with the error of the predicted angle. Under constant
-# acceleration the filtered rate is late by its time constant plus the half sample of the difference. An observer whose
-# two poles have the same time constant is late by about twice as much.
+# acceleration the filtered rate is late by the filter's time constant plus the half sample of the difference. An
+# observer whose errors decay with that time constant is late by about two time constants.
 #
 # The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
 # noise than the filter (orange):
@@ -500,9 +500,8 @@ for one in stored("rate_estimates")[0].series:
     )
 
 # %% [markdown]
-# Now dry friction again, with a PD controller. As the joint nears the set-point, the torque of the P term falls. As
-# soon as it is smaller than the friction $F$, the joint can stop. So dry friction leaves an error of up to $F/K_p$. If
-# static friction is larger than $F$, the error can be up to static friction over $K_p$.
+# Under PD, the torque of the P term falls as the joint nears the set-point. As soon as it is smaller than the static
+# friction $F$, the joint can stay at rest. So without a load, dry friction leaves an error of up to $F/K_p$.
 #
 # If static friction does not exceed Coulomb friction, an I term removes this error step by step, with longer and longer
 # pauses in between (blue). If it does, the torque that breaks the joint loose is more than what keeps it moving. The
@@ -520,17 +519,17 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Choose the preset *Hunting* on the first screen and lower *Static / dry* to one: the hunting ends. The next chart
-# shows both effects as functions of what you can change. Left: a slower rate filter reduces the ripple of the torque.
-# Right: the amplitude of hunting grows with the ratio of static to Coulomb friction.
+# Choose the preset *Hunting* on the first screen and lower *Static / dry* to one: the hunting ends. Left in the next
+# chart, a slower rate filter reduces the ripple of the torque. Right, the amplitude of hunting grows with the ratio of
+# static to Coulomb friction.
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
 # **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
 # over by itself, such as an upright pendulum, gravity can then win. In the map, the motor has half of the torque that
-# holds the pendulum horizontally. The command is a high gain times (angle + rate), with the rate divided by
-# $\sqrt{g/l}$: this sum is the part of the motion that grows. The purple states are caught, the orange ones are lost,
-# on a grid. At the edge the controller commands the full torque all the way, so other gains do no better:
+# holds the pendulum horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$,
+# and a decaying one. The command is a high gain times the growing part. The purple states are caught, the orange ones
+# are lost, on a grid. At the edge the controller commands the full torque all the way, so other gains do no better:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -568,8 +567,8 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 #
 # Step 2 assumes that an ultimate gain exists. With viscous friction and without any delay, P alone is stable at every
 # gain. The hold is a delay, so the sampled joint has an ultimate gain. But a constant amplitude does not prove that you
-# have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. The ultimate gain
-# depends on the delay, so without its delay it means nothing. Ours is 20 ms.
+# have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. An ultimate gain
+# that somebody quotes says nothing about your joint unless the delay is the same. Our delay is 20 ms.
 #
 # A joint is hard for these rules: constant torque gives constant *speed*, and the angle is the integral of that. An I
 # term adds a second integration.
@@ -579,7 +578,7 @@ show("ziegler_nichols_is_safe")
 
 # %% [markdown]
 # The alternative takes three numbers that you know: $J$, $b$ and the delay. Let $D$ be the sum of hold, difference and
-# communication. (This counts the delay of the difference for P as well, which is half a sample too much.) With PD, try
+# communication. (P uses no difference, so for P this $D$ is half a sample too long.) With PD, try
 # the motion $e^{st}$. It is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
@@ -605,7 +604,7 @@ tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
 # The cell below checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad without
-# a load. (Under a load, PD would leave an error, and the rows with an I term would not.) The row *often quoted* has the
+# a load. The row *often quoted* has the
 # gains that many tutorials derive from $K_u$ = 45 and $T_u$ = 0.45 s:
 
 # %% tags=["hide-code"]
@@ -686,16 +685,15 @@ for label, law in (
     run = control.track(tracking.ARM, law, tracking.motion, dt, 4.0)
     error = 1e3 * np.abs(run.q[:, :-1] - run.setpoint).max(axis=0)
     _ = axis.semilogy(dt * np.arange(error.size), error, lw=1.2, label=label)
-_ = axis.set(xlabel="time [s]", ylabel="error [mrad]", ylim=(1e-3, 1e4))
+_ = axis.set(xlabel="time [s]", ylabel="error of the worse joint [mrad]", ylim=(1e-3, 1e4))
 _ = axis.legend(fontsize=9, ncols=4, loc="upper center")
 plt.show()
 
 # %% [markdown]
 # The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward is even
-# ahead of computed torque here. With the gains chosen, its P term at the elbow is stiffer ($K_p$ against $M_{22}K_p$).
-# Also, the held torque of computed torque lags behind the measured motion. (The preview below removes that lag.) But
-# feedforward assumes that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back
-# alone.
+# ahead of computed torque here: its spring at the elbow is stiffer than that of computed torque, and the held torque of
+# computed torque lags behind the measured motion. (The preview below removes that lag.) But feedforward assumes that
+# the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone.
 #
 # Computed torque uses the measured state. Put its torque into the equation of motion. The velocity terms and gravity
 # cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
@@ -704,19 +702,21 @@ plt.show()
 show("computed_torque_law")
 
 # %% [markdown]
-# Every joint's error obeys its own linear equation, and the gains place its poles, the same in every pose of the arm.
+# With diagonal gains, every joint's error obeys its own linear equation. The gains place its poles, the same in every
+# pose of the arm.
 # **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give $s^2 + 20 s + 100 = 0$, that is two
 # poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
 #
 # The cancellation is exact only at the instant at which the torque is computed. The motor drive holds the torque for
-# the rest of the sample while the arm moves on. The remedy is cheap: compute the torque for the state and the reference
+# the rest of the sample while the arm moves on. The remedy: compute the torque for the state and the reference
 # half a sample ahead. This is called **half-sample preview**, and section 6 shows how much it saves.
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
 # changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, with the
-# regressor $Y$ of chapter 4. Here it is $Y(q, \dot q, \dot q_r, \ddot q_r)$. It contains the measured state, the
-# reference velocity $\dot q_r = \dot q_d + \Lambda e$, and $\ddot q_r$ instead of a measured acceleration. With $s =
-# \dot e + \Lambda e$, a weighted sum of both errors, the law commands $Y\hat\theta + K s$, and the update is
+# regressor $Y$ of chapter 4. Here it is $Y(q, \dot q, \dot q_r, \ddot q_r)$: $q$ and $\dot q$ are measured, and the
+# reference velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative $\ddot q_r$ are computed. So no acceleration
+# has to be measured. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the law commands $Y\hat\theta + K
+# s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
@@ -753,7 +753,6 @@ show("adaptive_finds_parameters")
 # %%
 figures(
     read("adaptive_cures"),
-    "adaptation off",
     summary="Drift at rest and error on a motion, with each cure, 12 seeds",
 )
 
@@ -771,7 +770,7 @@ more_claims(
 predict("wrong_inertia")
 
 # %% [markdown]
-# Here is the reason. Let the model use the inertia $\hat J$ while the true inertia is $J$. The error then obeys
+# Let the model use the inertia $\hat J$ while the true inertia is $J$. The error then obeys
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
@@ -817,12 +816,12 @@ plt.show()
 # | the velocity | viscous friction, or a late measurement |
 # | the jerk, the rate of the acceleration | a late command |
 # | the sign of the velocity | Coulomb friction |
-# | the angle | gravity |
+# | the cosine of the angle from the horizontal | gravity |
 # | only the largest torques | a torque limit |
 #
 # In a single sine, velocity and jerk have the same shape, so use a motion of several frequencies. Two causes in one row
-# need a second experiment, too. Hold the arm still against gravity: a wrong torque constant gives an error there, a
-# wrong inertia does not.
+# need a second experiment, too. Hold the arm still against gravity: a wrong torque constant or an unknown payload
+# gives an error there, a wrong inertia alone does not.
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -831,7 +830,8 @@ plt.show()
 # $\ddot q_d - \ddot q = \ddot e$ and divide by $\hat J$.
 #
 # For slow motion only $K_p e$ matters on the left, so the slope of $e$ over $\ddot q$ is $(J/\hat J - 1)/K_p$. At the
-# frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It is smaller and lags.
+# frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It lags, and
+# with a damping ratio of $1/\sqrt2$ or more it is smaller.
 #
 # A measurement that is $D$ late reports an angle that is wrong by $D\dot q$. A torque that is $D$ late lacks
 # $D\dot\tau$, for an inertia $DJ$ times the jerk.
@@ -845,8 +845,8 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 # ### Identifying a joint from a log
 #
 # To correct the model you need the inertia, and $J = \tau/\ddot q$ looks like the obvious formula. But a log contains
-# angles. Taking two differences multiplies their noise by a number proportional to $1/dt^2$, and the estimate is
-# mostly noise.
+# angles. Taking two differences multiplies their noise by a number proportional to $1/dt^2$. Single quotients are then
+# mostly noise. Least squares over the whole log comes out far too small, because it takes the noise for acceleration.
 #
 # The remedy is to move the derivatives to a function without noise. Choose a smooth **test function** $w(t)$ that is
 # zero, with its slope, at both ends of a time window. Multiply the equation of motion $J\ddot q + b\dot q = \tau$ by
@@ -923,7 +923,7 @@ more_claims("inertia_by_differences")
 # %% [markdown]
 # ### Optimal control: LQR and the Riccati equation
 #
-# So far you chose poles. The **LQR** (linear quadratic regulator) chooses the gains for you. You state what is
+# The **LQR** (linear quadratic regulator) chooses the gains for you. You state what is
 # expensive. For a sampled system $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx +
 # u^\mathsf{T}Ru$ over all samples. The matrix $Q$ weights deviations of the state $x$, and $R$ weights the effort of
 # the command $u$.
@@ -986,8 +986,9 @@ plt.show()
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
 # (crosses) contains the braking with the limited force. This mass is at its limit twice: first to speed up, then to
-# brake. MPC saves nothing if the limit is active in one stretch from the start, or never. Then it gives the same
-# commands as the clipped LQR, provided that the plan's cost ends with $x^\mathsf{T}Px$ of its last state. The left
+# brake. If the command of this mass is limited in one stretch from the start, or never, MPC saves nothing: it
+# computes the same commands as the clipped LQR, if $x^\mathsf{T}Px$ of the last state is added to the plan's cost.
+# The left
 # chart shows how much MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins
 # the search at the previous plan:
 #
@@ -999,9 +1000,9 @@ more_claims("mpc_beats_clipping")
 # %% [markdown]
 # ### MPPI: plans from sampled rollouts
 #
-# For some tasks a linear model or a gradient helps little, for example for a hand that pushes through contacts. We try
-# it on a swing-up, which is easy to look at. **MPPI** (model predictive path integral control, Williams and others
-# 2017) needs only a simulator. At every sample it does three things:
+# For some tasks a linear model or a gradient helps little, for example for a hand that pushes through contacts.
+# **MPPI** (model predictive path integral control, Williams and others 2017) needs only a simulator. At every sample it
+# does three things:
 #
 # 1. Make $n$ copies of the current plan, add random noise to each, and simulate them. A simulated plan is called a
 #    **rollout**.
@@ -1010,8 +1011,8 @@ more_claims("mpc_beats_clipping")
 #    them.
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 #
-# Here is one such sample for a mass of 1 kg. The weighted mean runs past the target, because braking pays off only
-# after the end of the plan. The next samples plan again:
+# Here is one such sample for a mass of 1 kg. The weighted mean runs past the target: the plan ends before that
+# costs anything, so no rollout brakes. The next samples plan again:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1028,7 +1029,9 @@ for path, part in sorted(zip(places, share, strict=True), key=lambda row: row[1]
 _ = axis.plot(h * np.arange(1, 21), share @ places, "k", lw=1.5, label="weighted mean")
 _ = axis.axhline(1.0, color="C1", ls="--", lw=1, label="target")
 _ = axis.set(
-    xlabel="time ahead [s]", ylabel="position [m]", title="80 rollouts; dark: large weight"
+    xlabel="time ahead [s]",
+    ylabel="position [m]",
+    title="80 rollouts; dark: large weight, yellow: small weight",
 )
 _ = axis.legend(fontsize=9, loc="upper left")
 plt.show()
@@ -1110,16 +1113,17 @@ plt.show()
 # | impedance control | displacement | force | torque-controlled joints |
 # | admittance control | force | motion | force sensor, position loop |
 #
-# Play with both, and drag the set-point into the wall:
+# Choose the controller in the panel, and drag the set-point into the wall:
 
 # %%
 simulation("probe")
 
 # %% [markdown]
 # With a set-point inside the wall, the hand comes to rest where the force of the controller's spring equals that of the
-# wall's. The same force runs through both springs, and their deflections add up to the depth of the set-point.
-# **Worked example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force
-# is 5 N.
+# wall's. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
+# example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N. That
+# is the force at rest. A hand that vibrates in contact is pushed back by both springs at once, so there the stiffnesses
+# add up to $K + k_e$.
 
 # %%
 show("wall_in_series")
@@ -1133,13 +1137,15 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 # How stiff may the controller's spring be? A spring computed with a delay pushes back a little too late: too weak while
 # the hand moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took. The
 # arm's own friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is
-# **passive**. The theorem of **passivity** says that two passive systems joined together are stable. So such an arm is
-# stable at every passive wall. For a pure spring the limit is (Colgate and Schenkel 1997)
+# **passive**. By the theorem of **passivity**, two passive systems that are joined together cannot build up a motion,
+# and come to rest if one of them loses energy in every motion. So such an arm is stable at every passive wall.
+#
+# For a pure spring the limit is (Colgate and Schenkel 1997)
 #
 # $$K < \frac{b}{D + \tfrac12 dt}\, .$$
 #
 # **Worked example:** $b$ = 20 N s/m at 1 kHz allows $20/0.0005$ = 40,000 N/m. With a delay of 2 ms it is $20/0.0025$ =
-# 8,000 N/m. Damping computed by the controller may help. It has the same delay as the spring.
+# 8,000 N/m. Damping computed by the controller may help, but has the same delay.
 
 # %%
 show("damping_is_safe")
@@ -1152,9 +1158,9 @@ show("damping_is_safe")
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, look at the green curve. It is MuJoCo's contact with its default softness, the number d that
-# section 7 explains. This contact allows the same gain at all walls but the stiffest: far too much at a stiff wall, too
-# little at a soft one.
+# In the left chart, look at the green curve. It is MuJoCo's contact with its default softness: a fixed share $d$ of the
+# command turns into contact force at once. This contact allows the same gain at all walls but the stiffest: far too
+# much at a stiff wall, too little at a soft one.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1173,7 +1179,8 @@ predict("softer_hand")
 #
 # and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
 # example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows both phases
-# for a stiff and a soft controller, each lightly damped. The surface has some damping, which lowers the peak:
+# for a stiff and a soft controller at the same speed, each lightly damped. The surface has some damping, which lowers
+# the peak:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1182,9 +1189,11 @@ for k, ls in ((2000.0, "-"), (20.0, "--")):
     hand = Probe(4.0, 0.0, 1e5, 200.0)
     law = TouchLaw(k, 0.2 * math.sqrt(k * 4.0))
     force = run_touch(hand, law, aim, 1e-3, 12.0, start=(0.0, 0.5)).torque
-    _ = axes[0].plot(np.arange(30), force[:30], ls, label=f"{k:.0f} N/m")
+    _ = axes[0].plot(np.arange(30), force[:30], "." + ls, ms=4, label=f"{k:.0f} N/m")
     _ = axes[1].plot(1e-3 * np.arange(force.size), force, ls, lw=1, label=f"{k:.0f} N/m")
-_ = axes[0].set(xlabel="time since contact [ms]", ylabel="force [N]", title="first impact: equal")
+_ = axes[0].set(
+    xlabel="time since contact [ms]", ylabel="force [N]", title="first impact, at 1 kHz"
+)
 _ = axes[1].set(
     xlabel="time [s]", ylim=(0.0, 80.0), title="afterwards: bounces, then the held force"
 )
@@ -1192,9 +1201,9 @@ _ = axes[0].legend(fontsize=9, title="controller")
 plt.show()
 
 # %% [markdown]
-# So a soft controller does not protect people from the impact. It protects them from being held against a wall
-# afterwards. With little damping it even lets the hand come back and hit again (right). Against the impact, reduce the
-# speed or the moving mass, or pad the hand; against the repeats, add damping.
+# So at a given speed, a soft controller does not protect people from the impact. It protects them from being held
+# against a wall afterwards. With little damping it even lets the hand come back and hit again (right). Against the
+# impact, reduce the speed or the moving mass, or pad the hand; against the repeats, add damping.
 
 # %%
 more_claims("stiff_control_hurts")
@@ -1260,7 +1269,7 @@ plt.show()
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** In contact, the wall is part of the loop. Ask what its stiffness does: it multiplies the loop gain
-# (force control), it is in series with the controller's spring (impedance control), and it raises the smallest stable
+# (force control), it adds to the controller's stiffness (impedance control), and it raises the smallest stable
 # virtual mass (admittance control).
 #
 # </div>
@@ -1272,9 +1281,9 @@ plt.show()
 # controller along the normal and the stiff one along the surface.) *Lowest rate* is the lowest sample rate at which the
 # loop is stable, not a recommendation.
 #
-# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. A set-point of position moves on at that speed and
-# stops 20 mm inside the wall; the force controller asks for 10 N. *Surface 2 mm off* is the change of the steady force
-# when the surface is 2 mm nearer than expected.
+# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-point of the stiff and of the soft
+# controller moves at that speed to 20 mm inside the wall. The set-point of the force controller is 10 N. *Surface 2 mm
+# off* is the change of the steady force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1306,8 +1315,9 @@ Markdown("\n".join(lines))
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
 # A robot runs several loops inside each other, a **cascade**. The outer loop is designed as if the inner one responded
-# at once. So the inner one needs several times its bandwidth; the fold-out below shows why four times is enough. The
-# sketch gives typical sample rates, as orders of magnitude:
+# at once. So the inner one needs several times its bandwidth. The fold-out below shows that four times avoids overshoot
+# in the ideal case; a delay in the inner loop demands more. The sketch gives typical sample rates, as orders of
+# magnitude:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1348,7 +1358,8 @@ plt.show()
 #   accurate as its model.
 # * A **disturbance observer** solves the joint's equation for the load torque, filters it, and subtracts it from the
 #   command.
-# * A **Smith predictor** gives PD the state that a model predicts for the moment at which the command arrives.
+# * A **Smith predictor** computes with a model which state the joint will have when the command arrives, and passes
+#   that state to PD.
 # * A **notch filter** removes the frequency of a resonance from the command.
 
 # %%
@@ -1418,8 +1429,8 @@ more_claims(
 #
 # The closed loop as a matrix. The state vector contains the plant's state, the commands that are still waiting in the
 # delay, and the controller's state. `transition` is the plant's own matrix. A command may arrive in mid-sample.
-# `before` says how the old command changes the state until then, and `now` how the new one changes it until the end of
-# the sample; `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
+# `before` is the effect of the old command on the state at the end of the sample, and `now` that of the new one.
+# `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
@@ -1449,7 +1460,8 @@ source(control.mppi, "cost = _costs")
 
 # %% [markdown]
 # Back to the first simulation. The joint is integrated exactly, so the limits that you see come from the control loop
-# and not from an integrator. Each preset shows one failure. Predict the outcome before you choose one:
+# and not from an integrator. It opens with the preset *Hunting*. Predict the outcome of these four before
+# you choose them:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1475,8 +1487,8 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. The upper charts show the largest tracking error against the sample rate. The lower one
-# shows the error against computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from
+# *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below:
+# the error against computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from
 # these libraries, called from Python. (LQR, MPC and MPPI correct the deviation from the planned motion.) A triangle at
 # the upper edge is off the chart:
 #
@@ -1508,9 +1520,10 @@ Markdown("\n".join(lines))
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
-# MPC and MPPI need fast building blocks: rollouts of the arm, Riccati solvers, and quadratic programs with bounds. The
-# chart compares those of the course with MuJoCo and SciPy. On the right, *size* is the number of states or of unknown
-# commands, *regulator* the Riccati solver, and *box* the quadratic program; BVLS is SciPy's bounded least squares:
+# MPC and MPPI need fast rollouts of the arm, Riccati solvers, and quadratic programs with bounds. The chart compares
+# those of the course with MuJoCo and SciPy. In the right chart, *regulator* means the Riccati solver, and its *size* is
+# the number of states. *Box* means the quadratic program, and its size is the number of unknown commands. BVLS is
+# SciPy's bounded least squares:
 #
 # ![Rollouts compared with MuJoCo, Riccati solver and quadratic programs with SciPy](../docs/charts/control_speed.png)
 #
@@ -1556,18 +1569,17 @@ _ = axis.legend(fontsize=9, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# In general, $n$ physics steps per sample delay the torque by $(1 - 1/n)\,dt/2$ instead of $dt/2$. So close the loop
-# outside of the simulator, at the robot's rate, with ten or more physics steps per sample. The map shows the gains for
+# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. So close the loop outside of the
+# simulator, at the robot's rate, with ten or more physics steps per sample. The map shows the gains for
 # which a sampled PID loop is stable. The points measured in MuJoCo lie slightly outside of the theoretical limit; the
 # shorter hold explains the difference:
 #
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 #
-# Other parts of a simulator are models with their own stability limits, too. MuJoCo evaluates a built-in position servo
-# in every physics step, together with the motion. So the servo has no hold and is not a sampled loop. Its limits depend
-# on the integrator (*Euler*, *implicitfast* or *discrete*) and are in the right chart of the stable PD gains in section
-# 1. Triangles there mean that no limit was found. The attribute `delay` of a position actuator delays the set-point,
-# not the feedback.
+# MuJoCo evaluates a built-in position servo in every physics step, together with the motion. So the servo has no hold
+# and is not a sampled loop. Its limits depend on the integrator (*Euler*, *implicitfast* or *discrete*); section 1 has
+# them in the right chart of the stable PD gains. Markers at its upper edge mean that no limit was found. The attribute
+# `delay` of a position actuator delays the set-point, not the feedback.
 #
 # <details><summary>Force control at MuJoCo's soft contact</summary>
 #
@@ -1579,8 +1591,8 @@ plt.show()
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. Close the
-# loop outside, at the robot's rate, with several steps per sample. Otherwise you tune the simulator.
+# **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. If you
+# close the loop inside, you tune the simulator.
 #
 # </div>
 
@@ -1597,7 +1609,7 @@ more_claims(
 # %% [markdown]
 # ### Symptoms, causes and fixes
 #
-# Four traces that you will meet. Name a cause for each before you read on:
+# Four traces. Name a cause for each before you read on:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.3), layout="constrained")
@@ -1622,12 +1634,15 @@ _ = axes[2].plot(rattle.times[: rattle.command.size], rattle.command, lw=0.5, co
 _ = axes[2].set(
     title="C", xlabel="time [s]", ylabel="torque [N m]", xlim=(2.0, 3.0), ylim=(-20, 20)
 )
-trace(axes[3], "D", Gains(20.0, 20.0, 4.0, u_min=-2.0, u_max=2.0, windup="none"), 8.0)
+wound = trace(axes[3], "D", Gains(20.0, 20.0, 4.0, u_min=-2.0, u_max=2.0, windup="none"), 8.0)
+limited = np.where(np.abs(wound.command) > 1.99, 0.0, np.nan)
+_ = axes[3].plot(dt * np.arange(limited.size), limited, color="C3", lw=4, label="at the limit")
+_ = axes[3].legend(fontsize=8, loc="lower right")
 plt.show()
 
 # %% [markdown]
 # A, B and C are the first three rows of the table. D could also be an I term that is too large. But its command was at
-# the limit for most of the step, so it is windup:
+# the limit (red bar) for most of the step, so it is windup:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1643,7 +1658,7 @@ plt.show()
 # **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
 # and there is an I term, suspect windup. Next, switch the I term off: if the overshoot goes away, the I term was too
 # large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the delay margin is small, look
-# for the delay. Finally, ask whether the set-point has to jump at all.
+# for the delay.
 #
 # <details><summary>A common mistake</summary>
 #
@@ -1678,12 +1693,11 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # ## 8 · Exercises
 #
 # There are ten graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
-# function in a separate process on new random cases. It reports what is right and what is wrong. Where it recognises
-# the mistake, it also says why.
+# function on new random cases, and reports what is wrong.
 #
 # ### PD gains for a joint
 #
-# A warm-up: the first gains that anybody has to choose.
+# A warm-up.
 
 # %%
 card("pd_gains")
@@ -1736,8 +1750,7 @@ check(computed_torque)
 #
 # Computed torque cancels inertia and gravity, not the friction of gears and bearings. A **friction compensation** adds
 # the torque that friction takes, in the direction of the motion. It is a feedforward: it uses the rate of the
-# reference, because the sign of a measured rate chatters at rest. A smooth transition replaces the jump of Coulomb
-# friction at zero.
+# reference, because the sign of a measured rate chatters at rest.
 
 # %%
 card("friction_torque")
@@ -1820,6 +1833,10 @@ check(mppi_step)
 # %% [markdown]
 # ### Standing on an incline
 #
+# A biped on a slope needs contact forces that carry its weight, within friction and within the torque of its joints. A
+# quadratic program, as in MPC, finds them. Left: the steepest slope on which such forces exist. Right: how much
+# friction and torque they use:
+#
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
 # %%
@@ -1879,8 +1896,9 @@ check(hold_joint)
 # ### Formulas: three limits of PD
 #
 # Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
-# $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when a root reaches the unit circle (Jury's
-# conditions). Any equivalent form is right. <span class="kernel-only">Replace the three answers below.</span>
+# $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when a root reaches the unit circle.
+# (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right. <span
+# class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$, as a function of $K_d$, $J$ and $h$?
 # 2. The rate is the difference of the last two angles over $h$. Which is the largest $K_p h^2/(2J)$, as a function of
@@ -1900,7 +1918,7 @@ answer("pd_sample_late", "V")
 # %% [markdown]
 # ### Put it into your robot
 #
-# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+# Your graded answers are parts of the pick-and-place robot of `drills robot`.
 
 # %%
 your_robot(6)
@@ -1913,7 +1931,8 @@ your_robot(6)
 # with reinforcement learning, the subject of chapter 9. It starts with a controller that already works.
 #
 # In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. Its
-# data come from the motions that the arm has made. In use, the acceleration is the one that the law requests.
+# data come from the motions that the arm has made. When the controller runs, the acceleration that enters the
+# correction is the one that computed torque requests.
 
 # %%
 predict("taught_elsewhere")
@@ -1981,8 +2000,8 @@ interview("control")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not derived on this page. You can derive each from something that is: the closed-loop equation
-# of the joint, the springs in contact, and the torque of gravity on a pendulum. The chapter counts as passed when all
+# Derive three formulas from what this page explains: the closed-loop equation of the joint, the springs in contact, and
+# the torque of gravity on a pendulum. The chapter counts as passed when all
 # three are right.
 
 # %%

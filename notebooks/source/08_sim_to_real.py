@@ -262,7 +262,7 @@ table(*rows)
 #
 # Gains tuned on the arm that they run on (the squares) recover most of what was lost.
 #
-# On a real robot you start from symptoms:
+# <details><summary>On a real robot you start from symptoms: a table</summary>
 #
 # <table>
 # <tr><th>gap</th> <th>what differs</th> <th>what you observe</th> <th>on this arm</th> <th>remedy</th></tr>
@@ -278,6 +278,8 @@ table(*rows)
 # with a
 # separate network</td></tr>
 # </table>
+#
+# </details>
 #
 # ### Delay and the delay margin
 #
@@ -339,9 +341,8 @@ curves(
 # many different arms (section 3) are lower (see above the table), so they tolerate a later command. The middle row
 # checks this with the same gains in MuJoCo, instead of the course's own model of the arm.
 #
-# At both ends of the left panel something else decides. If the gains are scaled far down, the arm is too slow. If they
-# are scaled up, reaches succeed beyond the limits of the linear loop. That loop would oscillate without bound. The
-# motors can't push hard enough for that, so the hand only trembles within the target.
+# At both ends of the left panel something else decides. Much lower gains are too slow. With high gains reaches succeed
+# beyond the linear limits: the motors' torque limit stops the growing oscillation, so the hand only trembles.
 
 # %% tags=["hide-code"]
 with mock.patch.object(plants, "ARM", replace(plants.ARM, torques=(600.0, 300.0))):
@@ -844,11 +845,65 @@ table(*rows)
 # delay</td></tr>
 # <tr><td>a new plant in each episode, its spread known</td> <td>tune on the mean or on the spread</td> <td>a compromise
 # either way; nearly equal here</td></tr>
-# <tr><td>a new plant in each episode, observable during it</td> <td>in the literature: memory or adaptation</td>
-# <td>the
-# policy measures the plant while it acts; not run on this page</td></tr>
+# <tr><td>a new plant in each episode, observable during it</td> <td>memory or adaptation</td> <td>the controller
+# measures the plant while it acts, as in the next scene</td></tr>
 # </table>
 #
+# ### Adapting during the episode
+#
+# A person who lifts a box notices its weight and adjusts. A controller can do so, too, if it estimates the arm while it
+# moves. Here one joint swings a load in the vertical plane. Load (0 to 2 kg) and friction differ in every episode,
+# torques arrive 10 ms late, and the encoder is noisy. All methods share one control law (Slotine and Li, 1987):
+# feed-forward from an estimated model, and feedback multiplied by the estimated inertia.
+
+# %%
+predict("which_arm_shakes")
+
+# %% [markdown]
+# The methods differ in where the estimate comes from:
+#
+# - *Fixed gains* always assume the middle of the range. *One tuned gain set* was tuned on that middle arm, *randomised
+#   gains* on sampled arms.
+# - The *adaptive law* moves its estimate with the tracking error.
+# - The **teacher** receives the true arm. Only a simulator knows it, so this is called **privileged information**.
+# - The **student** is a small network that computes the estimate from the last 0.4 s of angle, speed and torque. It
+#   learned from the teacher's truth, on its own episodes. This is the idea of **rapid motor adaptation** (RMA; Kumar
+#   and others, 2021).
+#
+# An arm without load has a quarter of the inertia that fixed gains assume, so it gets four times the feedback that it
+# needs and becomes unstable first, as the last panel shows. The dotted lines are the limits of the linear loop.
+#
+# *Best gains in hindsight* tries every gain set of the search on each test arm and picks the best for that arm. No
+# gain set of the search can beat this. It does **not** bound the other methods, because they change the estimate as
+# well.
+#
+# ![Six methods on arms that vary](../docs/charts/varying_arms.png)
+
+# %% tags=["hide-code"]
+pattern = r"(.+): median ([\d.]+) mrad, nine of ten arms below ([\d.]+), mean ([\d.]+);"
+rows = [("method", "error of the median arm [mrad]", "nine of ten arms below", "mean")]
+table(*rows, *re.findall(pattern, read("varying_arms")))
+
+# %% [markdown]
+# On the median arm the teacher is about as good as the best gains in hindsight. It differs on the arms that fixed gains
+# serve badly: compare the column for nine of ten arms. The student comes close on the median arm, and less close on the
+# others. One gain set tuned on the middle arm has a good median, too, and the largest mean: it shakes the light arms.
+# The second panel varies the load, also beyond the range of training:
+
+# %% tags=["hide-code"]
+names = ("randomised gains", "adaptive law", "student with history", "teacher")
+names += ("best gains in hindsight",)
+curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name for name in names})
+
+# %% [markdown]
+# The student extrapolates a little, then fails. The adaptive law is slower, but follows where the student fails: it
+# corrects what it observes and was not trained on a range. On heavy arms the best fixed gains beat the teacher,
+# whose one gain set has to suit every arm.
+
+# %%
+more_claims("best_fixed_gains")
+
+# %% [markdown]
 # ### Correcting one parameter can hurt
 #
 # The usual advice is a loop: find the largest difference, correct it in the simulator, retrain, and success rises. We
@@ -1354,6 +1409,20 @@ plt.show()
 # after 10 s, probably because the twin isn't linear in its fifty features. Our arm with friction and delay is better
 # than both, and needs one second of data.
 #
+# ### A learned actuator
+#
+# Often only one component is hard to write down. A drive receives a desired angle and produces a torque. Between them
+# lie a delay, the lag of the current, a limited voltage, and friction. Hwangbo and others (2019) recorded a drive and
+# fitted an **actuator network**: from a short history of position error and speed it predicts the torque. The rest of
+# their simulator remained physics. We record a simulated drive, whose true torque is known.
+#
+# ![Torque error of three actuator models, and time](../docs/charts/actuator_models.png)
+#
+# As recorded, the network beats a formula with delay, lag and Coulomb friction that was fitted to the same recording.
+# The formula lacks the voltage limit and the larger friction at rest. Off the recording both get worse, the network
+# from a lower level: faster targets multiply its error, and so does half the voltage for its worst tenth. So record the
+# motions and the supply that the policy will meet. The right panel shows the price in computing time.
+#
 # <details><summary>What about gradients?</summary>
 #
 # MJX, MuJoCo in JAX, differentiates its own steps exactly. That is the slope of the *simulation*.
@@ -1393,10 +1462,15 @@ axis = diagram(
 plt.show()
 
 # %% [markdown]
+# The bound is useful only for distributions that overlap.
+#
+# <details><summary>How close the chain comes, and why the bound says nothing about our arm</summary>
+#
 # The right panel of the chart on shaping (section 3) shows how much of the bound this two-state chain reaches. On our
 # arm the bound says nothing. The next state of a slightly heavier arm almost never equals that of the lighter one, so
-# $\epsilon$ is one, and with $\gamma$ above one half the bound then exceeds every possible value. The bound is useful
-# only for distributions that overlap.
+# $\epsilon$ is one, and with $\gamma$ above one half the bound then exceeds every possible value.
+#
+# </details>
 #
 # ## 5 · Code, and the simulation in full
 #
@@ -1451,9 +1525,14 @@ show("queue_of_k")
 # %% [markdown]
 # In the exercise `randomize` (in a terminal, `drills start randomize`) you write a correct version. Training at scale
 # also needs a vectorised environment, a class that steps many environments and resets those whose episode has ended.
-# Its traps are at the ends of episodes. One flag `done` can't tell a finished task from a time limit. And the last
-# observation has to survive the reset, because a learner bootstraps from it: `final_obs` in Gymnasium 1,
-# `terminal_observation` in Stable-Baselines3. You write such a class in the exercise `vector_env`.
+# You write such a class in the exercise `vector_env`.
+#
+# <details><summary>Its traps are at the ends of episodes</summary>
+#
+# One flag `done` can't tell a finished task from a time limit. And the last observation has to survive the reset,
+# because a learner bootstraps from it: `final_obs` in Gymnasium 1, `terminal_observation` in Stable-Baselines3.
+#
+# </details>
 #
 # The first panel below counts environment steps per second. Computing all arms in one array (*ArmReachVector*,
 # *MujocoArmReachVector*) beats a loop over single environments (*SyncVectorEnv*). Processes (*ProcessVectorEnv*) pay
@@ -1531,6 +1610,8 @@ simulation("arms", "Cancelling errors")
 #
 # ![Error of the parameters against noise, and against time, by method](../docs/charts/what_finds_the_numbers.png)
 #
+# <details><summary>The methods in a table</summary>
+#
 # <table>
 # <tr><th>method</th> <th>what it does to the angles</th> <th>solves</th> <th>choose it when</th></tr>
 # <tr><td>differentiated regression</td> <td>two central differences</td> <td>linear least squares</td> <td>never, on
@@ -1543,16 +1624,18 @@ simulation("arms", "Cancelling errors")
 # best accuracy, or fit a delay</td></tr>
 # </table>
 #
-# For 1 % accuracy the integral form is the fastest of the methods here, and it needs no initial guess. (Filtering over
-# 40 ms only just reaches 1 %; the circle hides that point.) Filtering shows a trade-off: a short filter passes noise, a
+# </details>
+#
+# For 1 % accuracy the integral form is the fastest of the methods here, and it needs no initial guess. Filtering
+# shows a trade-off: a short filter passes noise, a
 # long one distorts the motion.
 #
 # Output error is the most accurate, because its error approaches the Cramér-Rao bound. It also works where the model is
 # not linear in its parameters, for example when it contains a delay.
 #
 # `mujoco.sysid` solves the same least-squares problem. When two implementations minimise the same sum of squares on the
-# same log, their answers should differ by far less than the noise allows. (In the chart they differ more: the points of
-# `mujoco.sysid` average two logs, the others four.) One detail must agree: both have to compare the measured angle with
+# same log, their answers should differ by far less than the noise allows. One detail must agree: both have to
+# compare the measured angle with
 # the simulated angle *of the same instant*.
 
 # %%
@@ -1666,10 +1749,14 @@ table(*rows)
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
+# <details><summary>The time step: two limits, and lifts that fail below one of them</summary>
+#
 # The panel about the time step marks two limits: of the stiff contact, and of the servo, which is a sampled control
 # loop. Some lifts with default contacts fail below the limit of the servo; the other limit doesn't concern them. The
 # last panel suggests why: in one long step a closing finger sinks deep into the box, and may push it out. How deep
 # depends on how far the finger is from the box when the step begins, so a slightly longer step can lose fewer boxes.
+#
+# </details>
 #
 # You may also read that contact energy grows by a factor $1 + \Delta t^2 k/m$ per step when the step is too large. That
 # factor belongs to explicit Euler, which MuJoCo does not use. With semi-implicit Euler the energy of an undamped spring
@@ -1773,12 +1860,14 @@ plt.show()
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *It is robust in simulation and brittle on the robot.* There are four possibilities. The robot is
-# outside the ranges: then wider ones help. The simulator lacks an effect: randomising other parameters won't produce
-# backlash. The ranges are so wide that the policy does nothing well. Or the sampled parameters never reached the
-# simulation: log them. Identify once. If the values lie inside the ranges, widening is not the cure.
+# **Debugging tip.** *It is robust in simulation and brittle on the robot.* Identify once. If the values lie inside the
+# ranges, widening is not the cure.
 #
-# <details><summary>What people get wrong here</summary>
+# <details><summary>The four possibilities, and what people get wrong here</summary>
+#
+# The robot is outside the ranges: then wider ones help. The simulator lacks an effect: randomising other parameters
+# won't produce backlash. The ranges are so wide that the policy does nothing well. Or the sampled parameters never
+# reached the simulation: log them.
 #
 # They widen the ranges. In the chart of section 3 the widest range brings little more than a moderate one where the gap
 # is large: a load needs other gains, not more cautious ones.
@@ -2105,12 +2194,16 @@ for gap in (0.0, 0.3, 1.0):
 table(*rows)
 
 # %% [markdown]
+# <details><summary>Which ends got far, and why</summary>
+#
 # The delay got least far, the payload's upper end comes next: the delay and the load cost most in section 1. Most other
 # ends are close to the farthest value that they can reach in this run. The payload gets as far as gap 1 although it is
 # expensive, because the gains are tuned again on every new range. An end stops where no set of gains serves the whole
 # range well.
 #
-# So the ranges tell you what *this task* tolerates after training. They don't tell you where the robot is, because
+# </details>
+#
+# The ranges tell you what *this task* tolerates after training. They don't tell you where the robot is, because
 # nothing in the method has observed it. At gap 1 the automatic ranges do better than our choice by hand here, at gap
 # 0.3 a little worse, at gap 0 about equally well.
 #
@@ -2152,7 +2245,8 @@ print("written" if len(mine_too.split()) > 30 else "open: thirty words or more")
 # inside the target, and it can't make a weak motor strong.
 #
 # *Where the plant differs in each episode* neither wins by itself: gains tuned on the mean and on the spread are about
-# equal. A policy that measures the plant during the episode could help; this chapter did not run one. "Measuring is
+# equal. A controller that estimates the plant during the episode does better, as the student of section 3.
+# "Measuring is
 # strictly better" fails three times: correcting one parameter may hurt, a fit of the wrong model is wrong and sure, and
 # what varies can't be measured beforehand.
 #

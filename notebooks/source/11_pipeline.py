@@ -19,10 +19,10 @@ predict("perfect_eye")
 simulation("pipeline")
 
 # %% [markdown]
-# Each arrow is what one stage adds to the final position. The panel says *perceive* for perception, *move* for
-# physics and *picture* for a camera image. *Tip to target* is the distance now. The other values describe the whole
-# run, with two exceptions: *age of a picture* is its age on arrival, and *largest stable dt* holds for the posture in
-# which the first plan ends.
+# Each arrow is what one stage adds to the final position, and what making it ideal takes away. The panel says
+# *perceive* for perception, *move* for physics and *picture* for a camera image. *Tip to target* is the distance now;
+# the other values describe the whole run. (Section 1 explains the age, section 2 *cured*, section 7 the stable dt and
+# *energy from nowhere*.) The range behind *successes* is where the true rate plausibly lies.
 #
 # **After this chapter you can**
 #
@@ -300,7 +300,8 @@ show("lag_of_the_arm")
 # %% [markdown]
 # Here are the other formulas of the budget.
 #
-# * **Bias** reaches the tip unchanged. No filter of this camera's frames can see it: they all have the same error.
+# * **Bias** reaches the tip unchanged. Here it is constant, so no filter of this camera's frames can see it: they all
+#   have the same error.
 # * **Noise** is reduced by the filter first, then by the slow arm. The filter's **noise gain** is the variance of its
 #   output divided by the variance of one frame. While the filter is still learning the target's speed, it also lags a
 #   little. A well damped arm is a **low pass**: it follows slow changes and averages out those that are faster than its
@@ -333,8 +334,8 @@ more_claims("filter_calms", "sag_without_kd")
 # * Ideal *physics* takes steps of a quarter of a millisecond.
 #
 # The real final error minus the ideal one is that stage's contribution. You can also keep only this stage real. To
-# first order its mean error is the same both ways; its squared error is not. If an ideal stage turns a failure into a
-# success, we say that it *cures* the run. In code, `repair(settings, "age")` makes the age ideal.
+# first order, both experiments give the same mean error, but not the same squared error. If an ideal stage turns a
+# failure into a success, we say that it *cures* the run. In code, `repair(settings, "age")` makes the age ideal.
 #
 # Two kinds of error have to be kept apart. A *mean* error is the same in every run and has a direction. A *random*
 # error is different in every run. Random errors of mean zero that are independent of each other add up by their
@@ -347,9 +348,8 @@ predict("how_parts_add")
 # %% [markdown]
 # The next picture draws the mean errors of three stages tip to tail, for a camera with little noise whose bias of 5
 # mm points ahead of the moving target (the default bias is smaller). Both other errors point back along the motion.
-# The arrows form one chain. To keep them apart, we shift each arrow a quarter of a millimetre further sideways. The
-# titles give the distance from the target to the true end of the chain. The cards below measure runs in which several
-# stages are real, so their distances differ by about a tenth of a millimetre.
+# Each arrow starts where the one before ends. The cards below measure runs in which several stages are real together,
+# so their distances differ from the titles by about a tenth of a millimetre.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -364,12 +364,18 @@ for axis, some, title in (
     at = np.zeros(2)
     for lane, k in enumerate(some):
         step = 1e3 * made.mean(made.only(parts[k]))[0]
-        shift = 0.25 * lane * np.array([0.6, 0.8])  # so that arrows on one line can be told apart
         _ = axis.annotate(
             "",
-            at + step + shift,
-            at + shift,
-            arrowprops={"arrowstyle": "-|>", "color": colours[k], "lw": 2.5},
+            at + step,
+            at,
+            # Thinner from arrow to arrow, as they lie on one line.
+            arrowprops={
+                "arrowstyle": "-|>",
+                "color": colours[k],
+                "lw": 5.0 - 1.8 * lane,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            },
         )
         _ = axis.plot([], [], color=colours[k], lw=2.5, label=names[k])
         at = at + step
@@ -731,9 +737,9 @@ table(
 # from Python at every step as MuJoCo is: most of the distance from the solid curve is the price of these calls.
 #
 # Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
-# chart compares the distributions of the final error along the target's motion and across it, quantile against
-# quantile, now with equal settings. Both axes subtract the same number, the median with two parameters. So points on
-# the diagonal mean equal distributions; a flatter line means a smaller spread with images.
+# chart compares the distributions of the final error along the target's motion and across it, now with equal
+# settings. Horizontal: quantiles with two parameters. Vertical: with images. Both axes subtract the same median.
+# Points on the diagonal mean equal distributions; a flatter line means less spread with images.
 #
 # ![Quantiles of the final error with images against those with two parameters](../docs/charts/two_numbers.png)
 
@@ -790,7 +796,7 @@ predict("raw_estimate")
 # The share of frames that jump too far has a closed form. A plan's goal and a later frame both carry noise $s$ on
 # each axis, so their difference has the variance $2 s^2$ on each axis. It is longer than $r$ with the probability
 # $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % for the first frame after a plan. Over all frames the share is
-# smaller: a plan whose goal happens to be near the truth is seldom discarded, and so meets more frames.
+# smaller: plans with a lucky goal survive longer, so more frames are compared with them.
 
 # %%
 show("raw_estimate_replans")
@@ -930,9 +936,9 @@ more_claims("step_by_posture")
 #
 # ![Largest gain against the frames of delay, and noise against the gain](../docs/charts/look_and_move.png)
 #
-# The right panel shows the noise that reaches the position. It compares equal fractions of each loop's own limit.
-# Delay lowers the limit, so the same fraction is a smaller gain and passes less noise. At *equal* gain, delay passes
-# more.
+# The right panel shows the noise that reaches the position. The horizontal axis is the gain divided by that loop's
+# limit. With delay the limit is lower, so the same point on the axis is a smaller gain and passes less noise. At
+# *equal* gain, delay passes more.
 
 # %%
 show("look_and_move_limit")
@@ -1282,9 +1288,9 @@ table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, 
 # %% [markdown]
 # The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is
 # $\gamma = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. Scale a cost of time roughly in
-# proportion to the step. The exact rule: the new steps in one old step must pay the same discounted sum. A reward for
-# metres travelled needs no change, because a short step covers less distance. A reward paid once, for reaching the
-# goal, stays. A limit on the number of steps becomes a limit in seconds.
+# proportion to the step. Exactly: the new steps that replace one old step must together pay, discounted, what it
+# paid. A reward for metres travelled needs no change, because a short step covers less distance. A reward paid once,
+# for reaching the goal, stays. A limit on the number of steps becomes a limit in seconds.
 #
 # In the last row reward and discount are converted, but the limit was left at 30 steps: 0.03 s, so the goal is never
 # reached, and walking until the end costs less than the fee.
@@ -1319,11 +1325,11 @@ timed = {
 }
 costs = {case: some[0] for case, some in timed.items()}  # counts are the same in every repeat
 table(
-    ["contacts / constraint rows", *shapes],
+    ["contacts / constraint rows, mean", *shapes],
     *(
         [
             "1 body" if n == 1 else f"{n} bodies",
-            *(f"{costs[n, k].contacts:.0f} / {costs[n, k].rows:.0f}" for k in shapes),
+            *(f"{costs[n, k].contacts:.0f} / {costs[n, k].rows:.1f}" for k in shapes),
         ]
         for n in (1, 8, 64)
     ),
@@ -1358,10 +1364,11 @@ plt.show()
 # On this core the largest factor stays far below the twenty of the question; we have not explained the rest.
 #
 # Nothing was measured on a GPU here. Counts of contacts may carry over from a CPU to a GPU; times never do. The
-# documentation names two effects. *MJX* (MuJoCo 3.7, 2026; our charts use a later version): its JAX version uses a
-# separating-axis test without branches, which "suffers in both runtime and memory" for large meshes. It recommends
-# fewer than about 32 vertices if two convex meshes collide, and at most about 200 if a mesh meets a primitive. *Isaac
-# Lab* (2024): the buffers of PhysX cannot grow on a GPU, so contacts are sized in advance for the worst case.
+# documentation names two effects. *MJX* (MuJoCo 3.7, 2026; our charts use a later version): its JAX version tests
+# every candidate axis of two hulls, which "suffers in both runtime and memory" for large meshes. The documentation
+# recommends fewer than about 32 vertices if two convex meshes collide, and at most about 200 if a mesh meets a
+# primitive. *Isaac Lab* (2024): the buffers of PhysX cannot grow on a GPU, so contacts are sized in advance for the
+# worst case.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("mesh_cost")
@@ -1562,11 +1569,11 @@ your_robot(11)
 # often. Each run then gets the weight $w = p/q$: its true probability density divided by that of the proposal. Count
 # a success as 0 and a failure as its weight: the mean over all runs estimates the rate of failures. The
 # **cross-entropy method** finds a proposal: score how near each run came to failing, fit a normal distribution to the
-# tenth with the worst scores, sample from it, and repeat. The **effective number** $(\sum w)^2/\sum w^2$ measures
-# precision: the rate is as precise as if you had drawn this many failures of equal weight.
+# tenth with the worst scores, sample from it, and repeat. The **effective number** $(\sum w)^2/\sum w^2$, summed over
+# the failures only, measures precision: the rate is as precise as with this many failures of equal weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
-# normal around 3.3 instead. Half of the runs now fail, and each gets a weight far below 1.
+# normal around 3.3 instead. Half of the runs now fail, and each of these failures has a weight far below 1.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.7), layout="constrained")
@@ -1630,9 +1637,9 @@ show("rare_and_sure")
 # %% [markdown]
 # If the failures lie in one direction only, it helps to keep the width of the proposal at least as large as that of
 # the real disturbances. A **defensive mixture**, which draws a tenth of the runs from the original distribution, did
-# not help here. With two failure regions, neither the minimum width nor the mixture helps. Now the arm, with six
-# disturbances: bias and target velocity (two components each), latency, tilt. This task has no discs and little
-# noise, so its failure rate is not that of section 1:
+# not help here. With two failure regions neither is a remedy: a tenth of 2,500 runs rarely meets such a failure. Now
+# the arm, with six disturbances: bias and target velocity (two components each), latency, tilt. (There are no discs
+# and little noise.)
 
 # %% tags=["hide-code"]
 scene, quiet = Scenario(discs=()), Settings(noise=0.01)
@@ -1660,10 +1667,10 @@ for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
 table(["proposal", "seed", "failure rate", "95 % interval", "effective number"], *rows)
 
 # %% [markdown]
-# The intervals of the fitted proposal contradict each other, and here the small effective numbers do warn. With a
-# width of at least 1, the estimates still differ by almost a factor of two. So this table suggests an order of
-# magnitude and no more: an estimate may be too high or too low. We ran no plain samples here; run some tens of
-# thousands, at milliseconds each, before you report a number.
+# The intervals of the fitted proposal contradict each other. Their effective numbers are small, but the lowest rate
+# has the largest one: the warning is weakest where it is needed most. With a width of at least 1, the estimates still
+# differ by almost a factor of two. So this table suggests an order of magnitude and no more. Run some tens of
+# thousands of plain samples, at milliseconds each, before you report a number.
 #
 # And if a sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval, a
 # confidence interval for a success rate, says what such a sample leaves open:

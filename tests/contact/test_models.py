@@ -350,6 +350,8 @@ def test_what_starts_deep_comes_out_no_faster_than_allowed(model: str, fastest: 
 def test_lemke_ends_on_a_ray_where_there_is_nothing() -> None:
     z, _, solved = lemke([[-1.0]], [-1.0])
     assert not solved
+    # A body wedged between two walls, both of which should push it out.
+    assert not lemke([[1.0, -1.0], [-1.0, 1.0]], [-1.0, -1.0])[2]
     z, _, solved = lemke([[2.0, 1.0], [1.0, 2.0]], [-5.0, -6.0])
     assert solved
     assert np.allclose(z, [4.0 / 3.0, 7.0 / 3.0])

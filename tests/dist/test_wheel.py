@@ -238,5 +238,5 @@ def test_cards_need_an_extra_and_then_review(place: Path, installed: dict[str, A
     for one in needed(EXTRAS["lab"]):
         link(one, site)
     after = newcomer(place, "lab")
-    assert after["review"][0] == 0 and "2 rated" in after["review"][1], after["review"]
+    assert after["review"][0] == 0 and "rated 2 cards" in after["review"][1], after["review"]
     assert all(after[Path(chapter.notebook).name] > 3 for chapter in CHAPTERS)

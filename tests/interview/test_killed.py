@@ -130,13 +130,13 @@ def test_a_review_that_ends_keeps_what_was_rated(place: Place, end: str, phase: 
     before = whole(place)["reviews.json"]
     assert len(before["log"]) == 1
     terminal = Terminal(place, "review", "--chapters", "1", "--seed", "3", "--limit", "5")
-    terminal.until("Or skip, or quit.")
+    terminal.until("You can also type skip or quit.")
     if phase != "asked":
         terminal.type("\n")
         terminal.until("How well did you know it?")
     if phase == "rated":
         terminal.type("3\n")
-        terminal.until("Or skip, or quit.")
+        terminal.until("You can also type skip or quit.")
     terminal.end(end)
     after = whole(place)["reviews.json"]
     rated = 1 + (phase == "rated")
@@ -212,7 +212,7 @@ def test_questions_of_a_design_are_kept(place: Place, end: str) -> None:
     terminal.end(end)
     whole(place)
     (entry,) = reopened(place).items
-    assert entry.clarified.startswith("* How many robots and which sensors? *")
+    assert entry.clarified.startswith("* How many robots and which sensors?\n  *")
 
 
 def waiting(place: Place, key: str, part: str) -> None:
@@ -230,7 +230,7 @@ def waiting(place: Place, key: str, part: str) -> None:
 def test_probes_of_a_scenario_are_kept(place: Place, end: str) -> None:
     waiting(place, "scenario/touch", "debugging")
     terminal = Terminal(place, "interview", "--resume")
-    terminal.until("the case stays open")
+    terminal.until("the interview continues")
     terminal.type("probe quarter_gain\n")
     terminal.until("min spent")
     terminal.end(end)
@@ -245,7 +245,7 @@ def test_the_answer_to_a_drill_is_kept(place: Place, end: str, phase: str) -> No
     waiting(place, "drill/fk3", "coding")
     place.watch_scratch()
     terminal = Terminal(place, "interview", "--resume")
-    terminal.until("A blank line grades it")
+    terminal.until("A blank line grades your answer")
     path = place.work / "interview" / "fk3.py"
     path.write_text(ENDLESS, encoding="utf-8")
     children: set[int] = set()
@@ -273,7 +273,7 @@ def test_debugging_that_ends_keeps_the_probes(place: Place, end: str, phase: str
         terminal.until("min spent")
     terminal.end(end)
     causes = [cause.name for cause in scenarios.scenario("touch").causes]
-    assert not any(f"it is {cause}" in terminal.text for cause in causes)
+    assert not any(f"The cause is {cause}" in terminal.text for cause in causes)
     bought = ["quarter_gain"] * (phase == "probed")
     stored = whole(place) if place.work.exists() else {}
     assert stored.get("debug.json", {}).get("probes", {}) == ({"touch/5": bought} if bought else {})

@@ -99,15 +99,15 @@ def test_the_follow_up_names_the_weakest_line(levels: list[int], seed: int) -> N
 
 
 def test_a_number_is_asked_for_where_the_line_has_one() -> None:
-    """Of every question, as it is on record: "put a number" comes with a figure or a field."""
+    """Of every question, as it is on record: "give a number" comes with a figure or a field."""
     with_number = 0
     for one in rehearsal.spoken(["rigid_body", "contact", "interview"]):
         for at, line in enumerate(one.rubric if not one.paired else ()):
             marks = ["named" if i == at else "defended" for i in range(len(one.rubric))]
             weakest, question = rehearsal.follow_up(one, marks)
             assert weakest == line and line in question
-            assert ("Put a number" in question) == any(c.isdigit() or c == "{" for c in line)
-            with_number += "Put a number" in question
+            assert ("Give a number" in question) == any(c.isdigit() or c == "{" for c in line)
+            with_number += "Give a number" in question
     assert with_number > 3
 
 
@@ -144,16 +144,16 @@ def test_designs_are_drawn_where_designs_are_asked_for(place: Place) -> None:
 
 def test_open_interviews_are_listed_and_resumed_by_number(place: Place) -> None:
     """Each one that is open; beyond five the oldest gets its report, and says so."""
-    assert "No interview is waiting" in place.run("interview", "--list").out
+    assert "You have no unfinished interview" in place.run("interview", "--list").out
     printed = []
     for n in range(rehearse.OPEN + 1):
         begun = place.run(
             "interview", "--kind", "concept", "--minutes", "10", text=f"Number {n}.\n"
         )
         printed.append(" ".join(begun.out.split()))
-    assert "not over" not in printed[0] and "One earlier interview is not over" in printed[1]
-    assert "2 earlier interviews are not over: drills interview --list shows them" in printed[2]
-    assert "The oldest one is closed, with its report" in printed[-1]
+    assert "unfinished" not in printed[0] and "You have one unfinished interview" in printed[1]
+    assert "You have 2 unfinished interviews: drills interview --list shows them" in printed[2]
+    assert "The oldest one is now closed, and its report is" in printed[-1]
     (report,) = place.work.glob("interview/report-*.md")
     assert "Number 0." in report.read_text("utf-8")
     rows = place.json("interview", "--list")["open"]
@@ -161,9 +161,9 @@ def test_open_interviews_are_listed_and_resumed_by_number(place: Place) -> None:
     assert [row["started"] for row in rows] == sorted((r["started"] for r in rows), reverse=True)
     for number, which in (((), 5), (("1",), 5), (("4",), 2)):
         resumed = place.run("interview", "--resume", *number)
-        assert f"Number {which}." in resumed.out and "4 others are open" in resumed.out
+        assert f"Number {which}." in resumed.out and "4 others" in resumed.out
     done = place.run("interview", "--resume", "6")
-    assert done.code == 2 and "There is no open interview 6" in done.err
+    assert done.code == 2 and "There is no unfinished interview 6" in done.err
 
 
 @pytest.mark.slow
@@ -315,7 +315,7 @@ def test_a_whole_interview(
     spent = np.cumsum([one["seconds"] for one in items])
     assert spent[0] < MINUTES * 60 < spent[-1] == result["seconds"]
     assert result["over"] == items[int(np.argmax(spent > MINUTES * 60))]["title"]
-    assert out.count("The time is over") == 1
+    assert out.count("minutes are over.") == 1
 
     past = rehearse.json_store.load(talk.file, rehearse.FORM)[0]
     assert past.open == {} and past.last == keys and past.scores[keys[1]] == 0
@@ -361,7 +361,7 @@ def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(
     assert third.interview.items[0].key != talk.interview.items[0].key
     retained = rehearse.json_store.load(talk.file, rehearse.FORM)[0].open.popitem()[1]
     assert retained.seconds == 200  # one look for the line, one at the end
-    assert "One earlier interview is not over" in capsys.readouterr().out
+    assert "You have one unfinished interview" in capsys.readouterr().out
 
 
 # --- What is typed --------------------------------------------------------------------------------
@@ -576,14 +576,17 @@ def test_what_was_said_is_kept_however_it_ends(place: Place, end: signal.Signals
     assert result["items"][0]["answer"] == "One line.\nA second \ufffd one.\nA third.\n"
     assert result["items"][0]["marks"] == ["quantified"] * len(pool_rubric(key))
     assert not list(place.work.glob("*.lines"))
-    assert "No interview is waiting" in place.json("interview", "--resume")["error"]["message"]
+    assert (
+        "You have no unfinished interview"
+        in place.json("interview", "--resume")["error"]["message"]
+    )
 
 
 def test_a_pipe_of_80_columns_in_ascii(place: Place) -> None:
     arguments = ("interview", "--kind", "debugging", "--chapters", "3", "--seed", "1")
     message = "\n".join([".", *"1111111111"[:6], ""])
     done = place.run(*arguments, text=message, LC_ALL="C", NO_COLOR="1")
-    assert done.code == 130 and "--resume goes on" in done.err
+    assert done.code == 130 and "--resume continues" in " ".join(done.err.split())
     done = place.run("interview", "--resume", text="1\n1\n1\n.\n", LC_ALL="C", NO_COLOR="1")
     assert done.code == 0, done
     assert done.out.isascii() and "\x1b" not in done.out
@@ -609,7 +612,10 @@ def test_a_damaged_file_is_put_aside(place: Place) -> None:
     damaged = '{"schema": "drills-interviews/1", "open": {"x": {"items": [1]}}}'
     (place.work / "interviews.json").write_text(damaged)
     result = place.json("interview", "--resume")
-    assert "damaged" in result["notices"][0] and "No interview" in result["error"]["message"]
+    assert (
+        "damaged" in result["notices"][0]
+        and "no unfinished interview" in result["error"]["message"]
+    )
     assert (place.work / "interviews.json.damaged-1").read_text() == damaged
 
 

@@ -122,7 +122,7 @@ def test_the_answer_says_what_decides() -> None:
         "quick",
     )
     assert "Out: praised, error unknown" in str(result) and "quick, fails error" in str(result)
-    assert "A limit of 0.02 m for error would pick quick" in str(result)
+    assert "With a limit of 0.02 m for error, quick would be picked" in str(result)
     loose = choose(table, [Need("error", 0.1, "at most")], "cost")
     assert (loose.pick, loose.deciding) == ("quick", ("error", "cost"))
     requested = {**table, "praised": {**table["praised"], "gpu": UNKNOWN}}

@@ -65,7 +65,9 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
     # The named limit turns it, and each measured row that it needs can take the pick away.
     needs, cost = jobs.JOBS[job]
     assert result.turn
-    printed = re.search(rf"A limit (?:of|below|above) ([\d.e+-]+)( m)? for {result.turn.row}", why)
+    printed = re.search(
+        rf"With a limit (?:of|below|above) ([\d.e+-]+)( m)? for {result.turn.row}", why
+    )
     assert printed
     for limit in (result.turn.limit, float(printed[1])):
         turned = [Need(n.row, limit, n.sense) if n.row == result.turn.row else n for n in needs]

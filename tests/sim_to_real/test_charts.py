@@ -54,3 +54,39 @@ def test_the_fit_follows_mujocos_and_the_bar_lies_before_the_residual_tells() ->
         assert wrong[0] < claim[0] and np.all(wrong[3:] > 2.0 * claim[3:])
     _, bound = charts.build("shaping_speed", n=3, seeds=1, at_most=1000)
     assert all(np.allclose(s.y, s.expected, rtol=1e-9) for s in bound.series)
+
+
+def test_knowing_the_arm_beats_randomised_gains_and_each_arm_has_its_own_limit() -> None:
+    within, over, history, limits = charts.stored("varying_arms")
+    median = {series.label: series.x[0] for series in within.series}
+    worst = {series.label: series.high[0] for series in within.series}
+    assert median["teacher"] < median["student with history"] < median["randomised gains"]
+    # The bound holds for fixed gains arm by arm, so also for their percentiles.
+    for name in ("one tuned gain set", "randomised gains"):
+        assert median["best gains in hindsight"] <= median[name]
+        assert worst["best gains in hindsight"] <= worst[name]
+    # It is none for who knows the arm.
+    assert worst["teacher"] < worst["best gains in hindsight"]
+    for name in ("teacher", "student with history"):
+        assert over[name].y[0] < over["one tuned gain set"].y[0]
+    quiet, noisy = history.series
+    assert quiet.y[-1] < quiet.y[0] and noisy.y[-1] < noisy.y[0]
+    lines = [value for _, value, _ in limits.lines]
+    assert lines == sorted(lines)
+    for series, limit in zip(limits.series, lines, strict=True):
+        x, y = np.array(series.x), np.array(series.y)
+        # More damping helps up to the limit, and harms beyond it.
+        assert np.all(np.diff(y[x < 0.8 * limit]) < 0.0)
+        assert 0.75 * limit < x[np.argmin(y)] < 1.3 * limit and y[-1] > 1.2 * y.min()
+
+
+def test_the_network_beats_formulas_on_the_recording_and_gets_worse_off_it() -> None:
+    cases, sizes = charts.stored("actuator_models")
+    network, formula, ideal = (
+        np.array(cases[name].x) for name in ("network", "lag and friction", "ideal drive")
+    )
+    assert network[0] < formula[0] < ideal[0]
+    assert network[2] > 2.0 * network[0]
+    assert np.array(cases["network"].high)[3] > 2.0 * np.array(cases["network"].high)[0]
+    error = np.array(sizes["network"].y)
+    assert error[-1] < 0.6 * error[0] and sizes["lag and friction"].y[0] > error[-1]

@@ -72,7 +72,7 @@ _SENT = (math.cos(math.radians(22.5)), math.sin(math.radians(22.5)))  # m/s
 _ALONG = GRAVITY * (math.sin(_SLOPE) - _MU * math.cos(_SLOPE))
 QUESTIONS = {
     "braking": Question(
-        "Where does a block stop, sent off at 1 m/s and 22.5 degrees?",
+        "Where is a block 0.24 s after it is sent off at 1 m/s and 22.5 degrees?",
         scenes.block(0.0, _MU, _SENT),
         lambda options: mujoco_contact.block(options, 0.0, _SENT),
         lambda q: q[:2],
@@ -797,6 +797,9 @@ def contact_steering(
 # --- gradients ------------------------------------------------------------------------------------
 
 
+PUSH = {"stiffness": 2e3, "damping": 60.0}  # N/m, N s/m, of the penalty contact in `pushed`
+
+
 def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> float:
     """Return where a block of 1 kg is 0.5 s after a finger of 1 kg is sent at it [m].
 
@@ -820,7 +823,7 @@ def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> f
     )
     steps = round(0.5 / dt)
     if how == "penalty":
-        return float(run(scene, "penalty", dt, steps, stiffness=2e3, damping=60.0).q[1, -1])
+        return float(run(scene, "penalty", dt, steps, **PUSH).q[1, -1])
     if how == "rigid":
         return float(run(scene, "coulomb", dt, steps).q[1, -1])
     q, v = scene.q.copy(), scene.v.copy()

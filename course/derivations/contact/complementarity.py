@@ -326,9 +326,11 @@ def penalty_is_a_step(result):
 @claim(
     "Backpropagation through contact gives zero or undefined gradients.",
     "It gives zero before touch, two one-sided values at touch, and an ordinary number after it: "
-    "a finger that reaches the block moves it {after_s:.3f} m farther for each m/s more. What "
-    "does go wrong is another thing. An elastic bounce applied at the end of its step has the "
-    "derivative {stepped:.0f} at every step size, although the truth is 1.",
+    "a finger that reaches the block moves it {after_s:.3f} m farther for each m/s more. (Both "
+    "have equal mass, there is no restitution, and the run lasts half a second.) What goes "
+    "wrong is another thing. A lossless bounce applied at the end of its step has the derivative "
+    "{stepped:.0f} at every step size, although the truth is 1, if position counts towards the "
+    "wall.",
 )
 def contact_gradients_vanish(result):
     from course.charts.contact.models import pushed, rebound, slope
@@ -353,7 +355,10 @@ def contact_gradients_vanish(result):
     )
     result.statement_holds(max(np.abs(after)) < 1e-6)
     result.correction_holds(
-        max(np.abs(before)) < 1e-9, abs(np.median(after) - 0.25) < 0.01, stepped < -0.9
+        max(np.abs(before)) < 1e-9,
+        # Equal masses without restitution: both move on at half the finger's speed.
+        abs(np.median(after) - 0.5 * 0.5) < 0.01,
+        stepped < -0.9,
     )
 
 
@@ -363,15 +368,27 @@ def contact_gradients_vanish(result):
     "with a damper the force itself jumps. A simulation inherits this. The final position of a "
     "pushed block has a local slope of {slope_s:.2f} m per m/s (median), but on average over the "
     "range it rises by only {rise_s:.2f} m per m/s. The difference is in jumps that no gradient "
-    "sees (with steps of {step_ms:.0f} ms).",
+    "sees (steps of {step_ms:.0f} ms; damping ratio {zeta:.2f} for the reduced mass of both "
+    "bodies, which leaves a restitution of {restitution:.2f}).",
     source="Suh, Simchowitz, Zhang and Tedrake, Do differentiable simulators give better policy "
     "gradients?, 2022",
 )
 def penalty_is_differentiable(result):
-    from course.charts.contact.models import pushed, slope
+    from course.charts.contact.models import PUSH, pushed, slope
     from course.contact import solve
 
     step = result.input("step_ms", 5.0)
+    k, b, m = PUSH["stiffness"], PUSH["damping"], 0.5  # reduced mass of two bodies of 1 kg
+    zeta = result.measure("zeta", b / (2.0 * np.sqrt(k * m)), tolerance=1e-6)
+    # Restitution of spring and damper that never pull, in fine steps.
+    x, v, dt = 0.0, -1.0, 1e-6
+    while v < 0.0 or -k * x - b * v > 0.0:
+        v += dt * max(-k * x - b * v, 0.0) / m
+        x += dt * v
+    result.measure("restitution", v, tolerance=1e-3)
+    # The same in closed form: the force ends at the angle at which spring and damper cancel.
+    root = np.sqrt(1.0 - zeta**2)
+    rebound = np.exp(-zeta / root * np.arctan2(2.0 * zeta * root, 2.0 * zeta**2 - 1.0))
 
     def end(speed):
         return pushed(speed, "penalty", 1e-3 * step)
@@ -388,4 +405,6 @@ def penalty_is_differentiable(result):
     one, other = (force(1e-6) - force(0.0)) / 1e-6, (force(0.0) - force(-1e-6)) / 1e-6
     result.statement = f"Slopes of the force at touch: {one:.0f} and {other:.0f} N/m."
     result.statement_holds(abs(one - other) < 1.0)
-    result.correction_holds(abs(one) < 1.0, abs(other + 5000) < 1.0, along > 1.5 * whole)
+    result.correction_holds(
+        abs(one) < 1.0, abs(other + 5000) < 1.0, along > 1.5 * whole, abs(v - rebound) < 1e-3
+    )

@@ -371,11 +371,11 @@ def friction_has_a_step_limit(result):
 
 @claim(
     "In MuJoCo, condim 4 gives the full friction cone.",
-    "condim is the number of directions in which a contact has a force. 4 adds friction against "
-    "spinning to the two directions of sliding that 3 has. It stops what spins on one point; what "
-    "stands on several points, such as a cylinder, is stopped by 3 as well. The shape of the cone "
-    "is a separate option, and its default is the pyramid: pushed off halfway between two edges, a "
-    "block with condim 4 travels {stretched:.2f} times as far as with the elliptic cone.",
+    "condim is the number of forces and torques of a contact. 3 has the normal force and two "
+    "forces of sliding friction; 4 adds a torque against spinning. It stops what spins on one "
+    "point; what stands on several, such as a cylinder, is stopped by 3 as well. The shape of the "
+    "cone is a separate option, and its default is the pyramid: pushed off halfway between two "
+    "edges, a block with condim 4 travels {stretched:.2f} times as far as with the elliptic cone.",
 )
 def condim_4_is_the_full_cone(result):
     import mujoco

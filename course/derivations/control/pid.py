@@ -34,8 +34,9 @@ def integral_clamp(result):
             return command
 
     dt, steps = 0.002, 5000
+    ki_jam = result.input("ki_jam", 6.0)
 
-    def run(bound=None, kp=4.0, ki=6.0, load=0.3, jam=3.0, target=1.0, kd=0.5):
+    def run(bound=None, kp=4.0, ki=ki_jam, load=0.3, jam=3.0, target=1.0, kd=0.5):
         """Return (overshoot, error at the end) [rad] of a joint that is blocked first.
 
         Bound None is conditional integration.

@@ -15,11 +15,14 @@ SYMBOLS = {
     "A mass with a weak motor shows when. From rest {far_m:g} m from the target it has to speed "
     "up at one limit and to brake at the other. Only a plan sees the second one coming, and LQR "
     "costs {gain:.2f} times as much as MPC. If the limit is active in one stretch from the start, "
-    "or never, both cost the same to {same:.0e}. MPC plans {ahead:.0f} samples each time.",
+    "or never, both cost the same to {same:.0e}. MPC plans {ahead:.0f} samples each time. For "
+    "other systems one stretch is not enough: for an oscillator that turns by {turn_deg:.0f} "
+    "degrees per sample, LQR costs up to {swing:.2%} more.",
 )
 def mpc_beats_clipping(result):
     from itertools import pairwise
 
+    from course import control
     from course.charts.control import plans
 
     far, ahead = result.input("far_m", 4.0), result.input("ahead", 40)
@@ -38,15 +41,47 @@ def mpc_beats_clipping(result):
     draws = [saved(x) for x in [*starts, np.array([-0.14, 0.3])]]  # the last one brakes too late
     coming, less = ([s for s, late in draws if late == desired] for desired in (True, False))
     result.measure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
+
+    # An oscillator of which K B < 0: a first command pushes the next one the other way.
+    turn = np.radians(result.input("turn_deg", 120.0))
+    A = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    B, Q, R = np.array([[0.0], [1.0]]), np.eye(2), 0.1 * np.eye(1)
+    K = control.lqr(A, B, Q, R).K
+    plan = control.horizon(A, B, Q, R, ahead)
+
+    def swing(x, planned):
+        """Return the cost of an oscillator with a command of at most 1, and its limits met."""
+        total, last, met = 0.0, None, []
+        for _ in range(80):
+            free = float((-K @ x)[0])
+            met.append(np.sign(free) * (abs(free) > 1.0))
+            last = control.mpc(plan, x, 1.0, last) if planned else None
+            u = last[0] if planned else np.clip([free], -1.0, 1.0)
+            total += float(x @ Q @ x + u @ R @ u)
+            x = A @ x + B @ u
+        return total, met
+
+    extra = []  # what the clipped law costs more where its limit is met in one stretch from 0 on
+    along, across = -K[0] / (K[0] @ K[0]), np.array([-K[0, 1], K[0, 0]])
+    for c in np.linspace(-3.0, 3.0, 61):
+        # The first command is just beyond the limit; the second one depends on c.
+        x = 1.01 * along + c * across
+        clipped, met = swing(x, False)
+        if met[0] and not any(b not in (0, a) for a, b in pairwise(met)):
+            extra.append(clipped / swing(x, True)[0] - 1)
+    result.measure("swing", max(extra), 1e-3)
     result.measure("same", max(np.abs(less).max(), 1e-12), 0.5)
     result.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
     result.statement_holds(
         min(s for s, _ in draws) > 1e-9,
-        only_if="the clipped command reaches a limit after it was free or at the other limit",
+        only_if="the clipped command of this mass reaches a limit after it was free or at the "
+        "other limit",
         inside=[s > 1e-9 for s in coming],
         outside=[s > 1e-9 for s in less],
     )
-    result.correction_holds(max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9)
+    result.correction_holds(
+        max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9, max(extra) > 1e-3
+    )
 
 
 @claim(

@@ -8,7 +8,7 @@ SYMBOLS = {
     "d": Symbol("depth of the set-point [m]"),
     "K": Symbol("stiffness of the controller [N/m]"),
     "ke": Symbol("stiffness of the wall [N/m]"),
-    "F": Symbol("dry friction [N m]"),
+    "F": Symbol("static friction [N m]"),
     "kp": Symbol("gain [N m/rad]"),
 }
 
@@ -45,9 +45,11 @@ def hold_is_half_a_sample(result):
 
 @claim(
     "A rate that is low-passed with a time constant tau is late by tau.",
-    "By tau and the half sample of the difference: {filtered_ms:.2f} ms with {tau_ms:g} ms "
-    "at {rate_hz:.0f} Hz. A tracking observer with the same time constant is late by "
-    "{observer_ms:.2f} ms, and its noise is {share:.0%} of the filter's.",
+    "Under constant acceleration it is late by tau and the half sample of the difference: "
+    "{filtered_ms:.2f} ms with {tau_ms:g} ms at {rate_hz:.0f} Hz. In a motion at the angular "
+    "frequency w the filter delays by atan(w tau)/w: at w = 1/tau, the rate is only {sine_ms:.2f} "
+    "ms late. A tracking observer with the same time constant is late by {observer_ms:.2f} ms "
+    "under constant acceleration, and its noise is {share:.0%} of the filter's.",
 )
 def filtered_rate_is_late(result):
     from course.control.pid import rates
@@ -59,14 +61,37 @@ def filtered_rate_is_late(result):
     def lag(kind, tau):
         return t[-1] - rates(0.5 * t**2, dt, kind, tau)[-1]
 
+    def sine_lag(turn, tau):
+        """Return the lag of a filtered rate in a motion at the frequency turn / tau [s]."""
+        w = turn / tau
+        time = dt * np.arange(round((20 * tau + 6 * np.pi / w) / dt))
+        rate = rates(np.sin(w * time), dt, "filtered", tau)
+        late = time > 20 * tau  # the transient is gone
+        basis = np.stack([np.cos(w * time[late]), np.sin(w * time[late])], axis=1)
+        inphase, quadrature = np.linalg.lstsq(basis, rate[late], rcond=None)[0]
+        return np.arctan2(quadrature, inphase) / w
+
     result.measure("filtered_ms", 1000 * lag("filtered", tau))
+    result.measure("sine_ms", 1000 * sine_lag(1.0, tau), 1e-3)
     result.measure("observer_ms", 1000 * lag("observer", tau))
     spreads = [np.std(rates(noise, dt, kind, tau)[4000:]) for kind in ("observer", "filtered")]
     result.measure("share", spreads[0] / spreads[1], 0.05)
     taus = result.rng.uniform(10 * dt, 0.1, 8)
-    result.statement = "Lag under a steady acceleration, and what white noise becomes."
-    result.statement_holds(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
+    slow, fast = result.rng.uniform(0.02, 0.2, 8), result.rng.uniform(0.8, 3.0, 8)
+    result.statement = "Lag under a steady acceleration and in sines, and what white noise becomes."
+    result.statement_holds(
+        abs(sine_lag(1.0, tau) / tau - 1) < 0.06,
+        only_if="the motion is slow compared with 1/tau, and tau is long compared with the sample",
+        inside=[abs(lag("filtered", x) / x - 1) < 0.06 for x in taus]
+        + [abs(sine_lag(turn, x) / x - 1) < 0.06 for turn, x in zip(slow, taus, strict=True)],
+        outside=[abs(sine_lag(turn, x) / x - 1) < 0.06 for turn, x in zip(fast, taus, strict=True)]
+        + [abs(lag("filtered", x) / x - 1) < 0.06 for x in result.rng.uniform(0.5, 5.0, 8) * dt],
+    )
     result.correction_holds(
+        all(
+            abs(sine_lag(turn, x) - np.arctan(turn) * x / turn - dt / 2) < 0.5 * dt
+            for turn, x in zip(fast, taus, strict=True)
+        ),
         all(abs(lag("filtered", x) - x - dt / 2) < 1e-9 for x in taus / 20),
         lag("observer", tau) > 1.9 * lag("filtered", tau),
     )
@@ -80,29 +105,42 @@ def filtered_rate_is_late(result):
 )
 def half_the_ultimate_gain(result):
     from course.charts.control.limits import ziegler_nichols
+    from course.control import sampled
 
     shares = np.geomspace(result.input("low", 0.01), result.input("high", 10), 5)
     rows = [ziegler_nichols("P", x) for x in shares]
     margins = [row.margins() for row in rows]
     over = [row.overshoot for row in rows]
     result.measure("phase_deg", np.degrees(min(m.phase for m in margins)), 1e-3)
-    # The delay as long as the time constant J / b, for comparison.
+    # The delay as long as the time constant J / b, for comparison: sampled as the rows are, and in
+    # continuous time, where the loop with half of the ultimate gain crosses 1 at w.
     equal = ziegler_nichols("P", 1.0).margins()
     result.measure("equal_deg", np.degrees(equal.phase), 1e-3)
+    crossing = 0.5 * sampled.delay_limit(1.0, 1.0, 1.0)[0]
+    w = np.sqrt(0.5 * (np.sqrt(1.0 + 4.0 * crossing**2) - 1.0))
+    smooth = np.pi / 2 - np.arctan(w) - w
+    result.measure("smooth_deg", np.degrees(smooth), 1e-3)
     result.measure("least", min(over), 1e-3)
     result.measure("most", max(over), 1e-3)
     result.statement = "Margins of the row for P at five delays, and its steps."
     result.statement_holds(all(abs(m.gain - 2) < 1e-3 for m in margins))
-    result.correction_holds(min(m.phase for m in margins) < 0.1, max(over) > 0.5)
+    result.correction_holds(
+        min(m.phase for m in margins) < 0.1,
+        max(over) > 0.5,
+        # Sampling a dozen times in the delay hardly changes the margin.
+        abs(np.degrees(equal.phase - smooth)) < 1.0,
+    )
 
 
 @claim(
-    "Without an I term, dry friction leaves an error of up to the friction over kp.",
-    "The error can be anything up to {formula}. In {runs:.0f} random steps the largest was "
-    "{worst:.1%} of that, and the median {median:.0%}.",
+    "Without an I term and without a load, dry friction leaves an error of up to the static "
+    "friction over kp.",
+    "The error can be anything up to {formula}, with the static friction F. In {runs:.0f} random "
+    "steps the largest was {worst:.1%} of that, and the median {median:.0%}. Where static "
+    "friction exceeded Coulomb friction, some errors were larger than Coulomb friction over kp.",
     ask=(
-        "A joint with the dry friction F comes to rest under PD with the gain kp. How far can it "
-        "be from its target?",
+        "A joint with the static friction F and no load comes to rest under PD with the gain kp. "
+        "How far can it be from its target?",
         "e, error < F/kp",
         {
             "F*kp": "More gain pulls it nearer.",
@@ -118,19 +156,23 @@ def friction_leaves_an_error(result):
 
     F, kp, e = sympy.symbols("F kp e", positive=True)
     result.formula = sympy.solve(kp * e - F, e)[0]
-    share = []
-    for _ in range(int(result.input("runs", 40))):
+    share, beyond = [], []
+    for k in range(int(result.input("runs", 40))):
         friction, gain, ratio, target = result.rng.uniform([0.1, 5, 0.1, 0.2], [1, 60, 1.5, 1.5])
         gains = Gains(gain, 0.0, 2 * ratio * np.sqrt(0.5 * gain), rate="exact")
-        joint = Joint(0.5, 0.1, 0.0, friction)
+        # Every second joint slides with less friction than it holds at rest.
+        sliding = friction * (result.rng.uniform(0.4, 0.9) if k % 2 else 1.0)
+        joint = Joint(0.5, 0.1, 0.0, sliding, friction)
         run = run_joint(joint, Actuator(), Encoder(), gains, target, 1e-3, 12.0)
         allowed = float(result.formula.subs({F: friction, kp: gain}))
         share.append(abs(target - run.q[-1]) / allowed)
+        if k % 2:
+            beyond.append(share[-1] * friction > 1.01 * sliding)
     result.measure("worst", max(share), 1e-3)
     result.measure("median", np.median(share), 0.02)
     result.statement = "Steps of drawn joints and gains, with exact sticking."
     result.statement_holds(max(share) <= 1 + 1e-3)
-    result.correction_holds(max(share) > 0.9)
+    result.correction_holds(max(share) > 0.9, any(beyond))
 
 
 @claim(

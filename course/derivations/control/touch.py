@@ -290,8 +290,10 @@ def critical_in_contact(result):
     "Not at the first impact with something harder than the controller's spring. Before the "
     "controller has moved anything, the arm's mass meets the body's stiffness, and the peak "
     "is {formula}: {peak_n:.0f} N for {mass:g} kg at {speed:g} m/s into {ke:.0e} N/m. A "
-    "stiffness of {soft_k:g} instead of {stiff_k:g} N/m changes it by {change:.1%}. What "
-    "falls is the force held afterwards, from {held_stiff:.0f} to {held_soft:.1f} N. A "
+    "stiffness of {soft_k:g} instead of {stiff_k:g} N/m changes it by {change:.1%}, if the "
+    "set-point moves in with the hand. If it waits {deep_mm:g} mm inside, the stiff controller's "
+    "peak is {fixed:.0%} higher without damping, and {damped:.0%} lower with critical damping. "
+    "What falls is the force held afterwards, from {held_stiff:.0f} to {held_soft:.1f} N. A "
     "controller stiffer than the body has no separate impact: it pushes the hand in until the "
     "set-point stops, and one twice as stiff peaks {harder:.0%} higher.",
     ask=(
@@ -318,10 +320,16 @@ def stiff_control_hurts(result):
         result.input("ke", 1e5),
     )
 
-    def run(stiffness, wall=wall):
-        """Return (first peak, force held) while the set-point goes 2 cm into the wall [N]."""
-        aim = np.minimum(speed * 1e-3 * np.arange(12_000), 0.02)
-        law = TouchLaw(stiffness, 0.2 * np.sqrt(stiffness * mass))
+    deep = result.input("deep_mm", 20.0) / 1000
+
+    def run(stiffness, wall=wall, ratio=0.1, waits=False):
+        """Return (first peak, force held) [N].
+
+        The set-point moves in with the hand and stops deep in the wall, or waits there.
+        """
+        aim = np.minimum(speed * 1e-3 * np.arange(12_000), deep)
+        aim = np.full_like(aim, deep) if waits else aim
+        law = TouchLaw(stiffness, 2 * ratio * np.sqrt(stiffness * mass))
         probe = Probe(mass, 0.0, wall, 40.0)
         force = run_touch(probe, law, aim, 1e-3, 12.0, start=(0.0, speed)).torque
         return force[np.argmax(np.diff(force) < 0)], np.mean(force[-500:])
@@ -332,6 +340,12 @@ def stiff_control_hurts(result):
     result.measure("peak_n", theory)
     result.measure("change", abs(stiff[0] / soft[0] - 1), 0.05)
     result.measure("harder", hard, 0.02)
+    fixed, damped = (
+        run(2000.0, ratio=ratio, waits=True)[0] / run(20.0, ratio=ratio, waits=True)[0] - 1
+        for ratio in (0.0, 1.0)
+    )
+    result.measure("fixed", fixed, 0.02)
+    result.measure("damped", -damped, 0.02)
     result.measure("held_stiff", stiff[1], 0.02)
     result.measure("held_soft", soft[1], 0.05)
     result.statement = "The exact probe at 1 kHz, a law of 2000 and of 20 N/m."
@@ -341,6 +355,8 @@ def stiff_control_hurts(result):
         abs(stiff[0] / theory - 1) < 0.1,
         soft[1] < stiff[1] / 20,
         hard > 0.5,
+        # Even a set-point that waits inside hardly shows in the peak.
+        max(abs(fixed), abs(damped)) < 0.15,
     )
 
 

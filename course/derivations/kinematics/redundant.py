@@ -22,9 +22,9 @@ def _null_vectors(J: np.ndarray) -> np.ndarray:
 
 
 @claim(
-    "A 7-R arm has one joint to spare for a task of six numbers.",
-    "Where J has full rank. With q2 = q5 = 0 and q3 a right angle its rank is 5: two independent "
-    "motions leave the hand where it is, and one motion of the hand is lost.",
+    "A 7-R arm has exactly one independent joint motion that leaves its hand at rest.",
+    "It has where J has full rank, since 7 - 6 = 1. With q2 = q5 = 0 and q3 a right angle the rank "
+    "is 5: two independent motions leave the hand at rest, and one motion of the hand is lost.",
 )
 def one_joint_to_spare(result):
     from course.kinematics import jacobian, null_space

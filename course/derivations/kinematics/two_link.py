@@ -29,11 +29,11 @@ def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, hi
 
 
 @claim(
-    "Forward kinematics is a chain of matrix multiplications.",
-    "It is a product of one transform per joint, from the base outwards, for the joints on the "
-    "path to the tip. The order matters: multiplied the other way round, the tip of a random "
-    "arm of {joints:g} joints lies {reversed_m:.1f} m away in the median. Matrices are one way to "
-    "write it: the course multiplies quaternions and agrees to rounding.",
+    "The pose of the tip is a product of one transform per joint, in order from base to tip.",
+    "Only the joints on the path to the tip count. The order matters: multiplied the other way "
+    "round, the tip of a random arm of {joints:g} joints lies {reversed_m:.1f} m away in the "
+    "median. The transforms may be "
+    "matrices or, as in this course, positions with quaternions; both agree to rounding.",
     source="Denavit and Hartenberg, A kinematic notation for lower-pair mechanisms (1955)",
 )
 def fk_is_a_product(result):
@@ -106,11 +106,9 @@ def two_link_position(result):
 
 
 @claim(
-    "With q2 measured from the first link, the Jacobian of two links is "
-    "`[[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]]`.",
-    "The row of rotation, (1, 1) about z, is omitted here. The determinant is {formula}, "
-    "which q1 does not enter: turning "
-    "the whole arm brings it no nearer to a singularity.",
+    "The determinant of the Jacobian of two links depends on the elbow angle q2 alone, not on q1.",
+    "It is {formula}: multiply the Jacobian's diagonals and use the formula for the sine of a "
+    "difference. Turning the whole arm brings it no nearer to a singularity.",
     ask=(
         "What is the determinant of the Jacobian of two links, as a product?",
         "det, d = l1*l2*sin(q2)",
@@ -145,11 +143,10 @@ def two_link_jacobian(result):
         "The formulas of the tip differentiated by algebra, and 50 random arms and postures of "
         "the course's geometric Jacobian."
     )
-    result.statement_holds(
-        sympy.simplify(derived - quoted) == sympy.zeros(2) and max(deviation) < 1e-12
-    )
+    result.statement_holds(sympy.simplify(sympy.diff(quoted.det(), q1)) == 0)
     result.correction_holds(
-        sympy.diff(result.formula, q1) == 0,
+        sympy.simplify(derived - quoted) == sympy.zeros(2),
+        max(deviation) < 1e-12,
         all(
             abs(np.linalg.det(planar_jacobian(a, q)) - a[0] * a[1] * np.sin(q[1])) < 1e-12
             for a, q in zip(arms, draws, strict=True)
@@ -278,11 +275,12 @@ def reachable_annulus(result):
 
 @claim(
     "Inverse kinematics has infinitely many solutions, or none.",
-    "With as many joints as the task has numbers there are finitely many: two links reach a point "
-    "inside the annulus in {inside:g} ways, on its edge in {edge:g}, beyond in {beyond:g}, and "
-    "three links a point with a heading in up to {heading:g}; an arm of six revolute joints has "
-    "at most sixteen. A continuum needs a joint more than the task, or a point such as the base "
-    "of equal links, which they reach folded in any direction.",
+    "With as many joints as the task has numbers there are usually finitely many: two links reach "
+    "a point inside the annulus in {inside:g} ways, on its edge in {edge:g}, beyond in "
+    "{beyond:g}, and three links a point with a heading in up to {heading:g}; an arm of six "
+    "revolute joints has at most sixteen that stand alone. A continuum needs a spare joint or a "
+    "special posture: folded, equal links reach the base in any direction, and in a wrist whose "
+    "first and last axes lie on one line, only the sum of their two angles counts.",
     source="Raghavan and Roth, Inverse kinematics of the general 6R manipulator (1993)",
 )
 def number_of_solutions(result):
@@ -323,8 +321,26 @@ def number_of_solutions(result):
         "is the source's."
     )
     folded = planar_tip((1.0, 1.0), np.array([result.rng.uniform(-3, 3, 9), np.full(9, np.pi)]))
+    from course.rigid_body import quaternion
+
+    def wrist(a: float, bend: float, b: float) -> np.ndarray:
+        """Return the orientation that a wrist with the axes z, y, z gives the hand."""
+        halves = 0.5 * np.array([a, bend, b])
+        za, y, zb = (
+            np.array([np.cos(x), *(np.sin(x) * np.eye(3)[axis])])
+            for x, axis in zip(halves, (2, 1, 2), strict=True)
+        )
+        return quaternion.to_matrix(quaternion.product(quaternion.product(za, y), zb))
+
+    def turned(bend: float) -> float:
+        """Return how far the hand turns if the outer two joints turn against each other."""
+        a, b, x = result.rng.uniform(-1, 1, 3)
+        return float(np.abs(wrist(a + x, bend, b - x) - wrist(a, bend, b)).max())
+
     result.statement_holds(all(count != 2 for count in inner))
     result.correction_holds(
+        all(turned(0.0) < 1e-12 for _ in range(8)),
+        all(turned(0.5) > 1e-3 for _ in range(8)),
         np.abs(folded).max() < 1e-12,
         set(inner) == {2},
         set(edge) == {1},

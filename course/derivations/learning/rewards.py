@@ -100,7 +100,7 @@ def baseline_is_free(result):
 @claim(
     "Generalised advantage estimation is a weighted mean of all n-step advantage estimates, whose "
     "weights are (1 - lambda) times 1, lambda, lambda^2 and so on; the longest estimate gets "
-    "what is missing to 1.",
+    "the rest, so that the weights add up to 1.",
     "The same number is easier to compute from the critic's one-step errors d0, d1 and so on: "
     "it is their sum, with one more factor of gamma lambda for each step ahead. With three "
     "steps left it is {formula}. Both computations agree to {worst:.0e}, also where episodes "

@@ -303,13 +303,18 @@ def parameters_are_tunable(result):
 
 
 @claim(
-    "A model of seven billion parameters at 10 Hz needs a GPU on board.",
+    "At ten actions per second, a model of seven billion parameters needs more bytes per second "
+    "than a PC's memory delivers.",
     "Each inference reads all n weights of b bytes and makes k actions, so f actions per second "
     "need {formula}. With two bytes per weight and one action per inference that is {each:.0f} "
     "GB/s, and two memory channels of a PC deliver {pc:.1f} GB/s. With {chunk:.0f} actions per "
-    "inference it is {few:.1f} GB/s. Or the model runs on another computer, over a link that adds "
-    "{link_ms:.0f} ms: a mean age of {far_ms:.0f} instead of {near_ms:.0f} ms. Arithmetic, the "
-    "cache of a transformer and models that need several inferences per action come on top.",
+    "inference it is {few:.1f} GB/s. Memory is not the only limit. With {tokens:.0f} tokens of "
+    "images, an inference takes two operations per weight and token: even with {chunk:.0f} actions "
+    "per inference {tera:.1f} trillion per second, and {cores:.0f} cores with {a_cycle:.0f} "
+    "operations per cycle at {ghz:.0f} GHz do {able:.1f} trillion. So such a model needs a GPU, or "
+    "another computer over a link. A link of {link_ms:.0f} ms makes the mean age {far_ms:.0f} "
+    "instead of {near_ms:.0f} ms. The cache of a transformer, and models that need several "
+    "inferences per action, come on top.",
     ask=(
         "A model of n parameters with b bytes each makes k actions per inference, which reads each "
         "weight once from memory. It outputs f actions per second. How many bytes per second does "
@@ -349,23 +354,32 @@ def seven_billion_on_board(result):
     pc, chunk = result.input("pc", 89.6), result.input("chunk", 8)
     each = result.measure("each", traffic(2))
     result.measure("few", traffic(2, chunk))
+    least = result.measure("least", pc / traffic(1))
+    tokens = result.input("tokens", 500)
+    tera = result.measure("tera", 2.0 * 7e9 * tokens * 10.0 / chunk / 1e12)
+    cores, a_cycle, ghz = (result.input(*x) for x in (("cores", 8), ("a_cycle", 32), ("ghz", 4)))
+    able = result.measure("able", cores * a_cycle * ghz / 1e3)
     link = 1e-3 * result.input("link_ms", 40)
     stages = [Stage("camera", 0.01, 1 / 30), Stage("policy", 0.09, 0.1), Stage("drive", 1e-4, 1e-3)]
     near = age(stages).mean
     far = age([stages[0], Stage("link", link, overload="pipelined"), *stages[1:]]).mean
     result.measure("near_ms", 1e3 * near)
     result.measure("far_ms", 1e3 * far)
-    sizes, few = result.rng.uniform(1.4, 4.0, 8), result.rng.uniform(2.0, 16.0, 8)
+    # Bytes per weight above and below the least, and actions per inference.
+    sizes, small = result.rng.uniform(1.05 * least, 4.0, 8), result.rng.uniform(0.3, 0.95, 8)
+    few = result.rng.uniform(4.0, 16.0, 8)
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
     result.statement_holds(
         bool(traffic(2, chunk) > pc),
-        only_if="each action takes an inference of its own, the processor's memory is too slow for "
-        "that, and no link to another computer is fast enough",
+        only_if="each action takes an inference of its own, and a weight has more than {least:.2f} "
+        "bytes",
         inside=[traffic(x) > pc for x in sizes],
-        outside=[traffic(min(x, 2.5), a) > pc for x, a in zip(sizes, few, strict=True)],
+        outside=[traffic(x, a) > pc for x, a in zip(sizes, few, strict=True)]
+        + [traffic(x * least) > pc for x in small],
     )
     result.correction_holds(
         each > pc,
+        tera > 2.0 * able,
         abs(far - near - link) < 1e-9,
         all(
             abs(bytes_ / float(result.formula.subs({n: size, b: 2, f: 24, k: x})) - 1.0) < 1e-9

@@ -230,13 +230,13 @@ def high_waits(protocol, section, middle, between):
 
 
 @claim(
-    "A high-priority task waits for a lock no longer than a lower one holds it.",
-    "Without a protocol it also waits for every task of medium priority. With {section_ms:.0f} ms "
-    "of work under the lock and medium tasks of {middle_ms:.0f} ms, it waited {one_ms:.0f} ms "
-    "with one of them and {five_ms:.0f} ms with five. With inheritance or a ceiling it waited "
-    "{held_ms:.0f} ms. Tasks of still higher priority add their own time: with one of "
-    "{middle_ms:.0f} ms above it, it waited {top_ms:.0f} ms. On Linux, Python's locks and "
-    "std::mutex use no such protocol.",
+    "A high-priority task waits for a lock no longer than a lower one computes while it holds it.",
+    "Without a protocol it also waits for every task of medium priority, because these keep the "
+    "holder from computing. With {section_ms:.0f} ms of work under the lock and medium tasks of "
+    "{middle_ms:.0f} ms, it waited {one_ms:.0f} ms with one of them and {five_ms:.0f} ms with "
+    "five. With inheritance or a ceiling it waited {held_ms:.0f} ms. Tasks of still higher "
+    "priority add their own time: with one of {middle_ms:.0f} ms above it, it waited "
+    "{top_ms:.0f} ms. On Linux, Python's locks and std::mutex use no such protocol.",
     source="Sha, Rajkumar and Lehoczky, Priority inheritance protocols, 1990",
 )
 def inversion_is_bounded(result):
@@ -370,7 +370,7 @@ def looped(late, work, periods=1000, relative=False, period=1e-3):
         "f, rate = 1/(T + C + L)",
         {
             "1/T": "That is a loop that sleeps until absolute times.",
-            "1/(T + C)": "The wake-up delay adds up as well.",
+            "1/(T + C)": "Three times pass in each cycle.",
             "1/(T - C - L)": "The loop is slower, not faster.",
             "1/(T + L)": "The loop also works before it sleeps.",
         },

@@ -307,8 +307,8 @@ def repeated_actions(result):
     "Meshes make a simulation slow because each of their vertices has to be searched.",
     "Contacts are a second cause. A box makes {box:.1f} times as many solver rows as a sphere,"
     " and a hull of {few:.0f} points {hull:.1f} times as many. From {some:.0f} to {many:.0f} "
-    "points, the rows grow by {more:.0%}, and collision detection takes {search:.1f} times as "
-    "long.",
+    "points, the rows grow by {more:.0%}, and collision detection takes about {search:.0f} times "
+    "as long.",
 )
 def mesh_cost(result):
     from course.oracles.mujoco.heap import Heap
@@ -339,7 +339,8 @@ def mesh_cost(result):
     "low by more than three reported errors, because the proposal was narrower than the "
     "failure region. With widths of at least 1 this happened {wide:.0f} times. With two "
     "failure regions it happened {sides:.0f} times even then, because the proposal found only "
-    "one of them. Repeats that disagree reveal it; the effective number and the weights do not. "
+    "one of them, and {mixed:.0f} times with a tenth of plain samples mixed in. "
+    "Repeats that disagree reveal it; the effective number and the weights do not. "
     "Repeats that agree may all have missed the same region.",
     source="Rubinstein and Kroese, The cross-entropy method, 2004",
 )
@@ -362,13 +363,15 @@ def rare_and_sure(result):
 
     narrow, wide = repeats(one_side), repeats(one_side, least=1.0)
     both = repeats(two_sides, least=1.0)
-    low, fair, half = (
+    mixture = repeats(two_sides, least=1.0, defence=0.1)
+    low, fair, half, mixed = (
         [one for one in some if one.share + 3.0 * one.error < share]
-        for some in (narrow, wide, both)
+        for some in (narrow, wide, both, mixture)
     )
     result.measure("low", len(low), 0.5)
     result.measure("wide", len(fair), 0.5)
     result.measure("sides", len(half), 0.3)
+    result.measure("mixed", len(mixed), 0.4)
 
     def typical(some, name):
         return float(np.median([getattr(one, name) for one in some]))
@@ -381,6 +384,7 @@ def rare_and_sure(result):
     result.correction_holds(
         len(low) > 3 * len(fair),
         len(half) > 0.3 * n,
+        len(mixed) > 0.2 * n,
         min(ratios) > 1.5,
         all(
             typical(few, "effective") > 0.5 * typical(all_, "effective")

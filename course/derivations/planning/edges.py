@@ -89,11 +89,12 @@ def edge_by_ten_points(result):
 @claim(
     "Collision checks at points along an edge find a thin wall if there are enough points.",
     "Points a distance s apart miss a wall of thickness w that the edge crosses head on with "
-    "probability {formula}; at an angle, w / cos(angle) takes the place of w. Of edges checked "
-    "every {spacing_m} m, {missed:.1%} pass through a wall of {wall_m} m at {angle_deg} degrees. "
-    "OMPL's default spacing, a hundredth of the diagonal, is {ompl_m:.3f} m in a square of ten: "
-    "of its paths past such a wall, {refused:.0%} go through it if {open:.0%} of the wall is "
-    "open, and {refused_half:.0%} if {half:.0%} is. A spacing below the thickness of the thinnest "
+    "probability {formula}. Turned away from head on by an angle, the edge has w / cos(angle) of "
+    "its length in the wall. Of edges checked every {spacing_m} m, {missed:.1%} pass through a "
+    "wall of {wall_m} m at {angle_deg} degrees from head on. OMPL's default spacing, a hundredth "
+    "of the diagonal, is {ompl_m:.3f} m in a square of ten: of its paths past such a "
+    "wall, {refused:.0%} go through it if {open:.0%} of the wall is open, and {refused_half:.0%} "
+    "if {half:.0%} is. A spacing below the thickness of the thinnest "
     "wall is enough, except for corners, which an edge can cut off at any spacing. A test in "
     "closed form misses neither.",
     ask=Ask(

@@ -95,8 +95,8 @@ def informed_rrt_star(result):
     unsolved = [pair for pair in zip(*before, strict=True) if not pair[0].solved]
     result.statement_holds(
         all(outside),
-        only_if="a path is known, the ellipse of the shortest one covers less than a quarter of "
-        "the square, and at least a thousand samples are taken",
+        only_if="a path is known and its ellipse excludes most of the world, with many samples "
+        "to come (here: an ellipse below a quarter of the square, a thousand samples or more)",
         inside=[b[0].cost < a[0].cost and ellipse(a[1]) < 0.25 for a, b in inside],
         outside=outside,
     )
@@ -218,8 +218,9 @@ def shortcut_never_lengthens(result):
     "It depends on the problem. RRT-Connect's paths get {least:.0%} shorter in an empty square "
     "and {most:.0%} for a four-link arm, RRT's {rrt_least:.0%} and {rrt_most:.0%}. The number of "
     "edges is at least the length over the step size, and up to {edges:.1f} times that in the "
-    "median of a scene. Among discs the median path has {discs_points:.0f} waypoints and through "
-    "a narrow gap {gap_points:.0f}; after shortcutting, {after_points:.0f} and {after_gap:.0f}.",
+    "median of a scene. RRT-Connect's median path has {discs_points:.0f} waypoints among discs "
+    "and {gap_points:.0f} through a narrow gap; after shortcutting, {after_points:.0f} and "
+    "{after_gap:.0f}. Start and goal count as waypoints.",
 )
 def shortcut_share(result):
     from course.planning import length, scenes
@@ -362,7 +363,8 @@ def _turns(path):
 
 @claim(
     "Shortcutting takes the jerks out of an RRT path.",
-    "It takes out corners: among discs {before:.0f} become {after:.1f}, and the sharpest turn "
+    "It takes out corners: of the {before:.0f} of RRT's median path among discs {after:.0f} are "
+    "left, and the sharpest turn "
     "goes from {sharp:.0f} to {kept:.0f} degrees. But each corner that is left forces a stop or "
     "an infinite acceleration. Three subdivisions towards a B-spline leave a turn of {round:.0f} "
     "degrees, and {bare:.0f} if no obstacle forbids it: corners next to an obstacle stay.",
@@ -396,12 +398,13 @@ def shortcut_leaves_corners(result):
 
 @claim(
     "A motion that respects its limits at every point of a fine grid respects them in between.",
-    "Not if the test is at the first point of each interval only, as in the simplest scheme, since "
-    "the acceleration jumps at each grid point. With "
-    "{coarse:.0f} intervals per rounded corner the acceleration exceeds its limit by {over:.0%}, "
-    "with {fine:.0f} intervals by {over_fine:.1%}. If both ends are constrained, the limit also "
-    "holds in between, because the acceleration is linear there: over {times:.0f} times its "
-    "largest ratio to the limit is {both:.4f}.",
+    "On a line or a parabola q'' is constant between two grid points, so the joint acceleration is "
+    "linear in s there, and largest at an end. If both ends are constrained, its largest ratio to "
+    "the limit over {times:.0f} times is {both:.4f}. A test at the first points alone leaves the "
+    "other ends free: with {coarse:.0f} intervals per rounded corner the acceleration exceeds its "
+    "limit by {over:.0%}, with {fine:.0f} by {over_fine:.1%}. On a circular arc q'' turns: with "
+    "{few:.0f} intervals per quarter circle, both ends constrained, the limit is exceeded by up to "
+    "{over_arc:.1%}.",
     source="Pham and Pham, A new approach to time-optimal path parameterization (TOPP-RA), 2018",
 )
 def limits_between_grid_points(result):
@@ -442,8 +445,44 @@ def limits_between_grid_points(result):
     result.measure("over", coarse[1] - 1, 0.05)
     result.measure("over_fine", fine[1] - 1, 0.05)
     result.measure("both", max(coarse[0], fine[0]), 1e-4)
+
+    def both_ends(corners):
+        """Return whether a random rounded path with both ends constrained is within its limits."""
+        draw = result.rng.uniform(-1.0, 1.0, (2, corners + 2))
+        motion = time_parameterise(
+            draw,
+            (1.0, 1.0),
+            blend=result.rng.uniform(0.05, 0.5),
+            grid=int(result.rng.integers(2, 20)),
+        )
+        _, rate, push = motion(np.linspace(0.0, motion.duration, 4001))
+        return max(np.abs(rate).max(), np.abs(push).max()) < 1 + 1e-9
+
+    def on_arc(angle, turn):
+        """Return the largest acceleration on an arc at even speed, limit 1 at both of its ends."""
+        ends, between = (turn + np.linspace(-0.5, 0.5, k) * angle for k in (2, 1001))
+        at_ends, inside = (
+            np.abs([np.cos(x), np.sin(x)]).max() for x in (ends, between)
+        )  # of the centripetal acceleration, in units of v^2 / r
+        return inside / at_ends
+
+    steps = result.input("few", 4)
+    arcs = [on_arc(0.5 * np.pi / steps, x) for x in np.linspace(0.0, 0.5 * np.pi, 91)]
+    result.measure("over_arc", max(arcs) - 1, 0.01)
     result.statement = (
-        "Two joints, three rounded corners; acceleration at both ends of an interval."
+        "Two joints, three rounded corners, ten random paths, arcs at even speed; limits at both "
+        "ends of an interval, compared with those in between."
     )
-    result.statement_holds(fine[1] < 1 + 1e-6)
-    result.correction_holds(max(coarse[0], fine[0]) < 1 + 1e-9, 1 < fine[1] < coarse[1])
+    result.statement_holds(
+        fine[1] < 1 + 1e-6,
+        only_if="both ends of each interval are constrained, and the path between them is a line "
+        "or a parabola",
+        inside=[both_ends(corners) for corners in result.rng.integers(1, 5, 10)],
+        outside=[x < 1 + 1e-9 for x in (coarse[1], fine[1], *arcs)],
+    )
+    result.correction_holds(
+        max(coarse[0], fine[0]) < 1 + 1e-9,
+        1 < fine[1] < coarse[1],
+        # The farthest that an arc's acceleration turns between its ends is half its angle.
+        abs(max(arcs) - 1 / np.cos(0.25 * np.pi / steps)) < 1e-6,
+    )

@@ -213,6 +213,8 @@ def gap_table(result):
     shorter = result.measure(
         "short_wide", np.median(samples("gap", "rrt", 60, 0.5, wall, step=short)), 0.1
     )
+    # The wall is thicker than the opening is wide: an edge must be nearly parallel to the opening.
+    half = result.measure("half_slit", np.median(samples("gap", "rrt", 300, 0.01, wall)), 0.1)
     result.statement = "300 seeds of each; the shortest path bends around two corners of the gap."
     result.statement_holds(all(0.5 < ratio < 2.0 for ratio in ratios))
     result.correction_holds(
@@ -222,6 +224,7 @@ def gap_table(result):
         abs(over["rrt", "slit"] - over["rrt", "wide"]) < 0.1,
         np.median(after) < 1.02,
         shorter > 5 * np.median(samples("gap", "rrt", 300, 0.5, wall)),
+        half > 3 * np.median(samples("gap", "rrt", 300, 0.02, wall)),
     )
 
 

@@ -255,7 +255,7 @@ def creep_not_friction(result):
 
 
 @claim(
-    "Two fingers hold a part from a certain force on, in every simulator.",
+    "Two simulated fingers hold a part if they press with more than a certain force.",
     "From F0 = {formula} on, if a pad shares its load among its corners and friction hardly "
     "creeps: MuJoCo's part sinks by {mujoco:.2f} mm at {ratio:.1f} F0 with fair settings, and by "
     "{shipped:.1f} mm with its own. PyBullet's has {corner:.0%} of a finger's force on one "

@@ -498,8 +498,8 @@ def area_preserved(result):
 
 
 @claim(
-    "A symplectic integrator conserves energy.",
-    "It conserves area. With a small fixed step its energy error stays bounded for a very long "
+    "Symplectic integrators conserve the energy of every smooth system.",
+    "They conserve area. With a small fixed step the energy error stays bounded for a very long "
     "time and shrinks with the step as its order says. The error is zero only in special cases, "
     "such as the midpoint rule on a spring. For velocity Verlet on a pendulum at {step_ms:g} ms "
     "the relative error is {relative_error:.1e}, early and late in the run.",

@@ -243,10 +243,12 @@ def pointing_up_locks(result):
 
 
 @claim(
-    "In gimbal lock the body can no longer turn about one of its axes.",
-    "The body can rotate about every axis; only the three angles cannot follow. To turn at one "
-    "rad/s about the lost axis, the yaw rate has to be 1 / cos(pitch). At a pitch of {pitch_deg} "
-    "degrees that is {yaw_rate_at_89_9:.0f} rad/s.",
+    "A body floats freely, and three angles describe it. In gimbal lock it can no longer turn "
+    "about one of its axes.",
+    "The body can rotate about every axis; only the three angles cannot follow. (If it hung in "
+    "three real rings, as drawn above, these would block it.) To turn at one rad/s about the "
+    "lost axis, the yaw rate has to be 1 / cos(pitch). At a pitch of {pitch_deg} degrees that "
+    "is {yaw_rate_at_89_9:.0f} rad/s.",
 )
 def gimbal_lock_is_physical(result):
     from course.rigid_body import quaternion

@@ -428,6 +428,9 @@ class Verdict:
         message.append(self._of(self.tried, "Your repair,"))
         if self.popular.repair != self.tried.repair:
             message.append(self._of(self.popular, "The repair that many try first,"))
+        repair = one.repair(one.cause(self.cause).repair)
+        if repair.name != self.tried.repair:
+            message.append(f"The repair of {self.cause} is {repair.name}. {repair.words}")
         message.append(
             f"You get {self.points} of 3 points: one each for the cause, the evidence "
             "and the repair."

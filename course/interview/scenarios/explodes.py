@@ -206,10 +206,10 @@ SCENARIO = Scenario(
     prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. "
     "A brake and friction should damp the small motion that it has at the start. "
     "Instead the motion grows, and after about a thousand steps the slide is lost. "
-    "Each run lasts three times as long. If the slide is not lost by the end of the "
-    "run, the length of the run is reported instead, so a ratio of times is at most "
-    "about three. You can read the program, but not the parameters of the machine; "
-    "you can only run the probes below. What is the cause, and what do you change?",
+    "Each run of a probe ends after about three times that time. A slide that is not lost by "
+    "then gets this time instead, so a ratio of times is at most about three. You can read the "
+    "program, but not the parameters of the machine; you can only run the probes below. What is "
+    "the cause, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,
@@ -273,7 +273,8 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "halve_step",
-            "half the time step: ratio of the times until the slide is lost, changed to original",
+            "half the time step, the delay of the brake in seconds as before: ratio of the times "
+            "until the slide is lost, changed to original",
             "",
             3,
             later(halved),

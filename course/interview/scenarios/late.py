@@ -1,4 +1,4 @@
-"""A tool is late behind a moving target: causes, probes, repairs."""
+"""A tool lags behind a moving target: causes, probes, repairs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from course.interview.scenarios.programs.late import TICK, Line, driven, filtere
 Run = Callable[[str, int], float]
 Rows = NDArray[np.void]
 
-TICKS = 4000  # of a run; the lag is looked at in its second half
+TICKS = 4000  # of a run; the lag is evaluated in its second half
 LAGGING = 22.0  # mm
 NOMINAL = Line(
     speed=0.4,
@@ -34,7 +34,10 @@ NOMINAL = Line(
 
 @dataclass(frozen=True)
 class Fault:
-    """What is not nominal, and the repair that puts it right. Each adds about 60 ms of lag."""
+    """Parameters that are not nominal, and the repair that removes the fault.
+
+    Each fault adds about 60 ms of lag.
+    """
 
     numbers: dict[str, Any]
     repair: str
@@ -75,7 +78,7 @@ def repaired(cause: str, seed: int, repair: str | None) -> Line:
 
 
 def lags(one: Line) -> NDArray[np.float64]:
-    """Return how far the tool is behind the target in the second half of a run [mm]."""
+    """Return the lag of the tool in the second half of a run [mm]."""
     log = simulate(one, TICKS)[TICKS // 2 :]
     return np.asarray(1e3 * (log["target"] - log["tool"]))
 
@@ -87,7 +90,7 @@ def symptom(cause: str, seed: int, repair: str | None) -> float:
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Return the time for a piece, by that before."""
+    """Return the time per part after a repair, divided by the time before."""
     return line(cause, seed).speed / repaired(cause, seed, repair).speed
 
 
@@ -105,25 +108,25 @@ def loop_gaps(log: Rows) -> NDArray[np.float64]:
 
 
 def ripple(cause: str, seed: int) -> float:
-    """Return the standard deviation of the lag, by its mean."""
+    """Return the standard deviation of the lag, divided by its mean."""
     behind = lags(line(cause, seed))
     return float(behind.std() / behind.mean())
 
 
 def direct(cause: str, seed: int) -> float:
-    """Return the lag with the true position in the place of camera, link and vision."""
+    """Return the lag when the true position replaces camera, link and vision, as a ratio."""
     one = line(cause, seed)
     exact = replace(one, frame=TICK, transfer=0.0, depth=1, vision=TICK, boot=0.0)
     return float(lags(exact).mean()) / symptom(cause, seed, None)
 
 
 def half_speed(cause: str, seed: int) -> float:
-    """Return the lag at half the speed, by that before."""
+    """Return the lag at half the speed, divided by the original lag."""
     return symptom(cause, seed, "slow_down") / symptom(cause, seed, None)
 
 
 def filter_step(cause: str, seed: int) -> float:
-    """Return after how many runs of the loop the filter has 63 % of a step."""
+    """Return the number of loop runs until the filter reaches 63 % of a step."""
     one, value, count = line(cause, seed), 0.0, 0
     for run in range(60):
         value = filtered(one, value, 1.0)
@@ -132,7 +135,7 @@ def filter_step(cause: str, seed: int) -> float:
 
 
 def drive_step(cause: str, seed: int) -> float:
-    """Return after how long the drive has 63 % of a step [ms]."""
+    """Return the time until the drive reaches 63 % of a step [ms]."""
     one, tool, count = line(cause, seed), 0.0, 0
     for tick in range(300):
         tool = driven(one, tool, 1.0)
@@ -148,11 +151,11 @@ def echo(cause: str, seed: int) -> float:
 
 SCENARIO = Scenario(
     name="late",
-    title="The tool is late behind the target",
-    prompt="A camera observes parts on a belt, and a tool follows them. At the speed of the belt "
-    "the tool should be less than twenty millimetres behind, which the gripper allows. It is about "
-    "forty millimetres behind. The program is what you may read; the numbers of the line are on a "
-    "controller that you can only run things on. What makes it late, and what do you change?",
+    title="The tool lags behind the target",
+    prompt="A camera observes parts on a moving belt, and a tool follows them. At this belt speed "
+    "the tool should lag by less than twenty millimeters, which the gripper tolerates. It lags by "
+    "about forty. You can read the program, but not the parameters of the line, which are on its "
+    "controller; you can only run the probes below. What causes the lag, and what do you change?",
     symptom_words="lag of the tool",
     unit="mm",
     symptom=symptom,
@@ -161,47 +164,64 @@ SCENARIO = Scenario(
     causes=(
         Cause(
             "slow_link",
-            "Images take long over the link: each is old when it arrives.",
+            "The link needs a long time to transfer an image, so every image is old when it "
+            "arrives.",
             "faster_link",
         ),
         Cause(
             "full_queue",
-            "Images piled up while the vision node started. It takes one for each that comes, so "
-            "the queue never empties, and it always works on the oldest.",
+            "Images accumulated in the queue while the vision node started. The node takes one "
+            "image for each new one that arrives, so the queue never empties, and the node always "
+            "processes the oldest image.",
             "newest_only",
         ),
         Cause(
             "heavy_filter",
-            "The filter in the loop has a long time constant: on a moving target its output is "
-            "behind by that time.",
+            "The filter in the loop has a long time constant. When the target moves at constant "
+            "speed, the filter's output lags by that time.",
             "light_filter",
         ),
         Cause(
             "slow_loop",
-            "The loop runs too rarely, and its command is held in between.",
+            "The loop runs too rarely, and each command is held until the next run.",
             "raise_rate",
         ),
         Cause(
             "blocked_loop",
-            "The loop is blocked now and then, by a lock or another process, and its command is "
-            "held meanwhile.",
+            "A lock or another process blocks the loop from time to time, and the last command is "
+            "held until it runs again.",
             "own_core",
         ),
         Cause(
             "long_buffer",
-            "Commands wait in an interpolation buffer before the drive gets them.",
+            "Commands wait in an interpolation buffer before they reach the drive.",
             "short_buffer",
         ),
         Cause("soft_drive", "The drive follows its command slowly.", "stiff_drive"),
         Cause(
             "slow_camera",
-            "The camera takes few images: between two of them the tool follows the last one.",
+            "The camera has a low frame rate. Until the next image arrives, the tool follows the "
+            "last one.",
             "more_frames",
         ),
     ),
     probes=(
-        Probe("lag_ripple", "standard deviation of the lag, by its mean", "", 2, ripple, 0.03),
-        Probe("half_speed", "half the speed: ratio of the lags", "", 2, half_speed, 0.03),
+        Probe(
+            "lag_ripple",
+            "standard deviation of the lag, divided by its mean",
+            "",
+            2,
+            ripple,
+            0.03,
+        ),
+        Probe(
+            "half_speed",
+            "half the belt speed: ratio of the lags, changed to original",
+            "",
+            2,
+            half_speed,
+            0.03,
+        ),
         Probe(
             "image_age",
             "age of an image when it arrives at the queue",
@@ -212,7 +232,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "count_waiting",
-            "images that still wait after a run of the vision node",
+            "number of images still in the queue after a run of the vision node",
             "",
             4,
             read(lambda log: np.median(log["waiting"])),
@@ -220,7 +240,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "frame_rate",
-            "images in a second",
+            "number of images per second",
             "Hz",
             3,
             read(lambda log: np.ptp(log["frames"]) / (len(log) * TICK)),
@@ -228,7 +248,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "mean_period",
-            "mean time from one run of the loop to the next",
+            "mean time between two runs of the loop",
             "ms",
             4,
             read(lambda log: loop_gaps(log).mean()),
@@ -236,7 +256,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "longest_period",
-            "longest time from one run of the loop to the next",
+            "longest time between two runs of the loop",
             "ms",
             5,
             read(lambda log: loop_gaps(log).max()),
@@ -244,7 +264,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "filter_step",
-            "runs of the loop until the filter has 63 % of a step",
+            "number of loop runs until the filter reaches 63 % of a step",
             "",
             5,
             filter_step,
@@ -252,29 +272,44 @@ SCENARIO = Scenario(
         ),
         Probe(
             "exact_target",
-            "the true position instead of camera, link and vision: ratio of the lags",
+            "the true position replaces camera, link and vision: ratio of the lags, changed to "
+            "original",
             "",
             8,
             direct,
             0.05,
         ),
-        Probe("command_echo", "time from a command to the drive's input", "ms", 8, echo, 1.5),
-        Probe("drive_step", "time until the drive has 63 % of a step", "ms", 10, drive_step, 1.5),
+        Probe(
+            "command_echo",
+            "time from a command until it reaches the drive's input",
+            "ms",
+            8,
+            echo,
+            1.5,
+        ),
+        Probe(
+            "drive_step",
+            "time until the drive reaches 63 % of a step",
+            "ms",
+            10,
+            drive_step,
+            1.5,
+        ),
     ),
     repairs=(
-        Repair("faster_link", "Images go over a link of their own."),
-        Repair("newest_only", "The queue holds one image, the newest."),
-        Repair("light_filter", "The filter's time constant is as designed."),
-        Repair("raise_rate", "The loop runs as often as designed."),
-        Repair("own_core", "The loop gets a core of its own and takes no locks."),
-        Repair("short_buffer", "The drive interpolates over one period of the loop."),
-        Repair("stiff_drive", "The drive's gains are as designed."),
-        Repair("more_frames", "The camera takes as many images as designed."),
+        Repair("faster_link", "Images are sent over a link of their own."),
+        Repair("newest_only", "The queue holds only one image, the newest."),
+        Repair("light_filter", "The filter gets the time constant that it was designed with."),
+        Repair("raise_rate", "The loop runs at the rate that it was designed for."),
+        Repair("own_core", "The loop gets a processor core of its own and takes no locks."),
+        Repair("short_buffer", "The drive interpolates over a single loop period."),
+        Repair("stiff_drive", "The drive gets the gains that it was designed with."),
+        Repair("more_frames", "The camera runs at the frame rate that it was designed for."),
         Repair("slow_down", "The belt runs at half its speed."),
     ),
     popular="slow_down",
     price=price,
-    price_words="time for a piece, relative to before",
+    price_words="time per part, relative to the original speed",
     affordable=1.5,
     path=9,
 )

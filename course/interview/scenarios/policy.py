@@ -1,4 +1,4 @@
-"""A policy that is right on its model fails on the robot: causes, probes, repairs."""
+"""A policy that works on its model fails on the robot: causes, probes, repairs."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,7 +32,7 @@ MODEL = Robot(
     std=_SEEN.std(axis=1, keepdims=True),
 )
 LIMITED, DRAG, ZERO = 0.8, 0.93, 0.072  # N m, N m s/rad, rad
-# What is different on the robot; of the statistics it is the angle's standard deviation.
+# The parameter that differs on the robot; of the statistics, only the angle's deviation does.
 FAULTS: dict[str, dict[str, Any]] = {
     "late_drive": {"delay": 12},
     "dry_joint": {"friction": 0.56},
@@ -43,7 +43,7 @@ FAULTS: dict[str, dict[str, Any]] = {
     "shifted_zero": {"zero": ZERO},
     "foreign_statistics": {"std": MODEL.std * np.array([[1.415], [1.0], [1.0], [1.0], [1.0]])},
 }
-ON_MODEL = "model"  # stands in the place of a cause
+ON_MODEL = "model"  # is passed instead of a cause
 LEARNT = {
     "refit_friction": "dry_joint",
     "refit_inertia": "heavy_tool",
@@ -53,7 +53,7 @@ LEARNT = {
 
 
 def robot(cause: str, seed: int) -> Robot:
-    """Return the robot of a seed, which is nearly the model but for one cause; or the model."""
+    """Return the robot of a seed: close to the model except for one cause. Or return the model."""
     if cause == ON_MODEL:
         return MODEL
     one, draw = replace(MODEL, **FAULTS[cause]), np.random.default_rng([2, seed])
@@ -64,7 +64,7 @@ def robot(cause: str, seed: int) -> Robot:
 
 @cache
 def weights(cause: str | None = None, bandwidth: float = BANDWIDTH) -> Array:
-    """Return the policy trained on the model, or on one that has what was measured of a cause."""
+    """Return the policy trained on the model, or on a model with the measured value of a cause."""
     return program.train(replace(MODEL, **FAULTS[cause]) if cause else MODEL, bandwidth)
 
 
@@ -114,13 +114,13 @@ def pressed(one: Robot, policy: Array, seed: int) -> tuple[Log, Array]:
 
 
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """Return the share of keys that are pressed and held."""
+    """Return the fraction of keys that are pressed and held."""
     log, target = pressed(*repaired(cause, seed, repair), seed)
     return program.success(log, target, WIDTHS, HELD)
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Return the time until half of the presses are nearly there, over the same on the model."""
+    """Return the time until half of the presses are close, divided by that on the model."""
     arrivals = []
     for one, policy in (repaired(cause, seed, repair), (MODEL, weights())):
         log, target = pressed(one, policy, seed)
@@ -133,19 +133,19 @@ def price(cause: str, seed: int, repair: str) -> float:
 
 
 def sensed(figure: float, noise: float, seed: int) -> float:
-    """Return a figure as an instrument with this standard deviation gives it."""
+    """Return a figure with the noise of an instrument with this standard deviation."""
     return figure + noise * float(np.random.default_rng([4, seed]).normal())
 
 
 def driven(one: Robot, requested: Array, v: float = 0.0, q: float = 0.0) -> Log:
-    """Open loop from `q` and `v`: the torques `requested`, (steps,)."""
+    """Run the robot in open loop from `q` and `v` with the torques `requested`, (steps,)."""
     return move(
         one, lambda i, q, _: requested[i] + 0.0 * q, np.full(1, q), np.full(1, v), len(requested)
     )
 
 
 def statistics(cause: str, seed: int) -> float:
-    """Return standard deviation of the scaled angle over poses of the kind that trained."""
+    """Return the standard deviation of the scaled angle over poses like those in training."""
     observed = program.observe(*program.poses(np.random.default_rng([4, seed]), 2000))[0]
     return float(np.std(observed) / robot(cause, seed).std[0, 0])
 
@@ -156,7 +156,7 @@ def swapped(cause: str, seed: int) -> float:
 
 
 def frozen(cause: str, seed: int) -> float:
-    """Return how far the arm leaves a target that is where it stands [mrad]."""
+    """Return how far the arm moves away from a target at its current angle [mrad]."""
     one, start = robot(cause, seed), np.full(1, 0.2)
     log = move(
         one, lambda _, q, v: program.torque(one, weights(), start, q, v), start, 0.0 * start, 125
@@ -187,7 +187,7 @@ def replayed(first: int, last: int) -> Callable[[str, int], float]:
 
 
 def positions(cause: str, seed: int) -> float:
-    """Return the torque of a slow servo deep in a key, above what the model needs there [N m]."""
+    """Return the torque of a slow servo deep in a key, minus what the model needs there [N m]."""
     path = np.linspace(0.0, 0.8, 250)
 
     def servo(i: int, q: Array, v: Array) -> Array:
@@ -200,19 +200,19 @@ def positions(cause: str, seed: int) -> float:
 
 
 def strike(cause: str, seed: int) -> float:
-    """Return how deep the arm goes into a key that it meets at 2 rad/s without a torque [mrad]."""
+    """Return how deep the arm moves into a key that it meets at 2 rad/s without torque [mrad]."""
     log = driven(robot(cause, seed), np.zeros(60), 2.0, SURFACE)
     return 1e3 * sensed(float(log.q.max() - SURFACE), ENCODER, seed)
 
 
 def coast(cause: str, seed: int) -> float:
-    """Return the speed lost in a tenth of a second without a torque [rad/s]."""
+    """Return the velocity lost in a tenth of a second without torque [rad/s]."""
     log = driven(robot(cause, seed), np.zeros(25), 3.0)
     return sensed(3.0 - float(log.v[-1, 0]), 0.02, seed)
 
 
 def lag(cause: str, seed: int) -> float:
-    """Return the shift at which commands and accelerations are most alike [ms]."""
+    """Return the shift at which commands and accelerations correlate best [ms]."""
     draw = np.random.default_rng([6, seed])
     requested = np.repeat(draw.choice((-1.5, 1.5), 50), 3)
     speed = driven(robot(cause, seed), requested).v[:, 0] + draw.normal(0.0, 0.02, 150)
@@ -222,24 +222,24 @@ def lag(cause: str, seed: int) -> float:
 
 
 def breakaway(cause: str, seed: int) -> float:
-    """Return the torque at which a slow ramp moves the arm [N m]."""
+    """Return the torque of a slow ramp at which the arm starts to move [N m]."""
     ramp = np.linspace(0.0, 0.7, 350)  # 0.5 N m/s
     angle = driven(robot(cause, seed), ramp).q[:, 0]
     return sensed(float(ramp[np.argmax(angle > 2e-3)]), 0.005, seed)
 
 
 def two_torques(cause: str, seed: int) -> float:
-    """Return inertia from how the speeds under 1 and 2 N m part, drag as on the model [kg m^2]."""
+    """Return the inertia from the velocities under 1 and 2 N m and the model's drag [kg m^2]."""
     one, answered, steps = robot(cause, seed), 15, 15
     low, high = (driven(one, np.full(answered + steps, u)).v[:, 0] for u in (1.0, 2.0))
     lost = 1.0 - MODEL.drag * (high - low)
     lasting = (lost[-1] / lost[answered - 1]) ** (1.0 / steps)
-    # Where the drive gives no more at 2 N m than at 1, the speeds do not part at all.
+    # If the drive is limited to 1 N m or less, both velocities are the same.
     return sensed(float(MODEL.drag * STEP / max(1.0 - lasting, 1e-3)), 3e-4, seed)
 
 
 def untouched(cause: str, seed: int) -> float:
-    """Return the share of targets that are reached short of every key."""
+    """Return the fraction of targets above the keys that are reached."""
     target = np.linspace(0.2, SURFACE - 0.01, 50)
     width = np.random.default_rng([7, seed]).permutation(np.linspace(0.01, 0.06, 50))
     return program.success(press(robot(cause, seed), weights(), target, STEPS), target, width, HELD)
@@ -253,12 +253,13 @@ def on_model(probe: str) -> float:
 
 SCENARIO = Scenario(
     name="policy",
-    title="The policy is right on its model and fails on the robot",
-    prompt="An arm of one joint presses keys of all depths and widths. Its policy was trained on "
-    "a model, on which it presses every key within the time. On the robot, which stands behind a "
-    "closed door, it does not reach half of them. The program is what you may read; the robot you "
-    "can only run. Which parameter of the robot differs from the model, and what do you change?",
-    symptom_words="the share of keys pressed and held",
+    title="The policy works on its model and fails on the robot",
+    prompt="An arm with one joint presses keys of different depths and widths. Its policy was "
+    "trained on a model of the arm, and on the model it presses every key in time. On the real "
+    "robot it presses fewer than half of them. You can read the program, but not the parameters of "
+    "the robot; you can only run the probes below. Each result is shown next to that on the model. "
+    "Which parameter of the robot differs from the model, and what do you change?",
+    symptom_words="fraction of keys pressed and held",
     unit="",
     symptom=symptom,
     spread=0.25,
@@ -266,12 +267,13 @@ SCENARIO = Scenario(
     causes=(
         Cause(
             "late_drive",
-            "The drive keeps a queue of commands: each torque comes late by its length.",
+            "The drive keeps commands in a queue, so each torque is applied late by the length of "
+            "the queue.",
             "empty_queue",
         ),
         Cause(
             "dry_joint",
-            "The joint is dry: below its break-away torque the arm stands still.",
+            "The joint has dry friction: below a break-away torque the arm does not move.",
             "refit_friction",
         ),
         Cause(
@@ -280,29 +282,30 @@ SCENARIO = Scenario(
         Cause("stiff_keys", "The keys are stiffer than those of the model.", "refit_key"),
         Cause(
             "weak_drive",
-            "The drive's torque is limited to less than deep keys need.",
+            "The drive's torque limit is lower than what deep keys need.",
             "raise_limit",
         ),
         Cause(
             "thick_grease",
-            "The joint's grease is thick: it brakes in proportion to the speed.",
+            "The joint's grease is thick and brakes the arm in proportion to its velocity.",
             "refit_drag",
         ),
         Cause(
             "shifted_zero",
-            "The encoder's zero is shifted: each angle is read with the same error.",
+            "The encoder's zero is shifted, so every measured angle has the same error.",
             "set_zero",
         ),
         Cause(
             "foreign_statistics",
-            "The angle is scaled with the statistics of another run than the one that trained.",
+            "The observed angle is scaled with the statistics of a different run, not with those "
+            "of the run that trained the policy.",
             "ship_statistics",
         ),
     ),
     probes=(
         Probe(
             "print_statistics",
-            "spread of the scaled angle over poses as in training",
+            "standard deviation of the scaled angle over poses like those in training",
             "",
             4,
             statistics,
@@ -310,7 +313,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "swap_statistics",
-            "the share of keys with the statistics of training",
+            "fraction of keys pressed and held with the statistics of training",
             "",
             10,
             swapped,
@@ -318,7 +321,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "freeze_target",
-            "the target is where the arm stands: how far it leaves it",
+            "the target is the arm's current angle: how far the arm moves away from it",
             "mrad",
             6,
             frozen,
@@ -326,18 +329,24 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_early",
-            "torques of the model replayed: difference of the angles in the first 80 ms",
+            "the torques of a press on the model are replayed: difference of the angles in the "
+            "first 80 ms",
             "mrad",
             15,
             replayed(0, 20),
             2.0,
         ),
         Probe(
-            "replay_late", "the same in the last 80 ms of 400", "mrad", 15, replayed(80, 100), 10.0
+            "replay_late",
+            "the same replay: difference of the angles in the last 80 of 400 ms",
+            "mrad",
+            15,
+            replayed(80, 100),
+            10.0,
         ),
         Probe(
             "replay_positions",
-            "the model's joint angles replayed slowly into a key: excess torque",
+            "a slow servo moves the arm deep into a key: torque beyond what the model needs",
             "N m",
             20,
             positions,
@@ -345,54 +354,85 @@ SCENARIO = Scenario(
         ),
         Probe(
             "strike_key",
-            "depth after meeting a key at 2 rad/s without a torque",
+            "depth that the arm reaches in a key that it meets at 2 rad/s without torque",
             "mrad",
             12,
             strike,
             3.0,
         ),
         Probe(
-            "coast", "speed lost in 0.1 s without a torque, from 3 rad/s", "rad/s", 8, coast, 0.06
+            "coast",
+            "velocity lost in 0.1 s without torque, starting at 3 rad/s",
+            "rad/s",
+            8,
+            coast,
+            0.06,
         ),
         Probe(
             "step_lag",
-            "shift at which commands and accelerations are most alike",
+            "time shift at which commands and accelerations correlate best",
             "ms",
             15,
             lag,
             2.0,
         ),
         Probe(
-            "break_away", "torque at which a slow ramp moves the arm", "N m", 10, breakaway, 0.03
+            "break_away",
+            "torque of a slow ramp at which the arm starts to move",
+            "N m",
+            10,
+            breakaway,
+            0.03,
         ),
         Probe(
             "two_torques",
-            "inertia from the difference of the speeds under two torques",
+            "inertia estimated from the velocities under two constant torques",
             "kg m^2",
             12,
             two_torques,
             1e-2,
         ),
-        Probe("no_touch", "the share of targets reached short of every key", "", 6, untouched, 0.1),
+        Probe(
+            "no_touch",
+            "fraction of targets reached when all of them are above the keys",
+            "",
+            6,
+            untouched,
+            0.1,
+        ),
     ),
     repairs=(
-        Repair("empty_queue", "The drive takes the newest command and drops the others."),
-        Repair("refit_friction", "The break-away torque as measured goes into the model; train."),
-        Repair("refit_inertia", "The inertia as measured goes into the model; train."),
-        Repair("refit_key", "The stiffness as measured goes into the model; train."),
-        Repair("raise_limit", "The drive's limit is set to what it can bear."),
-        Repair("refit_drag", "The drag as measured goes into the model; train."),
-        Repair("set_zero", "The encoder's zero is set at the stop."),
+        Repair("empty_queue", "The drive applies the newest command and drops all others."),
+        Repair(
+            "refit_friction",
+            "The break-away torque is measured and put into the model; the policy is trained "
+            "again.",
+        ),
+        Repair(
+            "refit_inertia",
+            "The inertia is measured and put into the model; the policy is trained again.",
+        ),
+        Repair(
+            "refit_key",
+            "The keys' stiffness is measured and put into the model; the policy is trained again.",
+        ),
+        Repair("raise_limit", "The torque limit is set to what the drive can bear."),
+        Repair(
+            "refit_drag",
+            "The joint's drag is measured and put into the model; the policy is trained again.",
+        ),
+        Repair("set_zero", "The encoder's zero is set again at the mechanical stop."),
         Repair("ship_statistics", "The robot loads the statistics that were saved in training."),
         Repair(
             "widen",
-            "Train for robots drawn from wide ranges of delay, friction, inertia and stiffness.",
+            "The policy is trained for robots sampled from wide ranges of delay, friction, "
+            "inertia and stiffness.",
         ),
-        Repair("soften", "Train for a slower arm."),
+        Repair("soften", "The policy is trained to move the arm more slowly."),
     ),
     popular="widen",
     price=price,
-    price_words="time to come near the key, relative to the model's",
+    price_words="time until the arm is close to the key, relative to the model",
     affordable=1.4,
     path=6,
     on_model=on_model,

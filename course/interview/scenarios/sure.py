@@ -1,4 +1,4 @@
-"""A perception stage is sure of itself and wrong: causes, probes, repairs."""
+"""A perception stage is confident and wrong: causes, probes, repairs."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,10 +20,10 @@ Run = Callable[[str, int], float]
 Change = Callable[[Scene], Scene]
 
 AWAY, SIDE = 0.6, 0.16  # from the camera to the box, along its axis and to the side [m]
-ERROR = 0.024  # what each fault makes of the grasp point [m]
+ERROR = 0.024  # of the grasp point, which each fault causes [m]
 SPEED = 0.3  # of the hand [m/s]
-NOISE = 3e-4  # of a pose that is estimated or measured with a tape [m]
-GRASPED = 8.0  # mm, that the gripper still takes
+NOISE = 3e-4  # standard deviation of an estimated or taped length [m]
+GRASPED = 8.0  # mm, the largest error with which the gripper still grasps
 CORNERS = np.array(
     [[x, y, z] for x in (-0.06, 0.06) for y in (-0.04, 0.04) for z in (-0.03, 0.03)]
 ).T
@@ -44,13 +44,13 @@ def about_z(angle: float) -> Array:
     return frame
 
 
-# The camera looks down: its z axis is that of the hand, turned to the table.
+# The camera looks down: its z axis is that of the hand and points to the table.
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 CAMERA = Camera(
     focal=600.0, middle=np.array([320.0, 240.0]), gain=1.0, offset=0.0, mount=shifted(z=0.05)
 )
-# The grasp point is not the middle of the box: whoever takes one end for the other misses by twice
-# the distance between them.
+# The grasp point is not the middle of the box: a stage that confuses the ends misses it by twice
+# the distance between the two points.
 TWIN = shifted(x=ERROR / 2.0) @ about_z(np.pi) @ shifted(x=-ERROR / 2.0)
 STAGE = Stage(
     focal=CAMERA.focal,
@@ -63,7 +63,7 @@ STAGE = Stage(
     marked=True,
 )
 FAULTS: dict[str, tuple[dict[str, Any], str]] = {
-    # A focal length that is too small by s puts a point at the side by s of that too far out.
+    # A focal length that is too small by a factor 1 + s places a point too far out by the share s.
     "wrong_focal": ({"focal": CAMERA.focal / (1.0 + ERROR / SIDE)}, "calibrate_focal"),
     "shifted_middle": (
         {"middle": CAMERA.middle + [0.0, CAMERA.focal * ERROR / AWAY]},
@@ -133,13 +133,13 @@ def still(one: Scene) -> Scene:
 
 
 def miss(one: Stage, where: Scene) -> Array:
-    """Return by how much the grasp point is missed, (3,) [m]."""
+    """Return the error of the estimated grasp point, (3,) [m]."""
     frame, _ = estimate(one, CAMERA, where)
     return np.asarray(frame[:3, 3] - where.box[:3, 3])
 
 
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """Return the distance by which the grasp point is missed [mm]."""
+    """Return the distance between the estimated and the true grasp point [mm]."""
     if repair == "slow_hand":
         where = scene(seed)
         return 1e3 * float(np.linalg.norm(miss(stage(cause), still(where))))
@@ -147,7 +147,7 @@ def symptom(cause: str, seed: int, repair: str | None) -> float:
 
 
 def price(cause: str, seed: int, repair: str) -> float:
-    """Return the time for a grasp, by that before."""
+    """Return the time per grasp after a repair, divided by the time before."""
     return {"average": 2.0, "slow_hand": 3.0}.get(repair, 1.0)
 
 
@@ -155,13 +155,13 @@ def price(cause: str, seed: int, repair: str) -> float:
 
 
 def read(value: float, number: int, seed: int) -> float:
-    """Return a length in mm as it is measured."""
+    """Return a length [mm] with the noise of its measurement."""
     noise = NOISE * float(np.random.default_rng([17, number, seed]).normal())
     return 1e3 * (value + noise)
 
 
 def after(change: Change, number: int) -> Run:
-    """Return the probe that changes the scene: by how much the grasp point is missed then [mm]."""
+    """Return the probe that changes the scene and returns the error of the grasp point [mm]."""
 
     def run(cause: str, seed: int) -> float:
         missed = float(np.linalg.norm(miss(stage(cause), change(scene(seed)))))
@@ -171,7 +171,7 @@ def after(change: Change, number: int) -> Run:
 
 
 def difference_after(change: Change, number: int) -> Run:
-    """Return the probe that looks twice: how far the two estimates of the place are apart [mm]."""
+    """Return the probe that compares the estimates before and after a change of the scene [mm]."""
 
     def run(cause: str, seed: int) -> float:
         one, where = stage(cause), scene(seed)
@@ -182,19 +182,19 @@ def difference_after(change: Change, number: int) -> Run:
 
 
 def residual(cause: str, seed: int) -> float:
-    """Return what the fit leaves [mm]."""
+    """Return the residual of the fit [mm]."""
     return abs(read(estimate(stage(cause), CAMERA, scene(seed))[1], 1, seed))
 
 
 def tape(cause: str, seed: int) -> float:
-    """Return the stage's depth of the box's middle less that of a tape [mm]."""
+    """Return the stage's depth of the box's middle minus that measured with a tape [mm]."""
     one, where = stage(cause), scene(seed)
     _, depth = image(CAMERA, where)
     return read(float(np.mean(one.gain * depth + one.offset - depth)), 2, seed)
 
 
 def tape_closer(cause: str, seed: int) -> float:
-    """Return the same at half the distance [mm]."""
+    """Return the same difference at half the distance [mm]."""
     one, where = stage(cause), closer(scene(seed))
     _, depth = image(CAMERA, where)
     return read(float(np.mean(one.gain * depth + one.offset - depth)), 3, seed)
@@ -207,12 +207,13 @@ def pose_age(cause: str, seed: int) -> float:
 
 SCENARIO = Scenario(
     name="sure",
-    title="The perception stage is sure of itself and wrong",
-    prompt="A camera on the hand looks at a box while the hand moves. The stage fits a model of "
-    "the box and reports a confidence near one. The gripper misses the grasp point by more than "
-    "two centimetres, in every attempt. The program is what you may read; the numbers of the "
-    "stage are on a robot that you can only run things on. What is wrong, and what do you change?",
-    symptom_words="the grasp point is missed by",
+    title="The perception stage is confident and wrong",
+    prompt="A camera on the hand observes a box while the hand moves. The perception stage fits a "
+    "model of the box to the image and reports a confidence close to one. Yet the gripper misses "
+    "the grasp point by more than two centimeters in every attempt. You can read the program, but "
+    "not the parameters of the stage, which are on the robot; you can only run the probes below. "
+    "What is the cause, and what do you change?",
+    symptom_words="distance from the grasp point",
     unit="mm",
     symptom=symptom,
     spread=0.2,
@@ -220,48 +221,64 @@ SCENARIO = Scenario(
     causes=(
         Cause(
             "wrong_focal",
-            "The focal length is not the camera's: what is at the side of the image is placed too "
-            "far out.",
+            "The stage uses a focal length that is not the camera's, so objects near the edge of "
+            "the image are placed too far from the optical axis.",
             "calibrate_focal",
         ),
         Cause(
             "shifted_middle",
-            "The middle of the image is not where the stage has it: all is placed at the side, in "
-            "proportion to its depth.",
+            "The stage uses a wrong principal point (the pixel on the optical axis), so it shifts "
+            "every point sideways in proportion to its depth.",
             "calibrate_middle",
         ),
-        Cause("depth_scale", "The depth has a wrong scale.", "calibrate_scale"),
+        Cause("depth_scale", "The measured depth has a wrong scale factor.", "calibrate_scale"),
         Cause(
-            "depth_offset", "The depth has an offset that is the same everywhere.", "calibrate_zero"
+            "depth_offset",
+            "The measured depth has an offset that is the same at every distance.",
+            "calibrate_zero",
         ),
         Cause(
             "bent_mount",
-            "The camera's mount was bent: hand-eye calibration is off by a translation.",
+            "The camera's mount was bent, so the hand-eye calibration is wrong by a translation.",
             "calibrate_mount",
         ),
         Cause(
             "old_pose",
-            "The image is combined with a pose of the hand from some time before.",
+            "The image is combined with an outdated pose of the hand.",
             "stamp_pose",
         ),
         Cause(
             "other_end",
-            "The box looks alike from both ends, and one is taken for the other.",
+            "The box looks the same from both ends, and the stage confuses one end with the other.",
             "mark_an_end",
         ),
         Cause(
             "other_origin",
-            "The model has its origin elsewhere than the gripper expects: at another height.",
+            "The model's origin is not where the gripper expects it: it is at another height.",
             "fix_origin",
         ),
     ),
     probes=(
-        Probe("read_residual", "what the fit leaves", "mm", 1, residual, 0.8),
-        Probe("hold_still", "the hand at rest: the miss", "mm", 3, after(still, 4), 2.0),
-        Probe("look_closer", "half the distance: the miss", "mm", 4, after(closer, 5), 2.0),
+        Probe("read_residual", "residual of the fit", "mm", 1, residual, 0.8),
+        Probe(
+            "hold_still",
+            "the hand at rest: distance from the grasp point",
+            "mm",
+            3,
+            after(still, 4),
+            2.0,
+        ),
+        Probe(
+            "look_closer",
+            "the camera at half the distance from the box: distance from the grasp point",
+            "mm",
+            4,
+            after(closer, 5),
+            2.0,
+        ),
         Probe(
             "look_straight",
-            "the box in the middle of the image: the miss",
+            "the box in the center of the image: distance from the grasp point",
             "mm",
             4,
             after(centred, 6),
@@ -269,7 +286,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "turn_hand",
-            "the camera turned by half a turn: how far the two estimates are apart",
+            "the camera rotated by 180 degrees: distance between this estimate and the original "
+            "one",
             "mm",
             6,
             difference_after(turned_hand, 7),
@@ -277,32 +295,46 @@ SCENARIO = Scenario(
         ),
         Probe(
             "turn_box",
-            "the box turned by half a turn about its grasp point: how far the two estimates are "
-            "apart",
+            "the box rotated by 180 degrees about its grasp point: distance between this estimate "
+            "and the original one",
             "mm",
             5,
             difference_after(turned_box, 8),
             3.0,
         ),
-        Probe("tape", "depth of the box, less that of a tape", "mm", 6, tape, 2.0),
-        Probe("tape_closer", "the same at half the distance", "mm", 6, tape_closer, 2.0),
+        Probe(
+            "tape",
+            "depth of the box according to the stage, minus its depth measured with a tape",
+            "mm",
+            6,
+            tape,
+            2.0,
+        ),
+        Probe(
+            "tape_closer",
+            "the same difference with the camera at half the distance",
+            "mm",
+            6,
+            tape_closer,
+            2.0,
+        ),
         Probe("pose_age", "age of the hand's pose when it is used", "ms", 10, pose_age, 3.0),
     ),
     repairs=(
-        Repair("calibrate_focal", "The focal length comes from a calibration with a board."),
-        Repair("calibrate_middle", "The middle of the image comes from a calibration."),
-        Repair("calibrate_scale", "The depth's scale comes from two distances by tape."),
-        Repair("calibrate_zero", "The depth's zero comes from one distance by tape."),
-        Repair("calibrate_mount", "Hand-eye calibration is repeated."),
+        Repair("calibrate_focal", "The focal length is calibrated with a calibration board."),
+        Repair("calibrate_middle", "The principal point is taken from a calibration."),
+        Repair("calibrate_scale", "The depth's scale is calibrated at two distances from a tape."),
+        Repair("calibrate_zero", "The depth's offset is calibrated at one distance from a tape."),
+        Repair("calibrate_mount", "The hand-eye calibration is repeated."),
         Repair("stamp_pose", "The pose of the hand is interpolated to the image's time stamp."),
-        Repair("mark_an_end", "The boxes get a mark at one end, which the stage looks for."),
-        Repair("fix_origin", "The model's origin is put where the gripper expects it."),
-        Repair("average", "The mean of ten images."),
+        Repair("mark_an_end", "The boxes get a mark at one end, which the stage detects."),
+        Repair("fix_origin", "The model's origin is moved to where the gripper expects it."),
+        Repair("average", "The stage averages ten images."),
         Repair("slow_hand", "The hand stops for every image."),
     ),
     popular="average",
     price=price,
-    price_words="time for a grasp, relative to before",
+    price_words="time per grasp, relative to the original time",
     affordable=1.5,
     path=5,
 )

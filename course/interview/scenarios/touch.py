@@ -1,4 +1,4 @@
-"""An arm hammers on the plate that it should press: causes, probes, repairs."""
+"""An arm hammers on the plate that it should press on: causes, probes, repairs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,25 +14,25 @@ Run = Callable[[str, int], float]
 Rows = NDArray[np.void]
 Change = Callable[[Machine], Machine]
 
-TICKS = 750  # that are looked at, the swing in the second half of them
-STILL = 6.0  # a swing [N] that is no symptom
+TICKS = 750  # of a run; the oscillation is evaluated in its second half
+STILL = 6.0  # N, the largest oscillation that counts as steady
 RING = 3.0  # of a sensor on a stiff mount: natural frequency times a tick
 
 
 @dataclass(frozen=True)
 class Tune:
-    """Numbers that make an arm hammer with about the same swing; times are in ticks.
+    """Parameters that make an arm hammer with about the same amplitude; times are in ticks.
 
     Attributes:
         gain, integral: of the force error; the integral for one tick.
         delay: ticks.
         ring: natural frequency of the sensor times a tick.
-        late: the most that a tick is late, in ticks.
-        room, limit: of the integral and of the drive [N].
-        rise, smooth: time constants of the drive and of the filter of the speed, in ticks.
-        scale: reading of the sensor for one newton.
-        slowed: length of a tick of the loop, by what it is meant to be.
-        brake: of the speed, times tick / mass.
+        late: largest delay of a tick, in ticks.
+        room, limit: largest magnitude of the integral and of the drive's force [N].
+        rise, smooth: time constants of the drive and of the velocity filter, in ticks.
+        scale: reading that the loop uses, per newton of force.
+        slowed: length of a tick of the loop, divided by its design value.
+        brake: gain of the velocity, times tick / mass.
     """
 
     gain: float
@@ -62,9 +62,9 @@ TUNES = {
 
 
 def lateness(at_most: float) -> NDArray[np.float64]:
-    """Return a hundred ticks of which some are late by up to `at_most`.
+    """Return the lengths of a hundred ticks of which some are late by up to `at_most`.
 
-    Ticks behind a late one catch up.
+    The ticks after a late one catch up.
     """
     draw = np.random.default_rng(4)
     late = np.where(draw.random(100) < 0.2, draw.random(100), 0.0) * at_most
@@ -106,7 +106,7 @@ def even(one: Machine) -> Machine:
 
 
 def full_rate(one: Machine) -> Machine:
-    """Return a loop that runs at the rate that it is meant to have, as unevenly as before."""
+    """Return a loop that runs at its design rate, as unevenly as before."""
     faster = one.period / np.mean(one.periods)
     return replace(one, periods=[float(faster * length) for length in one.periods])
 
@@ -126,19 +126,19 @@ REPAIRS: dict[str, Change] = {
 
 
 def logged(one: Machine) -> Rows:
-    """Return what an arm does."""
+    """Return the log of a run."""
     return simulate(one, 8 * TICKS)
 
 
 def swing(one: Machine) -> float:
-    """Swing of the force [N]: peak to peak of the sine with its standard deviation."""
+    """Return the oscillation of the force [N]: peak to peak of the sine with its deviation."""
     force = logged(one)["force"]
     return float(np.sqrt(8.0) * force[len(force) // 2 :].std())
 
 
 @cache
 def symptom(cause: str, seed: int, repair: str | None) -> float:
-    """Return the swing of the force [N] in the second half of the touch."""
+    """Return the oscillation of the force [N] in the second half of the run."""
     one = machine(cause, seed)
     return swing(REPAIRS[repair](one) if repair else one)
 
@@ -155,7 +155,7 @@ def price(cause: str, seed: int, repair: str) -> float:
 
 
 def calmer(change: Change) -> Run:
-    """Return the probe that changes the machine: its swing over that before."""
+    """Return the probe that changes the machine and compares the oscillations."""
 
     def run(cause: str, seed: int) -> float:
         one = machine(cause, seed)
@@ -175,23 +175,23 @@ def read(figure: Callable[[Rows, Machine], float]) -> Run:
 
 
 def tick_spread(log: Rows, one: Machine) -> float:
-    """Return the longest tick by the shortest."""
+    """Return the longest tick divided by the shortest."""
     ticks = np.diff(np.flatnonzero(np.diff(log["ticks"])))
     return float(ticks.max() / ticks.min())
 
 
 def rate(log: Rows, one: Machine) -> float:
-    """Return the ticks of the loop over those that it should have had."""
+    """Return the ticks of the loop divided by those that it should have had."""
     return float(log["ticks"][-1] * one.period / (len(log) * one.dt))
 
 
 def scale(log: Rows, one: Machine) -> float:
-    """Return the mean reading over the mean force."""
+    """Return the mean reading divided by the mean force."""
     return float(log["reading"].mean() / log["force"].mean())
 
 
 def lag(log: Rows, behind: str, signal: str) -> float:
-    """Return by how many nominal ticks one column of the log is behind another."""
+    """Return by how many nominal ticks one column of the log lags another."""
     ahead, largest = log[signal], 160
     later = log[behind][largest:] - log[behind][largest:].mean()
     shifts = np.lib.stride_tricks.sliding_window_view(ahead, len(later))[largest:0:-1]
@@ -204,18 +204,19 @@ def lag_of(behind: str, signal: str) -> Run:
 
 
 def first_command(log: Rows, one: Machine) -> float:
-    """Return ticks of the loop before the drive first gets a command."""
+    """Return the ticks of the loop before the drive receives its first command."""
     return float(log["ticks"][np.argmax(log["command"] != 0.0)] - 1)
 
 
 SCENARIO = Scenario(
     name="touch",
-    title="The arm oscillates when it touches",
+    title="The arm oscillates in contact",
     prompt="The tip of an arm comes down on a steel plate and should press on it with ten "
-    "newtons. In the air it is calm. As soon as it touches, it hammers and does not stop. You may "
-    "read the program; the parameters of the machine are on a controller on which you can only run "
-    "things. What is it, and what do you change?",
-    symptom_words="swing of the force",
+    "newtons. In free motion it is steady. As soon as it touches the plate, it starts to hammer "
+    "and does not stop. You can read the program, but not the parameters of the machine, which are "
+    "on its controller; you can only run the probes below. What is the cause, and what do you "
+    "change?",
+    symptom_words="peak-to-peak oscillation of the force",
     unit="N",
     symptom=symptom,
     spread=0.15,
@@ -223,56 +224,59 @@ SCENARIO = Scenario(
     causes=(
         Cause(
             "late_loop",
-            "The command uses a measurement that is some ticks old. Delay times the "
-            "stiffness that the force gain adds to the plate is more than the brake can take.",
+            "The command uses a measurement that is several ticks old. The force gain acts like an "
+            "added stiffness, and this stiffness times the delay acts like negative damping. Here "
+            "it exceeds the damping of the brake.",
             "shorten_delay",
         ),
         Cause(
             "windup",
-            "The integral grows while the drive is at its limit and the arm is in the "
-            "air; what it stored throws the arm off the plate, and it grows again.",
+            "The integral grows while the drive is at its limit and the arm is in the air. The "
+            "accumulated integral then throws the arm off the plate, and it grows again.",
             "bound_integral",
         ),
         Cause(
             "uneven_ticks",
-            "The loop is late now and then: an old command is held, and then "
-            "several follow at once.",
+            "The loop is late from time to time: it holds an old command and then issues several "
+            "commands in quick succession.",
             "even_ticks",
         ),
         Cause(
             "soft_sensor",
-            "The sensor sits on a soft mount: its reading is behind the force.",
+            "The force sensor is on a soft mount, so its reading lags behind the force.",
             "stiff_mount",
         ),
         Cause(
             "slow_drive",
-            "The drive needs some ticks to build up the commanded force: the loop always acts on "
-            "an error that is gone.",
+            "The drive needs several ticks to build up the commanded force, so the loop always "
+            "acts on an error that has already changed.",
             "fast_drive",
         ),
         Cause(
             "slow_speed",
-            "The speed that the brake uses comes from a slow filter. The brake pulls when the "
-            "arm has turned round already, and takes no energy out of the swing.",
+            "The brake uses the velocity from a slow filter. After the arm reverses, the brake "
+            "still opposes the earlier motion, so it takes no energy out of the oscillation.",
             "raw_speed",
         ),
         Cause(
             "low_rate",
-            "The loop was started at a third of its rate. Each command is held for three times as "
+            "The loop was started at a third of its rate. It holds each command three times as "
             "long, although the gains were chosen for the full rate.",
             "full_rate",
         ),
         Cause(
             "other_unit",
-            "The sensor reports pounds and the loop reads them as newtons: the gain of the loop "
-            "is 4.4 times what it was tuned for.",
+            "The sensor reports newtons, but the loop treats the reading as pounds of force and "
+            "converts it to newtons again. The gain of the loop is then 4.4 times what it was "
+            "tuned for.",
             "read_newtons",
         ),
     ),
     probes=(
         Probe(
             "hold_command",
-            "a constant command instead of the loop: ratio of the swings, after to before",
+            "a constant command instead of the loop: ratio of the oscillations, changed to "
+            "original",
             "",
             2,
             calmer(lambda one: replace(one, gain=0.0, integral=0.0)),
@@ -280,7 +284,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "quarter_gain",
-            "a quarter of the force gain: ratio of the swings, after to before",
+            "a quarter of the force gain: ratio of the oscillations, changed to original",
             "",
             2,
             calmer(REPAIRS["soften"]),
@@ -288,7 +292,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "soft_plate",
-            "a plate with a tenth of the stiffness: ratio of the swings, after to before",
+            "a plate with a tenth of the stiffness: ratio of the oscillations, changed to original",
             "",
             3,
             calmer(REPAIRS["pad"]),
@@ -296,7 +300,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "gentle_start",
-            "from a hundredth of the height: ratio of the swings, after to before",
+            "a start from a hundredth of the height: ratio of the oscillations, changed to "
+            "original",
             "",
             3,
             calmer(lambda one: replace(one, start=one.start / 100)),
@@ -304,7 +309,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "integral_off",
-            "no integral: ratio of the swings, after to before",
+            "integral off: ratio of the oscillations, changed to original",
             "",
             3,
             calmer(lambda one: replace(one, integral=0.0)),
@@ -312,18 +317,23 @@ SCENARIO = Scenario(
         ),
         Probe(
             "double_drive",
-            "a drive with twice the limit: ratio of the swings, after to before",
+            "a drive with twice the force limit: ratio of the oscillations, changed to original",
             "",
             4,
             calmer(lambda one: replace(one, limit=2 * one.limit)),
             0.15,
         ),
         Probe(
-            "log_ticks", "longest tick of the loop, by the shortest", "", 5, read(tick_spread), 5.0
+            "log_ticks",
+            "longest tick of the loop, divided by the shortest",
+            "",
+            5,
+            read(tick_spread),
+            5.0,
         ),
         Probe(
             "log_switch_on",
-            "ticks from switching on to the first command",
+            "number of ticks from the start of the loop to the first command",
             "ticks",
             5,
             read(first_command),
@@ -331,18 +341,23 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_sensor",
-            "ticks by which the reading is behind a gauge under the plate",
+            "number of ticks by which the reading lags a force gauge under the plate",
             "ticks",
             6,
             lag_of("reading", "force"),
             1.0,
         ),
         Probe(
-            "log_rate", "ticks of the loop over those it should have had", "", 3, read(rate), 0.1
+            "log_rate",
+            "number of ticks of the loop, divided by the number that there should be",
+            "",
+            3,
+            read(rate),
+            0.1,
         ),
         Probe(
             "log_scale",
-            "mean reading over the mean of a gauge under the plate",
+            "mean reading that the loop uses, divided by the mean of a force gauge under the plate",
             "",
             6,
             read(scale),
@@ -350,7 +365,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_drive",
-            "ticks by which the force of the drive is behind the command",
+            "number of ticks by which the force of the drive lags the command",
             "ticks",
             7,
             lag_of("drive", "command"),
@@ -358,7 +373,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_speed",
-            "ticks by which the speed that the brake uses is behind the arm",
+            "number of ticks by which the velocity that the brake uses lags the arm's velocity",
             "ticks",
             7,
             lag_of("speed", "v"),
@@ -366,7 +381,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "fixed_rate",
-            "the loop on a clock that is never late: ratio of the swings, after to before",
+            "the loop on a clock that is never late: ratio of the oscillations, changed to "
+            "original",
             "",
             8,
             calmer(even),
@@ -374,20 +390,20 @@ SCENARIO = Scenario(
         ),
     ),
     repairs=(
-        Repair("shorten_delay", "The loop runs beside the drive: one tick of delay."),
-        Repair("bound_integral", "The integral stays within a fifth of the target."),
-        Repair("even_ticks", "The loop gets a core and a clock of its own."),
-        Repair("stiff_mount", "The sensor sits on a stiff mount."),
-        Repair("fast_drive", "A drive that builds up its force within a tick."),
-        Repair("raw_speed", "The brake uses the speed without the filter."),
+        Repair("shorten_delay", "The loop runs next to the drive, with one tick of delay."),
+        Repair("bound_integral", "The integral is limited to a fifth of the target force."),
+        Repair("even_ticks", "The loop gets a processor core and a clock of its own."),
+        Repair("stiff_mount", "The sensor is put on a stiff mount."),
+        Repair("fast_drive", "A drive that builds up its force within a tick replaces it."),
+        Repair("raw_speed", "The brake uses the velocity without the filter."),
         Repair("full_rate", "The loop runs at the rate that it was tuned for."),
-        Repair("read_newtons", "The reading is converted to newtons."),
-        Repair("soften", "A quarter of the force gain."),
-        Repair("pad", "A pad with a tenth of the stiffness on the plate."),
+        Repair("read_newtons", "The loop uses the reading in newtons, without converting it."),
+        Repair("soften", "The force gain is reduced to a quarter."),
+        Repair("pad", "A pad with a tenth of the stiffness is put on the plate."),
     ),
     popular="soften",
     price=price,
-    price_words="error under a sudden load or sag, whichever is more, against the design",
+    price_words="error under a sudden load, or sag, whichever is larger, relative to the design",
     affordable=1.5,
     path=8,
 )

@@ -13,7 +13,7 @@ from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider
 
-L1, L2 = 1.0, 0.7
+L1, L2 = 1.0, 0.8  # as in the chapter's worked examples [m]
 _TABLE = planar((L1, L2)).table
 _FAR, _NEAR = L1 + L2, L1 - L2
 DAMPED, MARQUARDT = METHODS.index("damped"), METHODS.index("levenberg_marquardt")
@@ -357,7 +357,7 @@ PRESETS = {
         "stretched, the pseudo-inverse answers a pull inward with turns of many radians. Then "
         "try the damped step, and slide λ."),
     "The same arm in millimetres": Preset(
-        {"rows": 2, "start": (0.9, 0.02), "target": (1.7 * math.cos(0.9), 1.7 * math.sin(0.9))},
+        {"rows": 2, "start": (0.9, 0.02), "target": (1.8 * math.cos(0.9), 1.8 * math.sin(0.9))},
         "With the angle of the hand among its rows, the condition number depends on the unit of "
         "the others: choose metres. The posture is the same; so say which rows were scaled."),
 }  # fmt: skip

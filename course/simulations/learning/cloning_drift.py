@@ -98,7 +98,7 @@ _BAND_KEY, _RUN_KEY, _OFF_KEY, _MEASURED_KEY, _EXPECTED_KEY, _SQUARE_KEY, _LINE_
     "demonstrated band", "on the path", "off it", "measured", "expected", "½ ε T²", "ε T (recovers)"
 )
 _NOW, _LOST, _EXPECTED, _MEASURED, _SQUARE, _LINEAR = word(
-    "step now", "runs off the band", "expected at T", "measured at T", "½ ε T², worst case",
+    "step now", "runs off the band", "expected at T", "measured to T", "½ ε T², no recovery",
     "ε T, recovers",
 )  # fmt: skip
 _PERCENT = word(" %")[0]
@@ -189,8 +189,8 @@ READOUTS = {
     "step now": "How many steps the runs have made.",
     "runs off the band": "Share of all 1000 runs whose present step was wrong.",
     "expected at T": "Expected number of wrong steps of a run, from the two error rates.",
-    "measured at T": "Mean number of wrong steps of the 1000 runs at their end.",
-    "½ ε T², worst case": "Square law for a policy that never returns; good while ε T is small.",
+    "measured to T": "Mean number of wrong steps of the 1000 runs at their end, simulated ahead.",
+    "½ ε T², no recovery": "Square law for a policy that never returns; good while ε T is small.",
     "ε T, recovers": "Expected wrong steps if the error rate is the same on and off the path.",
 }
 

@@ -129,22 +129,22 @@ def place(draws, ids, p, v, goal, steps, numbers):
 @register_jitable
 def _orthogonal(random, rows, columns, gain, out):
     """Write a random matrix with orthonormal rows or columns, whichever are fewer, times `gain`."""
-    few, many = min(rows, columns), max(rows, columns)
-    basis = normal(random, few * many).reshape(few, many)
-    for i in range(few):
+    count, length = min(rows, columns), max(rows, columns)
+    basis = normal(random, count * length).reshape(count, length)
+    for i in range(count):
         # Gram and Schmidt, twice, so that rounding leaves the vectors orthogonal.
         for _ in range(2):
             for k in range(i):
                 along = 0.0
-                for j in range(many):
+                for j in range(length):
                     along += basis[i, j] * basis[k, j]
-                for j in range(many):
+                for j in range(length):
                     basis[i, j] -= along * basis[k, j]
         size = 0.0
-        for j in range(many):
+        for j in range(length):
             size += basis[i, j] * basis[i, j]
         size = math.sqrt(size)
-        for j in range(many):
+        for j in range(length):
             basis[i, j] /= size
     for i in range(rows):
         for j in range(columns):

@@ -1,4 +1,4 @@
-"""A slide on a rail between elastic stops: released a little off the middle, it should rest."""
+"""A slide on a rail between elastic stops: released off center, it should come to rest."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,24 +9,24 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Machine:
-    """What is built, and how it is simulated.
+    """The parameters of the slide and of its simulation.
 
     Attributes:
         mass: of the slide [kg].
         stiffness: of one stop [N/m].
         stops: (position [m], direction in which it pushes, +1 or -1) of every contact point.
         every: steps from one contact detection to the next; in between, the depth is held.
-        damping: of one brake, which acts on the measured speed [N s/m].
-        brakes: how many of them act.
-        age: steps from a measurement to its use.
+        damping: of one brake, which acts on the measured velocity [N s/m].
+        brakes: number of brakes.
+        age: number of steps from a measurement to its use.
         friction: coefficient between slide and rail.
-        slow: speed below which friction grows with the speed [m/s].
-        rail, guide: directions of the axes of force and speed, +1 or -1.
+        slow: velocity below which friction is proportional to the velocity [m/s].
+        rail, guide: directions of the axes of force and velocity, +1 or -1.
         gain, integral: of the drive that centres the slide [N/m, N/(m s)].
         encoder: direction in which the drive measures, +1 or -1.
-        blend: how much of the new speed moves the slide, from 0 to 1.
+        blend: share of the new velocity in the position update, from 0 to 1.
         dt: step [s].
-        start: position at the beginning [m].
+        start: initial position [m].
     """
 
     mass: float
@@ -48,7 +48,7 @@ class Machine:
     start: float
 
 
-# One row a step: position [m], speed [m/s], forces [N], contact points that pushed.
+# One row per step: position [m], velocity [m/s], forces [N], contact points that pushed.
 ROW = np.dtype([(name, float) for name in ("x", "v", "push", "brake", "rub", "drive", "touching")])
 GRAVITY = 9.81
 
@@ -65,14 +65,14 @@ def contact_force(machine: Machine, x: float) -> tuple[float, int]:
 
 
 def friction_force(machine: Machine, v: float) -> float:
-    """Return the force of the rail [N]: Coulomb's, made smooth at low speed."""
+    """Return the friction of the rail [N]: Coulomb friction, smoothed at low velocity."""
     slip = machine.guide * v
     share = min(max(slip / machine.slow, -1.0), 1.0)
     return -machine.rail * machine.friction * machine.mass * GRAVITY * share
 
 
 def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
-    """Release the slide and return what happens in that many steps, a `ROW` each."""
+    """Simulate the slide for a number of steps and return a `ROW` for each."""
     log = []
     x, v, total = machine.start, 0.0, 0.0
     detected = x

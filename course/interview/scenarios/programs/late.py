@@ -12,14 +12,14 @@ class Line:
 
     Attributes:
         speed: of the target [m/s].
-        frame: from one image to the next.
+        frame: from one image of the camera to the next.
         transfer: of an image over the link.
-        depth: how many images the queue holds; a new one pushes the oldest out.
+        depth: number of images that the queue holds; a new one replaces the oldest.
         vision: from one run of the vision node to the next; it takes the oldest image.
         boot: when the vision node starts.
         tau: time constant of the filter in the loop.
         period: from one run of the loop to the next.
-        stall, every: the loop is held up for `stall` after each `every`.
+        stall, every: the loop is blocked for `stall` about once in each `every`.
         buffer: from a command to the drive's input.
         servo: time constant of the drive.
     """
@@ -39,8 +39,8 @@ class Line:
 
 
 TICK = 1e-3  # s
-# One row a tick: target and tool [m], age of the newest image on its arrival [s], images that wait
-# after a run of the vision node, runs of the loop, images so far.
+# One row per tick: positions of target and tool [m], age of the newest image on its arrival [s],
+# images in the queue after a run of the vision node, runs of the loop so far, images so far.
 ROW = np.dtype([(name, float) for name in ("target", "tool", "age", "waiting", "loops", "frames")])
 
 
@@ -55,7 +55,7 @@ def driven(line: Line, tool: float, command: float) -> float:
 
 
 def simulate(line: Line, ticks: int) -> NDArray[np.void]:
-    """Let the tool follow for so many ticks, a `ROW` each."""
+    """Simulate a number of ticks and return a `ROW` for each."""
     log, commands = [], [0.0] * (ticks + 1)
     link: list[tuple[float, float, float]] = []  # arrival, position, when it was taken
     queue: list[float] = []

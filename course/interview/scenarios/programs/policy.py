@@ -1,4 +1,4 @@
-"""An arm of one joint presses keys of all depths: a policy trained on a model, tried on a robot."""
+"""An arm with one joint presses keys: a policy trained on a model and tried on a robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ Number = float | Array
 
 @dataclass(frozen=True)
 class Robot:
-    """The arm with its drive and the observer on it; a number, or one for every arm of a batch.
+    """The arm, its drive and its observer. A parameter may have one value for each arm of a batch.
 
     Attributes:
         inertia: about the joint [kg m^2].
-        drag: torque per speed [N m s/rad].
-        friction: torque of the dry joint [N m].
-        stiffness, damping: of a key, from its surface on [N m/rad, N m s/rad].
-        limit: of the drive's torque [N m].
-        zero: what the encoder reads at the angle 0 [rad].
-        delay: steps from a command to its torque.
-        mean, std: of the observations, by which the observer scales them.
+        drag: torque per velocity [N m s/rad].
+        friction: dry friction of the joint [N m].
+        stiffness, damping: of a key, below its surface [N m/rad, N m s/rad].
+        limit: largest torque of the drive [N m].
+        zero: reading of the encoder at angle 0 [rad].
+        delay: number of steps from a command to its torque.
+        mean, std: statistics with which the observer scales the observations.
     """
 
     inertia: Number
@@ -39,7 +39,7 @@ class Robot:
 
 @dataclass
 class Log:
-    """What happened: angle [rad], speed [rad/s] and asked torque [N m], (steps, arms) each."""
+    """Angles [rad], velocities [rad/s] and commanded torques [N m] of a run, (steps, arms) each."""
 
     q: Array
     v: Array
@@ -59,16 +59,16 @@ def observe(target: Array, q: Array, v: Array) -> Array:
 
 
 def poses(rng: np.random.Generator, count: int) -> tuple[Array, Array, Array]:
-    """Targets, angles and speeds, (count,) each, of the kind that training visits."""
+    """Return random targets, angles and velocities as in training, (count,) each."""
     target, q = rng.uniform(0.0, 1.0, (2, count))
     return target, q, rng.normal(0.0, 1.5, count)
 
 
 def train(model: Robot, bandwidth: float) -> Array:
-    """Weights and offset of the linear policy that imitates an expert who knows the model.
+    """Return weights and offset of the linear policy that imitates an expert who knows the model.
 
-    The expert holds the key's load, overcomes friction, and moves the rest as a critically damped
-    spring of `bandwidth` [rad/s] would.
+    The expert compensates the key's force and the friction, and moves the arm like a critically
+    damped spring of `bandwidth` [rad/s].
     """
     target, q, v = poses(np.random.default_rng(0), 2000)
     observation = observe(target, q, v)
@@ -87,7 +87,7 @@ def torque(robot: Robot, weights: Array, target: Array, q: Array, v: Array) -> A
 def move(
     robot: Robot, ask: Callable[[int, Array, Array], Array], q: Array, v: Array, steps: int
 ) -> Log:
-    """Run a robot from angle `q` and speed `v`, with the torque that `ask(step, q, v)` gives."""
+    """Run a robot from angle `q` and velocity `v` with the torques of `ask(step, q, v)`."""
     arms, waiting = np.arange(len(q)), np.zeros((int(np.max(robot.delay)), len(q)))
     log = Log(*(np.zeros((steps, len(q))) for _ in range(3)))
     queue = np.concatenate((waiting, log.commanded))
@@ -106,11 +106,11 @@ def move(
 
 
 def press(robot: Robot, weights: Array, target: Array, steps: int) -> Log:
-    """Press keys by the policy, from angle 0 at rest."""
+    """Press keys with the policy, starting at rest at angle 0."""
     rest = np.zeros(len(target))
     return move(robot, lambda _, q, v: torque(robot, weights, target, q, v), rest, rest, steps)
 
 
 def success(log: Log, target: Array, width: Array, held: int) -> float:
-    """Return the share of presses that stay within the width in the last `held` steps."""
+    """Return the fraction of presses that stay within the width in the last `held` steps."""
     return float(np.mean(np.abs(log.q[-held:] - target).max(axis=0) < width))

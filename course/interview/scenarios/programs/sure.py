@@ -1,4 +1,4 @@
-"""A camera on the hand finds a box: corners in the image, their depth, and a fit of the model."""
+"""A camera on the hand locates a box: corners in the image, their depth, and a fit of the model."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scene:
-    """What is there. Frames are 4 by 4 matrices that take points into the base.
+    """The true scene. Frames are 4 by 4 matrices that transform points into the base frame.
 
     Attributes:
         box: frame of the box, its grasp point at the origin.
         hand: frame of the hand when the image is taken.
         moving: velocity of the hand in the base [m/s].
         corners: of the box in its frame, (3, n) [m].
-        twin: how a view of the box may be taken for another one: a frame in that of the box.
+        twin: pose, in the frame of the box, that looks the same to the camera as the true pose.
     """
 
     box: Array
@@ -29,15 +29,15 @@ class Scene:
 
 @dataclass(frozen=True)
 class Stage:
-    """What the perception stage takes for granted.
+    """The parameters that the perception stage assumes.
 
     Attributes:
-        focal, middle: of the camera [pixels], the point in the middle of the image.
-        gain, offset: of the depth: true = gain times measured plus offset [m].
+        focal, middle: focal length and principal point of the camera [pixels].
+        gain, offset: of the depth: true depth = gain * measured depth + offset [m].
         mount: frame of the camera in the hand.
         late: age of the hand's frame when it is used [s].
         model: corners of the box in the model's frame, (3, n) [m].
-        marked: whether the texture tells the two ends of the box apart.
+        marked: whether the texture distinguishes the two ends of the box.
     """
 
     focal: float
@@ -52,7 +52,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Camera:
-    """What the camera really is."""
+    """The true parameters of the camera, named as in `Stage`."""
 
     focal: float
     middle: Array
@@ -62,7 +62,7 @@ class Camera:
 
 
 def moved(frame: Array, points: Array) -> Array:
-    """Return points, (3, n), in the frame's parent."""
+    """Transform points, (3, n), into the parent of the frame."""
     return frame[:3, :3] @ points + frame[:3, 3:]
 
 
@@ -75,7 +75,7 @@ def image(camera: Camera, scene: Scene) -> tuple[Array, Array]:
 
 
 def fit(model: Array, points: Array) -> tuple[Array, float]:
-    """Return the frame that takes the model to the points, and the root mean square left."""
+    """Return the frame that maps the model onto the points, and the root mean square residual."""
     a, b = (p - p.mean(axis=1, keepdims=True) for p in (model, points))
     U, _, Vt = np.linalg.svd(b @ a.T)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt

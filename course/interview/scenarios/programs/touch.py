@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Machine:
-    """What is built, and how it is controlled.
+    """The parameters of the arm, the plate and the controller.
 
     Attributes:
         mass: of the arm at its tip [kg].
         stiffness, damping: of the plate [N/m, N s/m].
-        limit, rise: of the drive, its largest force [N] and its time constant [s].
+        limit, rise: largest force of the drive [N] and its time constant [s].
         ring: natural frequency of the force sensor on its mount [rad/s].
-        scale: reading of the sensor for one newton.
-        period: of the loop, as it is meant [s].
-        periods: from one tick of the loop to the next [s], over and over.
+        scale: reading that the loop uses, per newton of force.
+        period: design period of the loop [s].
+        periods: times from one tick of the loop to the next [s], repeated cyclically.
         delay: ticks from a measurement to the command that uses it.
-        target: the force to press with [N].
-        gain, integral, brake: of the force error [-, 1/s] and of the speed [N s/m].
-        smooth: time constant of the filter of the speed [s].
-        room: the integral stays within plus and minus so much [N].
+        target: desired contact force [N].
+        gain, integral, brake: gains of the force error [-, 1/s] and of the velocity [N s/m].
+        smooth: time constant of the velocity filter [s].
+        room: largest magnitude of the integral [N].
         dt: step of the simulation [s].
-        start: height above the plate at the beginning [m].
+        start: initial height above the plate [m].
     """
 
     mass: float
@@ -48,14 +48,14 @@ class Machine:
     start: float
 
 
-# One row a step: depth [m], speed [m/s] and as filtered, force of the plate, reading, command,
-# force of the drive [N], ticks of the loop so far.
+# One row per step: depth [m], velocity and filtered velocity [m/s], force of the plate, reading,
+# command, force of the drive [N], ticks of the loop so far.
 NAMES = ("x", "v", "speed", "force", "reading", "command", "drive", "ticks")
 ROW = np.dtype([(name, float) for name in NAMES])
 
 
 def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
-    """Let the arm come down and return what happens in that many steps, a `ROW` each."""
+    """Simulate the arm for a number of steps and return a `ROW` for each."""
     log = []
     x, v, speed, drive = -machine.start, 0.0, 0.0, 0.0
     reading, rate = 0.0, 0.0  # of the sensor, a mass on a spring
@@ -69,7 +69,7 @@ def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
         command = min(max(desired, -machine.limit), machine.limit)
         added = total + machine.integral * error * machine.period
         bounded = min(max(added, -machine.room), machine.room)
-        if (i + 0.5) * machine.dt > due:  # a tick of the loop: it takes what is there now
+        if (i + 0.5) * machine.dt > due:  # a tick of the loop: it uses the current values
             due += machine.periods[ticks % len(machine.periods)]
             total = bounded
             commands.append(command)
