@@ -58,6 +58,7 @@ _OFF = 3.0  # a border that is farther from the contour counts as this far off [
 _LUCK = 0.25  # share of independent errors that the covariance of the border has at least
 _LEAST = 6  # border pixels, to be used
 _SIGMAS = 4.0
+_TIE = 1e-13  # squared distances at z = 1 that differ by less are equal: 1e-4 of a pixel at most
 _ROUNDING = 1e-12  # a direction with less than this share of the largest information has none
 
 
@@ -343,7 +344,8 @@ def _segments(a, b, rays, lines, c, along, distance, which, share):
             )
             t = min(1.0, max(0.0, (x * dx + y * dy) / max(dx * dx + dy * dy, 1e-300)))
             square = (x - t * dx) ** 2 + (y - t * dy) ** 2
-            if square < best:
+            # Two edges are equally near where they meet: the first one counts, not rounding.
+            if square < best - _TIE:
                 best, nearest, part = square, e, t
         # From the share in the image to the share in space (perspective).
         near, far = a[2, nearest], b[2, nearest]

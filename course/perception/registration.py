@@ -41,7 +41,7 @@ _LEAST_COSINE = 0.1  # of ray and normal, for a weight: what grazes is not known
 _EDGE = 0.5  # standard deviations of depth: a ray that passes an edge nearer counts for no face
 _BLIND = 1e-6  # an eigenvalue below this, where each direction alone has 1, is not observed
 _ROUNDING = 1e-15  # a direction with less than this share of the largest information has none
-_DAMPING = 1e-9  # share of the largest diagonal: a direction without information does not move
+_UNSEEN = 1e-9  # a motion with less than this share of the largest information gets no step
 _INDICES = types.Array(int64, 1, "C")
 _FLAGS = types.Array(numba.boolean, 1, "C")
 _CUBE = types.Array(float64, 3, "C")
@@ -666,32 +666,30 @@ def _rotation(a, b, w, R, p):
 
 @register_jitable
 def _solve(H, g, mobile, length, step):
-    """H step = g, turns in units of 1 / length, hardly damped, in the directions that may move."""
-    A, scale, damping = np.zeros((6, 6)), np.empty(6), 1e-300
-    # A direction that may not move has scale 0: only the damping is left in its row, so it stays.
+    """Write the smallest step with H step = g, turns in units of 1 / length.
+
+    Only directions that may move do. A motion that the points hardly resist gets no step: dividing
+    by its information, which is only rounding, would let rounding decide where the part goes.
+    """
+    A, scale = np.zeros((6, 6)), np.zeros(6)
     for x in range(6):
-        scale[x] = 0.0 if not mobile[x] else (1.0 if x < 3 else 1.0 / length)
+        if mobile[x]:
+            scale[x] = 1.0 if x < 3 else 1.0 / length
         for y in range(x + 1):
             A[x, y] = H[x, y] * scale[x] * scale[y]
-        damping = max(damping, _DAMPING * A[x, x])
+            A[y, x] = A[x, y]
+    # Pseudoinverse, by eigenvectors: the independent motions and the information about each.
+    values, vectors = eigen(A)
     for x in range(6):
-        A[x, x] += damping
-        step[x] = g[x] * scale[x]
-        for y in range(x + 1):  # Cholesky's factor, and the first substitution along the way
-            for k in range(y):
-                A[x, y] -= A[x, k] * A[y, k]
-            A[x, y] = np.sqrt(A[x, x]) if x == y else A[x, y] / A[y, y]
-        for k in range(x):
-            step[x] -= A[x, k] * step[k]
-        step[x] /= A[x, x]
-    # Back substitution.
-    for x in range(5, -1, -1):
-        for k in range(x + 1, 6):
-            step[x] -= A[k, x] * step[k]
-        step[x] /= A[x, x]
-    # Back from the scaled unknowns to metres and radians.
-    for x in range(6):
-        step[x] *= scale[x]
+        step[x] = 0.0
+    for k in range(6):
+        if values[k] > _UNSEEN * values[5]:
+            along = 0.0
+            for x in range(6):
+                along += vectors[x, k] * g[x] * scale[x]
+            # Back from the scaled unknowns to metres and radians.
+            for x in range(6):
+                step[x] += vectors[x, k] * along / values[k] * scale[x]
 
 
 def _icp(
