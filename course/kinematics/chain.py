@@ -10,6 +10,7 @@ Poses are (x, y, z, qw, qx, qy, qz) as in the free joint of chapter 1, component
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -90,7 +91,7 @@ def shortest_turn(direction: Array) -> Array:
     scaled = direction / np.abs(direction).max()
     x, y, z = scaled[0], scaled[1], scaled[2]
     across = np.hypot(x, y)
-    angle = np.arctan2(across, z)
+    angle = math.atan2(across, z)
     if across == 0.0:
         return exp(np.array([angle, 0.0, 0.0]))
     # The axis is z x direction = (-y, x, 0), the angle that between the two.

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from course.check import POSITIVE, count, finite, invalid, vector
 from course.compiled import MATRIX, VECTOR, compiled, loop
 from course.perception.camera import Array, Camera, Ids, rays_of
-from course.perception.linear import eigen, times_transposed
+from course.perception.linear import eigen, row_sums, times_transposed
 
 _INDICES = types.Array(int64, 1, "C")
 _WHOLE = types.Array(int64, 2, "C")
@@ -502,7 +502,7 @@ def fit_plane(points: ArrayLike) -> Array:
 @register_jitable
 def least_squares_plane(points):
     """Return the plane of `fit_plane` and whether the points span one."""
-    middle = points.sum(axis=1) / points.shape[1]
+    middle = row_sums(points) / points.shape[1]
     # The normal is the direction of the least variance.
     offsets = points - middle.reshape(3, 1)
     values, axes = eigen(times_transposed(offsets, offsets))

@@ -47,8 +47,20 @@ def _across(a, b, out):
             out[i, j] = total
 
 
-_SIGNATURES = {_eigen: void(MATRIX, VECTOR, MATRIX), _across: void(MATRIX, MATRIX, MATRIX)}
-_eigen_loop, _across_loop = (loop(each, kind) for each, kind in _SIGNATURES.items())
+def _sums(a, out):
+    for i in range(a.shape[0]):
+        total = 0.0
+        for k in range(a.shape[1]):
+            total += a[i, k]
+        out[i] = total
+
+
+_SIGNATURES = {
+    _eigen: void(MATRIX, VECTOR, MATRIX),
+    _across: void(MATRIX, MATRIX, MATRIX),
+    _sums: void(MATRIX, VECTOR),
+}
+_eigen_loop, _across_loop, _sums_loop = (loop(each, kind) for each, kind in _SIGNATURES.items())
 
 
 @register_jitable
@@ -71,6 +83,17 @@ def times_transposed(a: Array, b: Array) -> Array:
     """Return a b^T, shape (m, n), of matrices (m, N) and (n, N)."""
     out = np.empty((a.shape[0], b.shape[0]))
     _across_loop(np.ascontiguousarray(a), np.ascontiguousarray(b), out)
+    return out
+
+
+@register_jitable
+def row_sums(a: Array) -> Array:
+    """Return the sums of the rows of a matrix (m, N), shape (m,), added from left to right.
+
+    NumPy adds long rows in another order than compiled code, so the last digits would differ.
+    """
+    out = np.empty(a.shape[0])
+    _sums_loop(np.ascontiguousarray(a), out)
     return out
 
 

@@ -39,7 +39,7 @@ from course.perception.camera import (
     numbers,
     view,
 )
-from course.perception.linear import apply, pseudoinverse, times_transposed
+from course.perception.linear import apply, pseudoinverse, row_sums, times_transposed
 from course.perception.registration import DIRECTIONS
 from course.rigid_body.quaternion import (
     conjugate,
@@ -58,7 +58,7 @@ _OFF = 3.0  # a border that is farther from the contour counts as this far off [
 _LUCK = 0.25  # share of independent errors that the covariance of the border has at least
 _LEAST = 6  # border pixels, to be used
 _SIGMAS = 4.0
-_TIE = 1e-13  # squared distances at z = 1 that differ by less are equal: 1e-4 of a pixel at most
+_TIE = 1e-13  # squared distances at z = 1 that differ by less are equal: at most 3e-7 apart
 _ROUNDING = 1e-12  # a direction with less than this share of the largest information has none
 
 
@@ -266,7 +266,7 @@ def _cylinder_lines(eye, radius, half):
         Ends (2, 3, E) [m], and the angles about the axis at both ends (2, E) [rad]; equal for a
         line along the axis.
     """
-    distance, towards = math.hypot(eye[0], eye[1]), math.atan2(eye[1], eye[0])
+    distance, towards = np.hypot(eye[0], eye[1]), math.atan2(eye[1], eye[0])
     reach = math.acos(radius / distance) if distance > radius else 0.0  # the side that is seen
     angles, levels, n = np.empty((2, 2 + 2 * _CHORDS)), np.empty((2, 2 + 2 * _CHORDS)), 0
     if reach > 0.0:
@@ -457,7 +457,7 @@ def weigh(of, mobile):
     J = of.J * (1.0 * mobile).reshape(6, 1)
     weighted = J * weight
     H = times_transposed(weighted, J)
-    g = (weighted * of.residual).sum(axis=1)
+    g = row_sums(weighted * of.residual)
     # Where the contour would then cross between two pixels, less the rounding to the nearest
     # middle.
     crossing = (
@@ -506,7 +506,6 @@ def refine(part, pose, mobile, of_points, camera, sensor, at):
     """
     first, free = pose.copy(), 1.0 * mobile
     pose, of_outline, moved = pose.copy(), np.zeros((6, 6)), np.zeros(6)
-    back = conjugate(first[3:])
     for gate in _GATES:
         lines = rows_of(part, pose, camera, sensor, at, gate)
         if lines.pixel.size < _LEAST:
@@ -518,12 +517,7 @@ def refine(part, pose, mobile, of_points, camera, sensor, at):
         right = (pull - (of_points * moved).sum(axis=1)) * scale
         inverse = pseudoinverse(both * np.outer(scale, scale), 1e-9)
         step = scale * (inverse * right).sum(axis=1)
-        # Right update, in the part's frame: p' = p + R d, R' = R exp(t).
-        pose[:3] += rotate(pose[3:], step[:3])
-        pose[3:] = product(pose[3:], exp(step[3:]))
-        # The motion since the fit of the points, in the six directions of that fit.
-        moved[:3] = rotate(back, pose[:3] - first[:3])
-        moved[3:] = log(product(back, pose[3:]))
+        _move_loop(step, first, pose, moved)
     posed = moved_to(part, pose)
     _, _, distance = contour_of(posed, at.rays)
     # Where a steep side goes on beyond the cluster, towards the foot, is no border.
@@ -532,14 +526,30 @@ def refine(part, pose, mobile, of_points, camera, sensor, at):
     allowed = _SIGMAS * depth_deviation(own, camera, sensor) + 1e-3
     counts = ~((own > 0.0) & (np.abs(at.far - own) < allowed))
     off = np.minimum(camera.fx * distance[counts], _OFF)
-    return pose, of_outline, math.sqrt(np.sum(off * off) / off.size) if off.size > 0 else 0.0
+    if off.size == 0:
+        return pose, of_outline, 0.0
+    return pose, of_outline, math.sqrt(row_sums((off * off).reshape(1, off.size))[0] / off.size)
+
+
+def _move(step, first, pose, moved):
+    """Move a pose by a step; write how far it has then moved from the first one, (6,)."""
+    # Right update, in the part's frame: p' = p + R d, R' = R exp(t).
+    pose[:3] += rotate(pose[3:], step[:3])
+    pose[3:] = product(pose[3:], exp(step[3:]))
+    # In the six directions of the first pose.
+    back = conjugate(first[3:])
+    moved[:3] = rotate(back, pose[:3] - first[:3])
+    moved[3:] = log(product(back, pose[3:]))
 
 
 _SIGNATURES: dict[Callable[..., Any], Any] = {
     _pairs: int64(MATRIX, types.Array(boolean, 2, "C"), MATRIX, types.Array(int64, 2, "C")),
     _segments: void(*6 * (MATRIX,), VECTOR, types.Array(int64, 1, "C"), VECTOR),
+    _move: void(VECTOR, VECTOR, VECTOR, VECTOR),
 }
-_pairs_loop, _segments_loop = (loop(each, signature) for each, signature in _SIGNATURES.items())
+_pairs_loop, _segments_loop, _move_loop = (
+    loop(each, signature) for each, signature in _SIGNATURES.items()
+)
 
 
 def warm() -> None:

@@ -581,7 +581,7 @@ def settle(z, camera, sensor, part, cluster, table, on_table, mobile, starts, po
     spread = np.maximum(depth_deviation(covered[2], camera, sensor), 1e-7)
     source = covered.T.copy()
     # What the faces do not show, the outline does: x and y of a part that is seen from above.
-    at, weight, off, residual = border(z, camera, sensor, cluster), sensor.window**-2.0, 0.0, 0.0
+    at, weight, off, residual = border(z, camera, sensor, cluster), 1.0 / sensor.window**2, 0.0, 0.0
     of_points, of_outline = np.zeros((6, 6)), np.zeros((6, 6))
     for _ in range(2):  # points near an edge are chosen again once the edge is known
         fit = register(source, spread, NO_TREE, part, pose, (last, last), mobile, 1, True, 50, 1e-8)

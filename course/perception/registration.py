@@ -393,8 +393,10 @@ def register(source, spread, tree, parts, start, gate, mobile, plane, rays, step
     R, p = to_matrix(start[3:]), start[:3].copy()
     # Graduated gate: wide at first, to catch far matches, and narrower each iteration.
     gates = np.empty(steps + 1)
+    wide = gate[0]
     for k in range(steps + 1):
-        gates[k] = max(gate[1], gate[0] * (2.0 / 3.0) ** k)
+        gates[k] = max(gate[1], wide)
+        wide *= 2.0 / 3.0
     limits = np.array([tolerance, _EDGE if rays else -1.0])
     n = source.shape[0]
     H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(n, np.int64)
