@@ -66,6 +66,52 @@ def test_presets_of_distance_and_voxels_show_what_their_notes_say():
     assert report[CLUSTERS] == 3 and status == ["found"] * 3
 
 
+def _parts_lost(report, status, result):
+    return status == ["lost"] * 3 + ["found"] * 2
+
+
+def _many_clusters(report, status, result):
+    return report[CLUSTERS] > 15
+
+
+def _ambiguous(report, status, result):
+    return status == ["ambiguous"] * 2 and result[0, THROUGH] < 0.01 and result[0, SHIFT] > 0.03
+
+
+def _across(report, status, result):
+    across = result[0, SHIFT] > 0.02 and result[0, TURN] > math.radians(80.0)
+    return status[0] == "cut" and across and result[0, THROUGH] < 0.01
+
+
+def _slanted(report, status, result):
+    return 8e-3 < abs(report[OFF]) < 20e-3 and status[0] == "refuted"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("preset", "shows"),
+    [
+        ("Small parts lost", _parts_lost),
+        ("Table in clusters", _many_clusters),
+        ("Touching", _ambiguous),
+        ("Cut off", _across),
+        ("Two planes", _slanted),
+    ],
+)
+def test_most_images_of_a_preset_show_what_its_note_says(preset, shows):
+    """Not the first image only: of 24 at least 13, of which 16 to 24 are typical."""
+    count = 0
+    for image in range(24):
+        experiment = Experiment(MODEL)
+        experiment.choose(preset)
+        experiment.state["time"] = (image + 0.5) / table.RATE
+        table.measure(experiment.controls, experiment.state)
+        result = experiment.state["result"][experiment.controls["pieces"][:, 0] > 0]
+        status = [(*table.STATUS, "lost")[int(row[TRUST])] for row in result]
+        count += bool(shows(experiment.state["report"], status, result))
+    assert count >= 13, (preset, count)
+
+
 @pytest.mark.slow
 def test_each_preset_shows_what_its_name_says():
     report, status, _ = outcome("Small parts lost")
@@ -77,7 +123,7 @@ def test_each_preset_shows_what_its_name_says():
     assert report[CLUSTERS] == 1 and status == ["ambiguous"] * 2 and result[0, THROUGH] < 0.01
     assert result[0, SHIFT] > 0.03 and result[0, SHIFT_SIGMA] < 0.0  # and it says: not seen
     _, status, result = outcome("Cut off")
-    assert status == ["cut", "found"] and result[0, THROUGH] < 0.05
+    assert status == ["cut", "found"] and result[0, THROUGH] < 0.01
     assert result[0, SHIFT] > 0.02 and result[0, TURN] > math.radians(80.0)
     result = outcome("Symmetric part")[2]
     assert result[0, TURN_SIGMA] < 0.0 < result[1, TURN_SIGMA] and result[0, SHIFT] < 5e-4
