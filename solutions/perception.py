@@ -40,11 +40,11 @@ def rigid_fit(
     a, b, w = (np.asarray(value, dtype=float) for value in (source, target, weights))
     w = w / w.sum()
     start, end = a @ w, b @ w
-    spread = (b - end[:, None]) * w @ (a - start[:, None]).T
+    spread = (a - start[:, None]) * w @ (b - end[:, None]).T
     U, _, Vt = np.linalg.svd(spread)
     # Of a mirror image the direction that says least is turned back: that costs least.
     handed = np.sign(np.linalg.det(U @ Vt))
-    R = U @ np.diag([1.0, 1.0, handed]) @ Vt
+    R = Vt.T @ np.diag([1.0, 1.0, handed]) @ U.T
     return R, end - R @ start
 
 

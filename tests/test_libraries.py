@@ -46,7 +46,7 @@ ADAPTERS = {
     "pydrake": drake.library,
     "small_gicp": small_gicp.library,
     "stable_baselines3": lambda: sb3.vec_env(None),
-    "torch": importlib.import_module("course.learning.network").pytorch,
+    "torch": importlib.import_module("course.pytorch").pytorch,
     "torch, for gradients": differentiable._torch,
     "zenoh": zenoh.library,
 }

@@ -42,7 +42,6 @@ from course.learning.network import (
     flatten,
     load,
     network,
-    one_thread,
     predict,
     tensor,
     weights,
@@ -61,6 +60,7 @@ from course.learning.tasks import (
     runs,
     windows,
 )
+from course.pytorch import one_thread
 
 __all__ = [
     "ActorCritic",

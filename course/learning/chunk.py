@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike
 
 from course.check import count, finite, invalid, positive
 from course.learning.clone import Policy, fitted, normals, prepared
-from course.learning.network import network, predict, pytorch, tensor
+from course.learning.network import network, predict, tensor
 from course.learning.tasks import Act, Array
+from course.pytorch import pytorch
 
 
 @dataclass

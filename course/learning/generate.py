@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike
 
 from course.check import count, finite, invalid, one_of, vector
 from course.learning.clone import Policy, fitted, normals, prepared
-from course.learning.network import network, predict, pytorch, tensor
+from course.learning.network import network, predict, tensor
 from course.learning.tasks import Array
+from course.pytorch import pytorch
 
 Field = Callable[[Array, float], Array]
 

@@ -10,10 +10,9 @@ PyTorch takes seconds to import; it is imported when a network is made.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, invalid, one_of, positive, vector
-from course.libraries import import_error
+from course.pytorch import one_thread, pytorch
 
 Array = NDArray[np.float64]
 
@@ -30,31 +29,6 @@ class Diverged(ArithmeticError):
     """A loss that is no finite number any more; the network has its last good weights."""
 
     policy: Any = None  # the policy with these weights, where one was being fitted
-
-
-def pytorch() -> Any:
-    """Return the module torch.
-
-    Raises:
-        ImportError: without it, with what to install.
-    """
-    try:
-        import torch
-    except ImportError as error:
-        raise import_error("PyTorch", "pip install 'torch>=2.6'", error) from error
-    return torch
-
-
-@contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """PyTorch with one thread, which is faster on small networks; their number is put back."""
-    torch = pytorch()
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 @functools.cache

@@ -32,9 +32,9 @@ from course.learning.network import (
     flatten,
     length,
     network,
-    one_thread,
     pytorch,
 )
+from course.pytorch import one_thread
 
 Array = NDArray[np.float64]
 
@@ -447,15 +447,16 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
 def improve(
     policy: ActorCritic, table: Table, optimiser: Any, rng: np.random.Generator, settings: Settings
 ) -> tuple[float, float]:
-    """Run the epochs of an iteration; return the policy's divergence and the share clipped.
+    """Run the epochs of an iteration; return the policy's KL divergence and the share clipped.
 
     Raises:
         Diverged: for a loss that is not finite, and for a policy that moved too far.
     """
     torch, gradient = pytorch(), policy.flat.grad.numpy()
+    # `gradient` is a view: `slopes` fills it, and what changes it is what the optimiser uses.
     # The last good weights, and the policy that acted, to measure how far the new one moves.
-    good, before = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
-    noise_free = policy(table.observations, scaled=True)
+    good, old_log_std = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
+    old_mean = policy(table.observations, scaled=True)
     # Advantages are normalised over the batch, once, not by minibatch.
     if settings.normalise_advantages:
         level, spread = table.advantages.mean(), table.advantages.std()
@@ -478,13 +479,12 @@ def improve(
             optimiser.step()
         # The divergence costs a pass over the batch: it is measured only where it is needed.
         if epoch == settings.epochs - 1 or settings.most_kl < math.inf:
-            after, log_std = (
-                policy(table.observations, scaled=True),
-                policy.log_std.detach().numpy(),
-            )
+            mean = policy(table.observations, scaled=True)
+            log_std = policy.log_std.detach().numpy()
             # KL divergence between Gaussians in closed form, old from new.
-            moved = ((noise_free - after) ** 2 + np.exp(2.0 * before)) * np.exp(-2.0 * log_std)
-            kl = float((log_std - before + 0.5 * moved - 0.5).sum(axis=1).mean())
+            second_moment = (old_mean - mean) ** 2 + np.exp(2.0 * old_log_std)
+            ratio = second_moment * np.exp(-2.0 * log_std)
+            kl = float((log_std - old_log_std + 0.5 * ratio - 0.5).sum(axis=1).mean())
             if not kl < RUNAWAY:
                 with torch.no_grad():
                     policy.flat.copy_(good)
@@ -494,7 +494,7 @@ def improve(
             if kl > settings.most_kl:
                 break
     # Share of the actions whose ratio ended beyond the clip.
-    deviation = (table.actions - after) * np.exp(-log_std)
+    deviation = (table.actions - mean) * np.exp(-log_std)
     ratio = np.exp(log_density(deviation, log_std) - table.log_prob)
     return kl, float(np.mean(np.abs(ratio - 1.0) > settings.clip))
 

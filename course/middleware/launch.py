@@ -7,14 +7,21 @@ qos_overrides.TOPIC.END.POLICY, of a topic whose node has allowed it when it mad
 the subscription. What rclcpp allows by default there (QosOverridingOptions::with_default_policies)
 is `BY_DEFAULT`; the other policies have to be named in the node's source (rclcpp, Galactic 2021,
 qos_overriding_options.hpp). Times are whole nanoseconds.
+
+A controller of ros2_control has a node of its own. Since August 2024 (Jazzy and later) it ignores
+the arguments of the process, so parameters of ros2_control_node do not reach it: its spawner passes
+them on, from a file (--param-file) or as arguments (--controller-ros-args, since 4.22, December
+2024). See ros2_control, release notes from Humble to Jazzy, and pull requests 1694 and 1713.
+Before, parameters that a launch file gave to a process without a node name reached all its nodes.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import ModuleType
 from typing import Any
 
@@ -59,6 +66,11 @@ def qos(topic, end, policies):
     return {f"qos_overrides.{topic}.{end}.{name}": value for name, value in policies.items()}
 
 
+def passed_on(parameters):
+    rules = " ".join(f"-p {name}:={value}" for name, value in parameters.items())
+    return ["--controller-ros-args", rules]
+
+
 def generate_launch_description():
     return LaunchDescription([
         Node(package="camera_driver", executable="camera", parameters=[
@@ -70,9 +82,11 @@ def generate_launch_description():
             {"timeout_ms": 500}, qos("/object_poses", "subscription", POSES),
             qos("/trajectory", "publisher", PLAN)]),
         Node(package="controller_manager", executable="ros2_control_node", parameters=[
-            {"update_rate": 1000, "lock_memory": True, "thread_priority": 50},
-            qos("/trajectory", "subscription", PLAN),
-            qos("/safety/status", "subscription", STATUS)]),
+            {"update_rate": 1000, "lock_memory": True, "thread_priority": 50}]),
+        # The controller has a node of its own, which reads only what its spawner passes on.
+        Node(package="controller_manager", executable="spawner", arguments=[
+            "arm_controller", *passed_on(qos("/trajectory", "subscription", PLAN)),
+            *passed_on(qos("/safety/status", "subscription", STATUS))]),
         Node(package="arm_safety", executable="monitor", parameters=[
             {"max_force": 30.0}, qos("/safety/status", "publisher", STATUS)]),
     ])
@@ -90,12 +104,23 @@ class Node:
 
     Attributes:
         package, executable: what is started.
-        parameters: of all its dictionaries; of a name that comes twice, the later value.
+        parameters: of all its dictionaries; of a name that comes twice, the later value. For a
+            spawner, those that it passes on to its controller.
     """
 
     package: str
     executable: str
     parameters: dict[str, Any] = field(default_factory=dict)
+
+
+def _passed_on(arguments: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters that a spawner passes on to its controller's node."""
+    result: dict[str, Any] = {}
+    for option, rules in pairwise(arguments):
+        if option == "--controller-ros-args":
+            for name, value in re.findall(r"-p (\S+?):=(\S+)", rules):
+                result[name] = int(value) if value.isdecimal() else value
+    return result
 
 
 def nodes(text: str) -> list[Node]:
@@ -105,10 +130,13 @@ def nodes(text: str) -> list[Node]:
         text: of the file. It is run as it stands: only files that you trust.
 
     Returns:
-        Its nodes in order. Arguments of `Node` beside those above are an error of type TypeError.
+        Its nodes in order. Arguments of `Node` beside those above and `arguments` are an error of
+        type TypeError.
     """
 
-    def made(package: str, executable: str, parameters: Any = ()) -> Node:
+    def made(package: str, executable: str, parameters: Any = (), arguments: Any = ()) -> Node:
+        if executable == "spawner":
+            return Node(package, executable, _passed_on(arguments))
         joined = {key: value for one in parameters for key, value in one.items()}
         return Node(package, executable, joined)
 

@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-9  # m; deeper is a collision
 RESOLVED = 1e-8  # m; an arm that moves less between two states looked at is not halved further
+UNDECIDED = 100_000  # parts of an edge; more are left only where a link grazes along it
 
 
 @dataclass(frozen=True)
@@ -180,38 +181,41 @@ def _judge_plane(world: World, a: Array, b: Array) -> Array | None:
 # --- arms -----------------------------------------------------------------------------------------
 
 
-def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike) -> Array | None:
+def prove(a: Array, b: Array, gaps: Callable[[Array], Array], travels: ArrayLike) -> Array | None:
     """Return a state on an edge that collides, or None where there is none.
 
-    Halves the edge until, in the middle of each part, every link is freer than it can move to its
-    ends, or moves less than `RESOLVED`.
+    Adaptive bisection (Schwarzer, Saha and Latombe, 2005): the edge is halved until, in the middle
+    of each part, every link is freer than it can move to the part's ends, or moves less than
+    `RESOLVED`. So no state that passes is deeper than `TOLERANCE` and `RESOLVED` together. An edge
+    along which a link grazes something for long leaves more than `UNDECIDED` parts, and is refused.
 
     Args:
         a: first end of the edge, shape (n,).
         b: other end of the edge, shape (n,).
         gaps: states (n, m) -> clearance of each link, shape (links, m) [m].
-        speeds: upper bound on the distance that a point of each link moves from a to b, shape
+        travels: upper bound on the distance that a point of each link moves from a to b, shape
             (links,) [m].
     """
     middles, half = np.array([0.5]), 0.5
     ends = np.array([0.0, 1.0])
-    fastest = np.asarray(speeds, dtype=float)[:, None]
-    # The ends first: an end that collides ends the proof.
-    free = gaps(a[:, None] + ends * (b - a)[:, None]).min(axis=0)
-    if free.min() < -TOLERANCE:
-        return np.asarray(a + ends[free.argmin()] * (b - a))
+    travel = np.asarray(travels, dtype=float)[:, None]
+    # The ends first: an end that collides ends the proof. A clearance that is no number collides.
+    least = gaps(a[:, None] + ends * (b - a)[:, None]).min(axis=0)
+    if not least.min() >= -TOLERANCE:
+        return np.asarray(a + ends[least.argmin()] * (b - a))
     while middles.size:
-        free = gaps(a[:, None] + middles * (b - a)[:, None])
-        least = free.min(axis=0)
-        if least.min() < -TOLERANCE:
+        clearance = gaps(a[:, None] + middles * (b - a)[:, None])
+        least = clearance.min(axis=0)
+        if not least.min() >= -TOLERANCE or middles.size > UNDECIDED:
             return np.asarray(a + middles[least.argmin()] * (b - a))
         # Within half a part the arm moves less than `RESOLVED`: what is undecided passes as free.
-        if fastest.max() * half < RESOLVED:
+        if travel.max() * half < RESOLVED:
             return None
-        # Only the parts that the clearance at their middle does not cover are halved again.
-        open_ones = middles[(free < fastest * half).any(axis=0)]
+        # Only the parts that the clearance at their middle does not cover are halved again. Depths
+        # up to `TOLERANCE` pass, so a link that rests against something is covered as well.
+        undecided = middles[(clearance + TOLERANCE < travel * half).any(axis=0)]
         half *= 0.5
-        middles = np.concatenate((open_ones - half, open_ones + half))
+        middles = np.concatenate((undecided - half, undecided + half))
     return None
 
 
@@ -268,7 +272,7 @@ def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
 def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
     """Return distances by chapter 2's search among differences of points.
 
-    Speeds from the lengths of the links alone, which no posture changes.
+    Travels from the lengths of the links alone, which no posture changes.
     """
     n = len(a)
     table, capsules = world.body[: n + 1], world.body[n + 1 :]
@@ -283,14 +287,14 @@ def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
             corners = np.outer(row[HALF:RADIUS], [-1.0, 1.0])
         blocks.append(points(row[CENTRE:HALF, None] + corners, row[RADIUS]))
     reach = np.linalg.norm(table[:, PLACE : PLACE + 3], axis=1)
-    rates, fastest = np.abs(b - a), np.zeros(len(capsules))
+    rates, travels = np.abs(b - a), np.zeros(len(capsules))
     # Triangle inequality down the chain to the base: `far` bounds the distance of the capsule's
     # line from joint k, in every posture.
     for i, row in enumerate(capsules):
         k, far = int(row[FRAME]), float(np.linalg.norm(ends[i], axis=0).max())
         while k >= 0:
             if k < n:
-                fastest[i] += rates[k] * (1.0 if table[k, SLIDES] else far)
+                travels[i] += rates[k] * (1.0 if table[k, SLIDES] else far)
                 far += abs(table[k, SLIDES]) * np.abs(world.bounds[:, k]).max()
             far, k = far + reach[k], int(table[k, PARENT])
 
@@ -305,7 +309,7 @@ def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
                 least[i] = np.minimum(least[i], measured(link, at, block, here)[0])
         return least
 
-    return prove(a, b, gaps, fastest)
+    return prove(a, b, gaps, travels)
 
 
 # --- a function of the user -----------------------------------------------------------------------

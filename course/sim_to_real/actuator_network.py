@@ -9,9 +9,7 @@ simulated here, so that its torque is known and its supply and temperature can b
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 
 from course.check import count, finite, invalid, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
+from course.pytorch import one_thread, pytorch
 
 Array = NDArray[np.float64]
 
@@ -240,19 +239,6 @@ def inputs(recording: Recording) -> Array:
     return np.stack(columns, axis=-1).reshape(-1, len(columns))
 
 
-@contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """PyTorch with one thread, which is faster on small networks; their number is put back."""
-    import torch
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-
-
 @one_thread()
 def fit_network(
     recording: Recording, seed: int = 0, *, updates: int = 3000, hidden: int = 32
@@ -265,8 +251,7 @@ def fit_network(
         updates: steps of Adam.
         hidden: units of each hidden layer.
     """
-    import torch
-
+    torch = pytorch()
     generator = torch.Generator().manual_seed(seed)
     x = torch.from_numpy(inputs(recording).astype(np.float32))
     y = torch.from_numpy((recording.torque.reshape(-1, 1) / TORQUE).astype(np.float32))

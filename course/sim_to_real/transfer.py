@@ -110,7 +110,7 @@ def trials(
     power: float = 0.8,
     level: float = 0.05,
 ) -> int:
-    """Return trials with each of two policies that tell their success rates apart.
+    """Return the number of trials of each of two policies that tells their success rates apart.
 
     On trials of their own it is the normal approximation with the pooled variance (Fleiss, Levin
     and Paik, Statistical Methods for Rates and Proportions, 2003, eq. 4.14); on the same trials it
@@ -123,27 +123,33 @@ def trials(
         power: probability of detecting the difference.
         level: two-sided significance level, the probability of claiming a difference where there is
             none.
+
+    Both formulas are normal approximations: for rates so far apart that a few trials tell them, an
+    exact test needs more.
     """
     from scipy.special import ndtri
 
-    p, q = finite("first", first, 0.0, 1.0), finite("second", second, 0.0, 1.0)
-    if p == q:
+    p1, p2 = finite("first", first, 0.0, 1.0), finite("second", second, 0.0, 1.0)
+    if p1 == p2:
         raise invalid("second", second, f"a rate other than the first, {first}")
     # Normal quantiles of the significance level (two-sided) and of the power.
-    a = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
-    b, d = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9))), abs(p - q)
+    z_level = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
+    z_power, difference = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9))), abs(p1 - p2)
     # Sample size for two proportions, two-sided (Fleiss, Levin and Paik, 2003).
     if together is None:
-        middle = 0.5 * (p + q)
-        own = p * (1.0 - p) + q * (1.0 - q)
-        root = a * math.sqrt(2.0 * middle * (1.0 - middle)) + b * math.sqrt(own)
+        pooled = 0.5 * (p1 + p2)
+        under_both, apart = 2.0 * pooled * (1.0 - pooled), p1 * (1.0 - p1) + p2 * (1.0 - p2)
     else:
         # Paired trials: only discordant ones count (McNemar, 1947).
-        both = finite("together", together, max(0.0, p + q - 1.0), min(p, q))
+        # The rates bound the share of common successes, up to the rounding of their sum.
+        least, greatest = max(0.0, p1 + p2 - 1.0), min(p1, p2)
+        both = finite("together", together, least - 1e-12, greatest + 1e-12)
         # Share of discordant trials, in which only one of the two succeeds.
-        discordant = p + q - 2.0 * both
-        root = a * math.sqrt(discordant) + b * math.sqrt(discordant - d * d)
-    return math.ceil((root / d) ** 2)
+        discordant = p1 + p2 - 2.0 * both
+        under_both, apart = discordant, max(discordant - difference**2, 0.0)
+    # Variances of one difference if the rates are equal, and if they are as given.
+    root = z_level * math.sqrt(under_both) + z_power * math.sqrt(apart)
+    return math.ceil((root / difference) ** 2)
 
 
 # --- a bound --------------------------------------------------------------------------------------

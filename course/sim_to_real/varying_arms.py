@@ -15,7 +15,7 @@ The best of many fixed gain sets, chosen for each arm after the fact, bounds eve
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
-from course.sim_to_real.actuator_network import one_thread
+from course.pytorch import one_thread, pytorch
 
 Array = NDArray[np.float64]
 CUBE = types.Array(numba.float64, 3, "C")
@@ -172,7 +172,7 @@ def _track(
     latent, pending = np.zeros(3), np.zeros(DELAY + 1)
     Y = np.zeros(4)
     h = DT / SUBSTEPS
-    keep = FILTER / (FILTER + DT)
+    decay = FILTER / (FILTER + DT)
     for i in range(n):
         inertia, viscous, dry, weight = true[i]
         slope, damping, integral = gains[i]
@@ -194,7 +194,7 @@ def _track(
                 break
             # Measure: a noisy angle, and its filtered difference.
             reading = q + noise[i, k]
-            speed = keep * speed + (1.0 - keep) * (reading - previous) / DT
+            speed = decay * speed + (1.0 - decay) * (reading - previous) / DT
             previous = reading
             # The student: at the end of each window the network reads its history.
             if k % WINDOW == 0 and k > 0:
@@ -319,11 +319,11 @@ def spectral_radius(load: float, assumed: float, gains: Gains, viscous: float = 
         viscous: friction of arm and estimate [N m s/rad].
     """
     true, estimate = coefficients([[load, viscous, 0.0], [assumed, viscous, 0.0]])
-    keep, h, n = FILTER / (FILTER + DT), DT / SUBSTEPS, 4 + DELAY
+    decay, h, n = FILTER / (FILTER + DT), DT / SUBSTEPS, 4 + DELAY
     q, v, speed, previous = np.eye(n)[:4]
     # Rows that turn the state (angle, speed, filtered speed, last angle, torques on their way from
     # the oldest to the newest) into what the next period needs.
-    speed = keep * speed + (1.0 - keep) * (q - previous) / DT
+    speed = decay * speed + (1.0 - decay) * (q - previous) / DT
     s = -speed - gains.slope * q
     torque = estimate[0] * (gains.damping * s - gains.slope * speed)
     torque = torque - estimate[1] * gains.slope * q
@@ -447,8 +447,7 @@ def train_student(
         hidden: units of each hidden layer.
         noise: of the measured angle in training [rad].
     """
-    import torch
-
+    torch = pytorch()
     count("entries", entries, 1)
     rng = np.random.default_rng([seed, 2])
     generator = torch.Generator().manual_seed(seed)
@@ -459,7 +458,7 @@ def train_student(
     ]
     adam = torch.optim.Adam(weights, lr=2e-3)
 
-    def forward(x: torch.Tensor) -> torch.Tensor:
+    def forward(x: Any) -> Any:
         for i, w in enumerate(weights):
             x = x @ w[:, :-1].T + w[:, -1]
             x = torch.tanh(x) if i < 2 else x

@@ -69,8 +69,8 @@ class Round:
                 if entry is None:
                     break
                 last = entry
-                most = min(limit, len(self.rated) + len(line))
-                session.say(session.terminal.paint(self._head(entry, most), "head"))
+                total = min(limit, len(self.rated) + len(line))
+                session.say(session.terminal.paint(self._head(entry, total), "head"))
                 if not self.ask(entry):
                     passed.add(entry.key)
                 session.say()

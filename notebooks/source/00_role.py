@@ -96,8 +96,8 @@ predict("never_late")
 
 # %% [markdown]
 # The table lists the arrows with the largest bandwidth. A function of this chapter, `check_stack`, tests the graph:
-# every loop has to pass through the robot or its simulation. A loop that does not is either an arrow that was drawn the
-# wrong way, or a pair of programs that wait for each other. (This is a convention of this graph.)
+# every loop has to pass through the robot or its simulation. If one does not, either an arrow points the wrong way, or
+# two programs wait for each other. (This is a convention of this graph.)
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -133,7 +133,7 @@ table(
 show("chain_age")
 
 # %% [markdown]
-# The picture follows one command back in time, with mean values. Blue is work and orange is waiting:
+# The next diagram follows one command back in time, with mean values. Blue is work and orange is waiting:
 
 # %% tags=["hide-code"]
 parts, names = [], []
@@ -264,13 +264,13 @@ table(
 #
 # With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
 # **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
-# $\tfrac12 a A^2$. To know the age of every single sample, you need its time stamp. Without stamps you can only predict
-# by the mean age, and then the prediction has an additional error, the speed times the scatter of the age (*rms*: root
-# mean square).
+# $\tfrac12 a A^2$. To know the age of every sample, you need its time stamp. Without stamps you can only predict by the
+# mean age, and then the prediction has an additional error, the speed times the scatter of the age (*rms*: root mean
+# square).
 #
-# If a control loop runs through the chain, age costs it stability. A delay of $A$ is $f A$ cycles of a swing at $f$ Hz.
-# As an angle, the loop lags by $2\pi f A$; it loses *phase*. An answer that comes half a
-# cycle too late drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
+# If a control loop runs through the chain, age costs it stability. A swing at $f$ Hz goes through $f A$ cycles during
+# the delay $A$. The loop lags by the angle $2\pi f A$: it loses *phase*. An answer that comes half a cycle too late
+# drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -328,7 +328,7 @@ source(role.read, role.Trace.age, role.Trace.reaction)
 
 # %% [markdown]
 # A chain is a list of stages. Change one of them, and compare the formula of section 1, the **closed form**, with 300
-# simulated runs, each with random phases. Here the planner starts when it is free and a pose is there:
+# simulated runs, each with random phases. Here the planner starts whenever it is free (rule `queue`, section 6):
 
 # %% tags=["show-code"]
 chain = [
@@ -354,9 +354,9 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 #
 # Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
 # a box it is worked on; on an arrow it is a result that waits. The readout *newest result of the box* is the age of the
-# dot on the arrow behind the selected box. The bars are the distribution of all ages in forty seconds, and the dashed
-# lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase changes all
-# the time. The switch *all clocks from one* keeps it fixed.
+# dot on the arrow that leaves the selected box. The bars are the distribution of all ages in forty seconds, and the
+# dashed lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase
+# changes all the time. The switch *all clocks from one* keeps it fixed.
 #
 # Take the presets one after another, and say what the bars will do before you look. In the preset *Deep queue* samples
 # wait in line, and the reader gets the oldest:
@@ -389,7 +389,7 @@ figures(read("age_precision"), "closed form", "1000 random", summary="Times and 
 #
 # The formula averages over all phases between two clocks. That is right if the phases drift through all values while
 # the robot runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks
-# that are divided down from the same quartz never drift.
+# that count the swings of the same quartz never drift against each other.
 
 # %%
 show("long_run_mean")
@@ -403,7 +403,8 @@ show("same_rate_in_step")
 
 # %% [markdown]
 # The chart shows both cases, and two more that follow below. Upper left: with locked clocks the mean depends on the
-# phase. Upper right: with drifting clocks the age runs through a sawtooth.
+# phase (three teeth, because one period of the reader holds three pictures). Upper right: with drifting clocks the age
+# runs through a sawtooth.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -417,9 +418,10 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 # every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All stamps
 # are shifted by the same amount, so the scatter of the ages looks as usual.
 #
-# Look at the extremes instead. Over a long log the least age is the sum of the execution times, and the greatest is the
-# bound. If both are off by the same amount, suspect an offset. You can see one only if you know the execution times
-# more precisely than that.
+# Look at the extremes instead. If the execution times are constant and the programs' clocks drift, a long log comes
+# close to both: the least age is the sum of the execution times, the greatest is the bound. If both are off by the same
+# amount, suspect an offset. Jitter moves the extremes, and with locked clocks a log may never come near them; then this
+# test says nothing.
 #
 # Computers set their clocks over the network. One asks the other for the time, and notes when the question left and
 # when the answer came. It doesn't know how much of the delay belongs to the way there and how much to the way back,
@@ -481,7 +483,8 @@ show("deep_queue")
 # queue without a limit is no choice, because the age then grows as long as the robot runs. In the table a camera stage
 # of 5 ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each. The rule *skip* drops what
 # comes while the stage is busy. The rule *queue* starts again with the oldest sample in the queue. The ages are
-# simulated, because here, too, five runs take exactly as long as nine pictures.
+# simulated, because these two rates are locked (five runs take as long as nine pictures), so the formula does not
+# apply.
 
 # %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)
@@ -679,7 +682,9 @@ predict("gold_plated_table")
 #
 # What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
 # reset. In simulation it follows from the length of a try, the steps per second and the cost of one step, which chapter
-# 1 measures. Damage grows with the number of tries on the real robot:
+# 1 measures. Damage grows with the number of tries on the real robot. The next simulation multiplies that number by a
+# rate that you choose, the damages in 1,000 tries. Its axes count powers of ten: 3 stands for 1,000 tries, and $-3$ for
+# a thousandth of a day, about a minute and a half.
 
 # %%
 simulation("development")
@@ -747,8 +752,11 @@ table(*rows)
 # The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends.
 # The age between them is that of one stage in front of the joint loop. A policy that returns a chunk of actions (Zhao
 # and others, RSS 2023) executes it until the answer to the next observation is there, so the interval of this stage is
-# the time between two observations. A **digital twin**, a simulation that runs beside the robot and follows its joint
-# states, is one more reader of an arrow, with a data age of its own.
+# the time between two observations.
+#
+# The chunk has to last that long plus the 80 ms of the next inference: in the last row 0.88 s. A shorter one leaves a
+# gap without actions. A **digital twin**, a simulation that runs beside the robot and follows its joint states, is one
+# more reader of an arrow, with a data age of its own.
 #
 # ## 10 · Interview
 #

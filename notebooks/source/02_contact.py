@@ -22,8 +22,8 @@ simulation("touch")
 # %% [markdown]
 # The menu has **presets**, prepared sets of controls. The lower plot shows the force on each box, its part
 # perpendicular to the floor (*normal*) against its part along the floor (*tangential*, positive to the right). The
-# two slanted lines mark the largest friction that each normal part allows. A box whose point lies on a line slides;
-# between the lines it sticks or creeps (slides slowly). Section 2 explains *ω h*.
+# two slanted lines mark the largest friction that each normal part allows. A box that slides has its point on a line;
+# between the lines a box sticks or creeps (slides slowly). Section 2 explains *ω h*.
 #
 # **After this chapter you can** find the touching pairs among thousands of bodies and say what that costs; compute
 # distance, depth and normal of convex shapes; write down the contact law and solve it; say what each common
@@ -111,9 +111,9 @@ for kind, name in names.items():
     in_cells = contact.uniform_grid(boxes)[1]
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
-# The grid needs the fewest tests here. For sweep and prune, sorting is cheap, and the overlap tests are the main cost.
-# Reusing the sorted order of the last step saves only the sorting. (An *incremental* sweep also keeps the list of
-# overlapping pairs, so it saves tests too.)
+# The grid needs the fewest tests here, but for few boxes not the least time (right chart below). For sweep and prune,
+# sorting is cheap, and the overlap tests are the main cost. Reusing the sorted order of the last step saves only the
+# sorting.
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 #
@@ -178,16 +178,16 @@ show("gjk_minkowski")
 # %%
 simulation("simplex")
 # %% [markdown]
-# EPA finds the *shortest* way out. Is that always the contact that a solver should use? Think of a ball that is
-# pressed deeper and deeper into a thin wall, and of a box that stands on a table.
+# EPA finds the *shortest* way out. Is that always the way the body came in, which a solver should use? Think of a ball
+# that is pressed deeper and deeper into a thin wall, and of a box that stands on a table.
 # %%
 show("epa_gives_the_contact")
 # %% [markdown]
 # In code, all of this is one call. A shape in this course is a **core and a radius**: all points that are at most the
 # radius away from the core. A sphere is a point with a radius. A **capsule**, a rod with round ends, is a segment
-# with a radius. GJK and EPA work on the cores, and the radii are subtracted afterwards. A core is a **polytope**: a
-# point, a segment, a polygon or a solid with flat faces. It has finitely many corners, so in exact arithmetic both
-# algorithms end.
+# with a radius. GJK and EPA work on the cores, and both radii are subtracted from the cores' signed distance. A core
+# is a **polytope**: a point, a segment, a polygon or a solid with flat faces. It has finitely many corners, so in
+# exact arithmetic both algorithms end.
 # %% tags=["show-code"]
 triangle = contact.points([[0.0, 1.0, 0.3], [0.0, 0.2, 0.9]])
 brick = contact.box([0.5, 0.3])  # half sides [m]
@@ -208,10 +208,10 @@ for pose in ((0.95, 0.45, 0.5), (1.95, 0.45, 0.5)):  # x [m], y [m], angle [rad]
 #
 # ### Contact points, and shapes that are not convex
 #
-# A box on a table touches it with a whole face. With a single contact point it would tip or rock, unless this point lay
-# exactly under the centre of mass. So the solver needs a **manifold**, a set of points that spans the touching area.
-# The narrow phase takes the two touching faces and clips them: it cuts off the part of one that sticks out beyond the
-# other. Each corner of the polygon that remains becomes a contact point.
+# A box on a table touches it with a whole face. With a single contact point it would tip or rock. So the solver needs
+# a **manifold**, a set of points that spans the touching area. The narrow phase takes the two touching faces and clips
+# them: it cuts off the part of one that sticks out beyond the other. Each corner of the polygon that remains becomes a
+# contact point.
 #
 # GJK sees a shape only through its support function, and that function cannot see a hollow. GJK works on the
 # **convex hull** of a shape, the smallest convex shape around it. For GJK, a mug is solid.
@@ -246,7 +246,7 @@ simulation("touch", "Tunnelling")
 #
 # The second kind hardly depends on the step, as long as the step is short compared with the contact's **time
 # constant**, roughly the time in which a soft contact pushes bodies apart (section 2 defines it). You need a stiffer
-# contact or a thicker wall.
+# contact, a thicker wall, or a contact that remembers from which side the ball came.
 #
 # ![The lowest speed at which a ball passes a wall, against the step](../docs/charts/tunnelling_limit.png)
 #
@@ -255,9 +255,9 @@ simulation("touch", "Tunnelling")
 # The chart shows the lowest speed at which the ball passes. If overlap is *checked once a step*, that speed lies at the
 # geometric limit $(2r+w)/h$, the sloping line. The dotted line is the predicted speed at which the ball gets past the
 # middle of the wall. We tried a list of speeds. With *MuJoCo, default*, the first or second one above this line already
-# passes, at every step. *MuJoCo, speculative* creates the contact one step before touch, which helps only at long
-# steps. A ball that is *advanced to the impact* never passed. (A triangle at the top says that no tested speed
-# passed.)
+# passes, at every step. *MuJoCo, speculative* creates the contact one step before touch (a **speculative** contact),
+# which helps only at long steps. A ball that is *advanced to the impact* never passed. (A triangle at the top says
+# that no tested speed passed.)
 #
 # </details>
 # %%
@@ -266,8 +266,7 @@ more_claims("circles_once_a_step", "soft_wall")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** The narrow phase sees only pairs whose bounding boxes overlap, and (without a time of impact) only at
-# one moment. GJK, and MuJoCo with its meshes, see only the convex hull of a shape. (Other engines test meshes triangle
-# by triangle.)
+# one moment. GJK, and MuJoCo with its meshes, see only the convex hull of a shape.
 #
 # </div>
 # %% [markdown]
@@ -318,8 +317,9 @@ show("damping_makes_things_stick")
 #
 # ### How large a step a stiff spring allows
 #
-# Things sink too deep, so you increase the stiffness. Then the simulation explodes. A numerical integrator follows an
-# oscillation only while its steps are short compared with the period, $2\pi/\omega$.
+# Things sink too deep, so you increase the stiffness. Then the simulation explodes. An integrator that computes the
+# force before the step is stable only while its steps are short compared with the period of the spring's oscillation,
+# $2\pi/\omega$.
 # %%
 predict("hundred_times_stiffer")
 # %% [markdown]
@@ -343,8 +343,8 @@ simulation("touch", "Explosion")
 #
 # </details>
 #
-# In practice, use a tenth of the limit. The limit assumes that the bodies stay in touch. A body that bounces can gain
-# energy even at a step below the limit, unless something else takes it, such as the hand's damper above.
+# The limit assumes that the bodies stay in touch. A body that bounces can gain energy even at a step below the limit,
+# unless something else takes it, such as the hand's damper above. So in practice use a tenth of the limit.
 #
 # <details><summary>Derive it: three tasks with hints and solution</summary>
 #
@@ -600,8 +600,8 @@ more_claims(
 # %% [markdown]
 # ### Coulomb friction: the cone
 #
-# Push a heavy crate sideways, harder and harder. At first the floor pushes back exactly as hard as you do. At a
-# certain force the crate starts to move.
+# Push a heavy crate sideways, harder and harder. At first the floor pushes back exactly as hard as you do. Once you
+# push harder than the floor can, the crate moves.
 #
 # **Coulomb's law** limits the friction force to a fraction of the normal force, and says where it points:
 #
@@ -670,9 +670,9 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #    one number $a$ for both rows. The larger eigenvalue of their $2\times2$ block of $A$ is a safe choice.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# When the sweeps have converged, $p_t$ is $p_t - u_t/a$, shortened. Shortening keeps the direction, so at a sliding
-# contact $u_t$ lies along $p_t$, against it. If each row were divided by its own $A_{ii}$, friction would point
-# elsewhere.
+# When the sweeps have converged, steps 2 and 3 change nothing: shortening $p_t - u_t/a$ gives $p_t$ again. Shortening
+# keeps the direction, so at a sliding contact $u_t$ points straight against $p_t$. If each row were divided by its own
+# $A_{ii}$, and these differed, friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
 # the step before, which is called a **warm start**. In code, for contacts without friction:
@@ -698,22 +698,28 @@ simulation("sweeps")
 # %%
 predict("heavy_on_light")
 # %% [markdown]
-# Started from zero, the number of sweeps of two bodies grows in proportion to the mass ratio, and that of a tower does
-# so at large ratios. For a tower of equal boxes it grows with the square of the number of boxes:
+# Started from zero, the number of sweeps grows in proportion to the mass ratio if the ratio is large, for two bodies
+# and for a tower. For a tower of equal boxes it grows with the square of the number of boxes:
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
 # **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are open and which way the others
-# slide, and changes one guess at a time (a *pivot*) until all conditions hold. In exact arithmetic it ends with a
-# solution if no bodies overlap and none bounces (Anitescu and Potra 1997). Otherwise there may be none, as for a body
-# wedged between two walls, both of which should push it out. Then it reports that.
+# slide, and changes one guess at a time (a *pivot*) until all conditions hold.
+#
+# <details><summary>Does it always find a solution?</summary>
+#
+# In exact arithmetic Lemke's algorithm ends with a solution if no bodies overlap and none bounces (Anitescu and Potra
+# 1997). Otherwise there may be none, as for a body wedged between two walls, both of which should push it out. Then it
+# reports that.
+#
+# </details>
 #
 # For the round cone, Coulomb's law can be written as one equation. Add $\mu\lVert u_t\rVert$ to the normal part of
-# the contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). (The addition makes $u_n = 0$ while
-# the contact slides.) Subtract $\rho\,\tilde u$ from $p$ and go to the nearest point of the cone; $\rho$ is any
-# positive number, in kg, so that $\rho\,\tilde u$ is an impulse. If this returns $p$, then $p$ satisfies Coulomb's
-# law: $p = \operatorname{proj}(p - \rho\,\tilde u)$. The left side minus the right side is the **natural map**, and
-# Newton's method searches for its zero.
+# the contact velocity and call the result $\tilde u$ (De Saxcé and Feng 1998). Subtract $\rho\,\tilde u$ from $p$ and
+# go to the nearest point of the cone; $\rho$ is any positive number, in kg, so that $\rho\,\tilde u$ is an impulse.
+# Coulomb's law says that this brings you back to $p$ (the fold-out shows why): $p = \operatorname{proj}(p -
+# \rho\,\tilde u)$. The left side minus the right side is the **natural map**, and Newton's method searches for its
+# zero.
 #
 # <details><summary>Why this is Coulomb's law: three cases</summary>
 #
@@ -774,11 +780,11 @@ for dt in (1e-2, 1e-3, 1e-4):
 # position update and then deleted, so it never becomes kinetic energy. After $n$ steps the depth is
 # $(1-\beta)^n\,\delta$.
 #
-# **ERP and CFM** come from the engine ODE (Open Dynamics Engine); many others have adopted them. **ERP** (error
-# reduction parameter) is the share $\beta$. **CFM** (constraint force mixing) makes the contact yield: the condition
-# becomes $u_n$ + CFM $\cdot f = 0$, so under a force $f$ the bodies go on approaching. Since $f = p/h$, that adds
-# CFM$/h$ to the diagonal of $A$. Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly and
-# therefore stable at every step:
+# **ERP and CFM** come from the engine ODE (Open Dynamics Engine). **ERP** (error reduction parameter) is the share
+# $\beta$. **CFM** (constraint force mixing) makes the contact yield: the condition becomes $u_n$ + CFM $\cdot f = 0$,
+# so under a force $f$ the bodies go on approaching. Since $f = p/h$, that adds CFM$/h$ to the diagonal of $A$.
+# Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly. While the contact stays closed and
+# the solver converges, they are stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -884,19 +890,19 @@ show("mujoco_is_convex_and_unique")
 # friction. With a pyramid, each row is a push along one of its edges: the normal plus or minus $\mu$ times one
 # direction of friction.
 #
-# Each row asks for a reference acceleration $a_{\text{ref}}$, that of a spring and a damper. It gets less than that
-# in proportion to its force $f$: $a = a_{\text{ref}} - R f$. A large compliance $R$ means a soft contact. With the
-# row's velocity $u$ and its position error $r$ (the gap for a normal row, always 0 for friction), as long as the
-# force lies inside the cone:
+# Each row asks for a reference acceleration $a_{\text{ref}}$, that of a spring and a damper. The row's real
+# acceleration $a$ falls short of it by $R f$, where $f$ is the row's force: $a = a_{\text{ref}} - R f$. A large
+# **compliance** $R$ means a soft contact. With the row's velocity $u$ and its position error $r$ (the gap for a normal
+# row, always 0 for friction), as long as the force lies inside the cone:
 #
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
 #
 # Otherwise the contact slides, and its force lies on the cone. $\hat A$ estimates the row's entry on the diagonal of
-# $A$. MuJoCo computes the estimate once, from the masses in the start position, and keeps it. The **impedance** $d$
+# $A$. MuJoCo computes it once, from the masses in the start position. The **impedance** $d$
 # lies between 0 and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where
-# $a_0$ is the acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the row follows the reference
-# exactly. The parameters:
+# $a_0$ is the acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the row would follow the
+# reference exactly; MuJoCo limits $d$ to 0.9999. The parameters:
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k = 1/(d_1 T \zeta)^2$ and $b = 2/(d_1 T)$, where
 #   $d_1$ is the largest $d$. The default (0.02 s, 1) gives a critically damped spring that settles in about a tenth
@@ -975,8 +981,9 @@ for label, changed in (
     print(f"{label:<22} {1e3 * ours:7.4f} mm/s, in MuJoCo {1e3 * theirs:7.4f} mm/s")
 # %% [markdown]
 # The compliance $R$ has a second consequence. It is proportional to $\hat A$, which for a body on the ground is about
-# one over its mass. So every single body sinks equally deep under its own weight. Put a heavy body on a light one, and
-# the soft contact below the light body has to carry both: it sinks into the ground.
+# one over its mass. So all single bodies with the same contact points sink about equally deep under their own weight.
+# Put a heavy body on a light one, and the soft contact below the light body has to carry both: it sinks into the
+# ground.
 # %%
 show("heavy_on_light_sinks")
 # %% [markdown]
@@ -1037,7 +1044,7 @@ more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
 # ## 3 · Design: contact in the simulation loop
 #
-# All of the above runs once per physics step, usually every 0.5 to 10 ms:
+# All of the above runs once per physics step:
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.5), layout="constrained")
 stages = ("broad phase", "filters", "narrow phase", "constraints", "solver", "integration")
@@ -1072,7 +1079,7 @@ plt.show()
 # 2. **Level.** Solve for impulses and velocities, or for forces and accelerations? At the velocity level a rigid
 #    contact stops an impact of any speed within the step, so its force grows as $1/h$. At the acceleration level an
 #    impact is spread over the contact's time constant.
-# 3. **Order.** Process contacts in a fixed order. Otherwise two runs of the same simulation differ.
+# 3. **Order.** Process contacts in a fixed order. Otherwise two runs with the same number of sweeps differ.
 # 4. **Memory.** Match contacts to those of the last step, so that the solver can start warm.
 #
 # </details>
@@ -1155,9 +1162,9 @@ simulation("touch", "Stick")
 # of a table sink* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
-# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
-# the upper edge is a failed run; its horizontal position has no meaning. The *pick*, circled, is the cheapest run
-# within the tolerance (dotted). Drag the tolerance and switch methods on:
+# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross
+# at the upper edge is a failed run; ignore its horizontal position. The *pick*, circled, is the cheapest run within
+# the tolerance (dotted). Drag the tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1204,8 +1211,8 @@ TradeOff(mine)
 # A light body under a heavy one, 0.24 s after the heavy one was set down. MuJoCo's default softness is wrong by
 # centimetres at every step, with 100 kg on 1 kg. (The bodies still move then, and are deeper than in the card of
 # section 2, at rest.) A **hardened** contact (solref of 4 ms, solimp near 1, impratio 100) is within the tolerance.
-# With shorter steps, the error of the penalty method grows up to $mg/k$, the depth at which its spring carries both
-# masses:
+# The penalty method fails at long steps. At short ones its error is $mg/k$, the depth at which its spring carries both
+# masses. (The smaller error at its longest stable step is a coincidence: the light body still jitters.)
 #
 # ![How deep a light body sinks under a heavy one, error against cost](../docs/charts/contact_heavy.png)
 #
@@ -1219,7 +1226,8 @@ TradeOff(mine)
 #
 # ![How far a block slides, error against cost](../docs/charts/contact_incline.png)
 #
-# (The dip of the hardened contact is a coincidence: at steps next to it the error is far larger.)
+# (The dip of the hardened contact, where the circle marks the pick, is a coincidence: at steps next to it the error is
+# far larger.)
 #
 # </details>
 #
@@ -1240,9 +1248,16 @@ figures(
 # %% tags=["hide-code"]
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
-# The time is a run's time divided by its steps, the median of several warm runs. Compare it only between compiled
-# programs (MuJoCo and the compiled loop) or among the course's other models, which spend most of it in NumPy around
-# their solver. Iterations are the mean per step.
+# The penalty's stiffness is chosen for the tolerance of each scene. Where this makes $\omega h$ of the lightest body
+# too large, it fails.
+#
+# <details><summary>What the columns for time and iterations count</summary>
+#
+# The time is a run's time divided by its steps, the median of several warm runs. Compare times only among compiled
+# programs (MuJoCo and the compiled loop), or only among the course's other models, where NumPy takes most of the time.
+# Iterations are the mean per step.
+#
+# </details>
 #
 # <details><summary>The narrow phase compared with Coal</summary>
 #
@@ -1332,9 +1347,10 @@ show("nconmax_helps")
 #
 # **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
 # divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a
-# pyramid (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 it slides: squeeze more, raise
-# the friction, or use a cone instead of a pyramid. Far below 1 it creeps: use elliptic cones and raise impratio, or
-# shorten the time constant. If it moves in jerks, contacts come and go: look at the manifold.
+# pyramid (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 on all contacts it slides: squeeze
+# more, raise the friction, or use a cone instead of a pyramid. Below 1 on at least one of them it creeps: use elliptic
+# cones and raise impratio, or shorten the time constant. If it moves in jerks, contacts come and go: look at the
+# manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
@@ -1353,7 +1369,8 @@ show("nconmax_helps")
 # | a block curves while it brakes | friction pyramid | push it off in several directions | elliptic cone |
 # | rattling on a mesh or an edge | the normal flips; one point instead of a manifold | draw the normals over time | manifold; rounded edges (a radius) |
 # | passes a wall at any step | soft contact pushed past the middle | compare depth with wall thickness | stiffer contact, thicker wall |
-# | every run differs | contacts in another order | hash the state at each step | sort the pairs; fix the threads |
+# | every run differs | contacts in another order, threads, a random generator without a seed | hash the state at each
+# step | sort the pairs; fix threads and seed |
 # | NaN now and then | concentric centres, a degenerate simplex | place two centres at one point | handle that case separately |
 # %%
 more_claims("mujoco_timer")
@@ -1602,10 +1619,10 @@ for how in ("rigid", "randomised"):
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Penalty or constraint?* First ask what the contact has to do. "A penalty is a spring: nothing
-# to solve. But bodies sink in, regularised friction creeps, and integrated explicitly it has a step limit. A
-# constraint keeps bodies apart and sticks exactly. It has no step limit of its own, but removing a deep overlap
-# needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is not. MuJoCo is in
-# between: its relaxed cone makes the problem convex, its softness makes the forces unique, and it creeps; impratio
+# to solve. But bodies sink in, regularised friction creeps, and integrated explicitly it has a step limit. Once
+# solved, a constraint keeps bodies apart and sticks exactly. It has no step limit of its own, but removing a deep
+# overlap needs a bounded speed. It needs a solver: Gauss-Seidel is slow for heavy on light, Newton is not. MuJoCo is
+# in between: its relaxed cone makes the problem convex, its softness makes the forces unique, and it creeps; impratio
 # and solref reduce that."
 #
 # </div>

@@ -25,8 +25,8 @@ simulation("platforms")
 # means something; name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by
 # comparing measured errors and costs with what your job allows. You need semi-implicit Euler (chapter 1) and
 # Coulomb's law (chapter 2). A robot consists of **links**, its rigid bodies, and joints between them. Its **mass
-# matrix** says which torques the joints need for given accelerations (chapter 4). The code of chapters 1, 2 and 4 runs
-# here as a fourth engine, called *own code*.
+# matrix** says which torques the joints need for given accelerations, at rest and without gravity (chapter 4). The
+# code of chapters 1, 2 and 4 runs here as a fourth engine, called *own code*.
 
 # %% tags=["hide-code"]
 import inspect
@@ -374,8 +374,8 @@ show("halving_halves")
 # Now load the same robot into two simulators and set nothing else. You usually do this with a **URDF** (Unified Robot
 # Description Format), the XML file in which robots are exchanged. It describes links, joints, masses and shapes. It
 # says nothing about schemes, contact softness or air resistance, and of a motor only its limits of effort and speed.
-# **MJCF**, MuJoCo's own XML format, can say these things, but a MJCF file usually doesn't say them either. Whatever the
-# file leaves open, the simulator's authors have chosen for you.
+# **MJCF**, MuJoCo's own XML format, can say these things, but an MJCF file usually doesn't say them either. Whatever
+# the file leaves open, the simulator's authors have chosen for you.
 
 # %%
 predict("out_of_the_box")
@@ -404,8 +404,8 @@ table(
 # %% [markdown]
 # Fair is a decision, and you may argue with it. `solref` and `solimp` set how soft a contact of MuJoCo is, and
 # `impratio` how much harder friction is than the normal direction (chapter 2). We chose `solref` with the results in
-# view. A time constant below 0.005 s sinks less at rest, but it also threw a sliding block off its slope. The manual
-# allows 0.005 s; our `solimp` goes a little beyond its advice.
+# view. Its time constant is 0.005 s, which the manual allows. With a shorter one a block at rest sinks less, but a
+# sliding block was thrown off its slope. Our `solimp` goes a little beyond the values that the manual advises.
 #
 # In PyBullet we left the solver's own settings as shipped: 50 sweeps per step, error correction, no substeps.
 #
@@ -460,12 +460,12 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # the wrong inertias alone, since damping and motors slow the motion down. In Drake it is one switch, from contact
 # points to contact patches.
 #
-# The longest bar to the left is the tower's: fair but with the default pyramid, it sinks about sixty times less. (As
-# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The reason lies in the
-# pyramid's edges. MuJoCo adds a contact force up from forces along these edges, and each of them is mostly normal. To
-# give friction the right stiffness, the edges must be stiff. This makes the normal direction about six times stiffer at
-# $\mu = 0.5$. An `impratio` of 10 stiffens the whole edge, so it adds a factor of ten. With an elliptic cone it acts on
-# friction only:
+# The only bar to the left is the tower's: fair but with the default pyramid, it sinks about sixty times less. (As
+# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The cause is the
+# pyramid's edges. MuJoCo adds a contact force up from forces along these edges, and each of them is mostly normal. So
+# only a stiff edge makes friction stiff, and it stiffens the normal direction with it: at $\mu = 0.5$ about six times
+# as much as an elliptic cone. An `impratio` of 10 stiffens the whole edge, so it adds a factor of ten. With an
+# elliptic cone it acts on friction:
 
 # %%
 for cone in ("elliptic", "pyramidal"):
@@ -523,8 +523,9 @@ for label, engine, how in (
 #
 # **Key insight.** Where nothing touches, engines with the same scheme and the same step make nearly the same error.
 # With their defaults, their errors can differ a hundredfold. Where bodies touch, the contact models differ by design:
-# hop, creep and sag remain with all settings that this page tries. So a comparison that doesn't list its settings
-# compares settings, and "which simulator?" comes after "which scheme, which step, which contact?"
+# each of the three simulators keeps at least one of hop, creep and sag with all settings that this page tries. So a
+# comparison that doesn't list its settings compares settings, and "which simulator?" comes after "which scheme, which
+# step, which contact?"
 #
 # </div>
 #
@@ -659,12 +660,15 @@ print_figures(
 )
 
 # %% [markdown]
-# Printed are the error at the end, the largest error, and the share of time in the air. MuJoCo's cube in *drop* ends
-# well, but misses its tolerance as it lands. In the sliding scenes, the hop of MuJoCo is the largest difference that
-# fair settings leave between the engines. Drake's problem is convex, too. With the approximation `sap`, which couples
-# friction and separation as MuJoCo's does, a sliding box also glides above the ground (Castro, Permenter and
-# Han, 2022). Its default `lagged` takes the normal force for the friction limit from the step before, and the block
-# stays down.
+# Printed are the error at the end, the largest error, and the share of time in the air. With fair settings, the cube
+# of *drop* ends well in each simulator, but misses its tolerance as it lands: MuJoCo's by a factor of more than two,
+# Drake's and PyBullet's only just. In the sliding scenes, the hop of MuJoCo is the largest difference that fair
+# settings leave between the engines.
+#
+# Drake's problem is convex, too. With the approximation `sap`, which couples
+# friction and separation as MuJoCo's does, a sliding box also glides above the ground (Castro, Permenter and Han,
+# 2022). Its default `lagged` takes the normal force for the friction limit from the step before, and the block stays
+# down.
 #
 # Here are seven jobs, written as limits on the numbers of the two charts above. A position may be off by 1 mm, and a
 # braking block by 1 cm during its motion. Two more facts are not in the charts: the share of faulty models that an
@@ -676,15 +680,15 @@ facts = jobs.facts()
 table(("Job", "Pick", "Why"), [(job, *jobs.decide(job)) for job in jobs.JOBS])
 
 # %% [markdown]
-# Three jobs have an answer, and it is the same engine three times. In the second, a tighter limit rules out MuJoCo's
-# hops. PyBullet already fails the grasp, so the cheapest of the others is Drake. Four jobs have no answer: for what was
-# not measured here, the table names what the documentation says, and doesn't pick anybody.
+# Three jobs have an answer, and it is the same engine three times. For *Manipulation research*, a tighter limit rules
+# out MuJoCo's hops. PyBullet already fails the grasp, so the cheapest of the others is Drake. Four jobs have no
+# answer: for what was not measured here, the table only names what the documentation says.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must
 # stay below that, at this cost. MuJoCo meets it, with these settings. If the limit were thirty times tighter, I would
-# take another one." The weak answer is "it depends", with no limit and no pick.
+# take another one." A weak answer is "it depends".
 #
 # </div>
 
@@ -703,8 +707,8 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Job descriptions name many tools that need an NVIDIA GPU. They can't run here. Still, know what each one is *for*, how
-# it stores a model, and how it solves contact. First two terms.
+# Many tools in job descriptions need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it
+# stores a model, and how it solves contact. Two terms:
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse that satisfies this
 # contact alone, and go on to the next; after several sweeps the impulses change little. **PGS** (projected
@@ -845,9 +849,9 @@ predict("millions_a_second")
 predict("five_numbers")
 
 # %% [markdown]
-# The simulation's radar chart has five axes. Columns 2 and 3 of the table are the measured values at the centre (0) and
-# at the end (1) of an axis; then follows each engine's place between 0 and 1, the median over several scenes. The first
-# four axes are logarithmic.
+# The simulation's radar chart has five axes. *Centre* and *end* are the measured values at 0 and at 1 of an axis. The
+# other columns show where each engine lies between them: the median over several scenes. The first four axes are
+# logarithmic.
 
 # %% tags=["hide-code"]
 table(
@@ -859,11 +863,11 @@ table(
 )
 
 # %% [markdown]
-# For *smooth accuracy*, each engine gets the computing time that MuJoCo needs at 1 ms. The value is its error in chain
-# and tumble, divided by the tolerance. *Contact accuracy* is error divided by tolerance at 1 ms, in three scenes with
-# contact. *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that
-# stays within the tolerance. *Honesty* is the share of faulty models that the engine rejects or warns about. A thick
-# band on an axis spans the scenes.
+# For *smooth accuracy*, each engine takes the step that it can afford in the computing time of MuJoCo at 1 ms. The
+# value is the engine's error in chain and tumble, divided by the tolerance. *Contact accuracy* is error divided by
+# tolerance at 1 ms, in three scenes with contact. *Speed in contact* is the cost of a step relative to MuJoCo's.
+# *Largest step* is the largest step [s] that stays within the tolerance. *Honesty* is the share of faulty models that
+# the engine rejects or warns about. A thick band on an axis spans the scenes.
 #
 # The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is $\tfrac12
 # \sin 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*. Reorder the
@@ -1063,10 +1067,10 @@ print_figures(
 
 # %% [markdown]
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python. For them the
-# panel shows how much of a step's time is saved if one call makes 100 steps: in our compiled loop, nearly all. PyBullet
-# makes one step per call. For it the panel shows the cost of a step in an *empty* world, as a share of the whole step:
-# with one link more than half. So a rate that you measure on a small scene says little about the engine's work on
-# bodies.
+# panel shows how much of a step's time is saved if one call makes 100 steps: in our compiled loop, nearly all.
+# PyBullet makes one step per call. For PyBullet the panel shows something else: the time of a step in an *empty*
+# world, divided by that of a full step. With one link this is more than half, and not only Python's share. So a rate
+# that you measure on a small scene says little about the engine's work on bodies.
 #
 # On these scenes, the measurements suggest four choices. For smooth motion with weak damping, take RK4, in MuJoCo or
 # our code. If bodies may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this.
@@ -1219,10 +1223,10 @@ print_figures(
 # The law holds to many digits over a factor of 300 in `impratio`. (The chart has MuJoCo's default `solref` and `solimp`
 # and presses with 6 N; the fair grasp of section 3 is stiffer and creeps more slowly. Our code doesn't creep.)
 #
-# The law also answers a question that users asked in 2026 (MuJoCo's issue 3328): a part, pinched with several times the
-# force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is not a bug. The harm of a creep speed is
-# proportional to how long you hold the part. The law needs an elliptic cone, and a load on all corners: on a steep
-# slope one edge of the block carries nothing.
+# The law also answers a question that users asked in 2026 (MuJoCo's issue 3328): a part, pinched with several times
+# the force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is not a bug. The harm of a creep speed is
+# proportional to how long you hold the part. The law holds for an elliptic cone while all corners carry load. On a
+# steep slope one edge of the block carries nothing.
 #
 # ### The smallest force that holds
 #
@@ -1295,8 +1299,9 @@ show("tower_by_engine")
 # ### Does the same run repeat?
 #
 # Debugging needs runs that repeat. **Bitwise** equality means that every bit of two results agrees: a test without a
-# tolerance to argue about. A program that does the same operations on the same numbers in the same order gets the same
-# bits. Other machines, versions or numbers of threads add the same numbers in a different order, and round differently.
+# tolerance to argue about. A program that does the same operations on the same numbers in the same order gets the
+# same bits. Other machines, versions or numbers of threads may add the same numbers in a different order, and round
+# differently.
 
 # %%
 show("fresh_worlds_repeat")
@@ -1339,11 +1344,13 @@ world.close()
 # as bad is a **silent repair**: the model runs, and isn't the one in your file.
 #
 # The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
-# library for robot dynamics. One bar of a reader counts rejected files, the other one swallowed files. Repaired files
-# are not drawn. (The claim below counts repaired files as swallowed.) Among the names in the fold-out, *triangle* means
-# moments of inertia that no body can have (one exceeds the sum of the other two), *indefinite* an inertia matrix with a
-# negative eigenvalue, *short origin* and *comma* broken lists of numbers, *long line* a valid file in one long line,
-# and *mimic* a joint that copies another one.
+# library for robot dynamics. One bar of a reader counts files that it refused or warned about, the other one files
+# that it swallowed or that made it crash. Repaired files are not drawn. (The claim below counts repaired files as
+# swallowed.)
+#
+# Among the names in the fold-out, *triangle* means moments of inertia that no body can have (one exceeds
+# the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue, *short origin* and *comma*
+# broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint that copies another one.
 #
 # ![Faulty models and features, by reader: rejected or swallowed](../docs/charts/platform_readers.png)
 
@@ -1360,9 +1367,11 @@ figures(
 )
 
 # %% [markdown]
-# Chapter 4's reader rejects the most faults, but it reads few kinds of joint, and its message names the joint that it
-# rejects. Readers also change with versions. In September 2026, an importer lost all damping and friction of joints
-# without a message (Isaac Sim, issue 841). So read the loaded model back and compare.
+# Chapter 4's reader rejects the most faults. It also rejects valid joints of kinds that it doesn't know, and says
+# which. Two of the faults are debatable: URDF allows a link without `inertial` or with zero inertia, and many robots
+# have such links as mere frames. We count them because here the link moves. Readers also change with versions. In
+# September 2026, an importer lost all damping and friction of joints without a message (Isaac Sim, issue 841). So
+# read the loaded model back and compare.
 
 # %%
 more_claims("loaded_is_not_sound", "friction_of_a_urdf")
@@ -1749,9 +1758,9 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Three formulas that you can derive. The page has parts of them: an answer above describes how the two pyramids steer,
-# and section 7 has the law of creep. $D$ is the stopping distance by Coulomb's law; section 7 defines the impedance $d$
-# and the inverse mass $w$. The gate opens when all are right.
+# Three formulas that you can derive. The page has parts of them: section 10's answer about the box that bends away
+# describes how the two pyramids steer (*In full*), and section 7 has the law of creep. $D$ is the stopping distance
+# by Coulomb's law; section 7 defines the impedance $d$ and the inverse mass $w$. The gate opens when all are right.
 
 # %%
 checkpoint("platforms", pyramid_inscribed="", pyramid_box="", creep_not_friction="")

@@ -375,6 +375,7 @@ _ = axes[0].text(0.40, 0.72, "r", fontsize=13)
 _ = axes[0].text(0.5, 0.16, "$l_1$", fontsize=13)
 _ = axes[0].text(0.92, 0.85, "$l_2$", fontsize=13)
 _ = axes[0].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="base, elbow and tip")
+_ = axes[0].set(xlim=(-0.7, 1.2))
 _ = axes[0].legend(loc="upper left")
 ring = np.linspace(0, 2 * np.pi, 200)
 circle = np.array([np.cos(ring), np.sin(ring)])
@@ -603,8 +604,9 @@ show("damping_is_free")
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** What is dangerous is not the singularity but its neighbourhood. Damping limits the step there to
-# $1/(2\lambda)$ times the error, and in exchange leaves a part of the error in every direction.
+# **Key insight.** The pseudo-inverse is dangerous near a singularity. Exactly at it, the lost direction has gain 0,
+# if the code treats a tiny $s$ as zero. Damping limits each step to $1/(2\lambda)$ times the error. In exchange, each
+# step leaves a part of the error in every direction.
 #
 # </div>
 #
@@ -635,25 +637,27 @@ show("one_joint_to_spare")
 
 # %% [markdown]
 # The null space is a straight line, a plane or a larger flat space of velocities. The solutions of IK are curved. In
-# this drawing a two-link arm keeps only the $x$ coordinate of its tip:
+# this drawing the task of a two-link arm is to hold the $x$ coordinate of its tip; $y$ is free:
 
 # %% tags=["hide-code"]
 a = np.linspace(-0.9, 1.2, 200)
 cosine = (1.2 - lengths[0] * np.cos(a)) / lengths[1]
 curve = np.where(np.abs(cosine) <= 1, np.arccos(np.clip(cosine, -1, 1)) - a, np.nan)
-at = 150
+at = 130
 here = np.array([a[at], curve[at]])
 row = jacobian(two, here)[0]
 along = np.array([row[1], -row[0]]) / np.linalg.norm(row)
 along = along * np.sign(along[0])
-end = here + 0.6 * along
+end = here + 0.7 * along
 row = jacobian(two, end)[0]
 back = end + row * (1.2 - tip(two, end)[0]) / (row @ row)
 figure_, axes = plt.subplots(figsize=(6.8, 3.8), layout="constrained")
 _ = axes.plot(a, curve, color="#3b6ea5", label="solutions with x = 1.2 m and q1 + q2 > 0")
 _ = axes.plot(*np.column_stack([here, end]), "o-", color="tab:orange", label="null-space step")
-_ = axes.plot(*np.column_stack([end, back]), "o-", color="tab:green", label="one IK step")
+_ = axes.plot(*np.column_stack([end, back]), color="tab:green", label="then one IK step")
+_ = axes.plot(*back, "s", color="tab:green", label="after both steps")
 _ = axes.set(xlabel="q1 [rad]", ylabel="q2 [rad]", title="the null space is only the tangent")
+_ = axes.set(xlim=(0.2, 1.3), ylim=(-1.2, 0.9))
 _ = axes.legend(loc="lower left")
 plt.show()
 
@@ -714,23 +718,28 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # ### The swivel angle: six joints in closed form
 #
 # For an arm like the Panda you can walk along the curve of solutions without iterating. Its wrist is the point where
-# the axes of joints 5 and 6 meet. Choose the angle of joint 7: only this joint lies between the wrist and the hand, so
-# now you know where the wrist is. The first three axes meet in the shoulder, which never moves. Shoulder, elbow and
-# wrist form a triangle with three known sides, and the law of cosines gives the angle of the elbow.
+# the axes of joints 5 and 6 meet. Choose the angle of joint 7. Joint 6 turns about an axis through the wrist and does
+# not move it, so now you know where the wrist is. The first three axes meet in the shoulder, which never moves.
+# Shoulder, elbow and wrist form a triangle with three known sides, and the law of cosines gives the angle of the
+# elbow.
 #
-# The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**, zero
-# with the elbow straight above the line. To find it, look for the direction of the forearm. The forearm makes a known
-# angle with the line from shoulder to wrist, so it lies on a cone. It is also perpendicular to the axis of joint 6, so
-# it lies in a plane. Cone and plane meet in two lines or in none. With two bends of the elbow and two postures of the
-# shoulder, each angle of the last joint allows up to eight postures.
+# The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**,
+# zero with the elbow straight above the line. To find it, look for the direction of axis 5, which passes through the
+# wrist. In the plane of the triangle it makes a known angle with the line from shoulder to wrist, so it lies on a
+# cone. It is also perpendicular to axis 6, so it lies in a plane. Cone and plane meet in two lines or in none.
+#
+# With two bends of the elbow and two postures of the shoulder, each angle of the last joint allows up to eight
+# postures.
 #
 # ![All postures of one pose; share of poses without an answer against time](../docs/charts/seven_joint.png)
 #
-# On the left, every point is a posture with the same pose of the hand. On the right, each method looks for one posture
-# within the joint limits. The numbers say how many angles of the last joint, or how many random starts, it tries. Our
-# compiled search is faster, and in a batch several times as fast (see the fold-out). The closed form is worth it for
-# something else: it gives all postures, and its error is rounding instead of the tolerance of a search. If it has no
-# answer, there is none for this angle.
+# On the left, every point is a posture with the same pose of the hand. On the right, each method looks for one
+# posture within the joint limits. The numbers say how many angles of the last joint, or how many random starts, it
+# tries. In single calls the closed form and our compiled search take about the same time. In a batch the closed form
+# is faster while about 1 % of the poses may stay without an answer; for fewer, the search is.
+#
+# Two other things speak for the closed form. It gives all postures, and its error is rounding instead of the
+# tolerance of a search. If it has no answer, there is none for this angle.
 
 # %%
 figures(read("seven_joint"), summary="Time, answers and errors")
@@ -794,7 +803,7 @@ plt.show()
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | how heavy each link feels if the joints beyond it are free | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | the inertia of each link, with all links beyond it on joints without torque | $O(n)$ |
 #
 # RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
 # Differentiate this for the angular acceleration $\alpha$. Relative to its (revolute) joint, a point of the link at $r$
@@ -1126,8 +1135,8 @@ show("converged_within_limits")
 #
 # Comparing compiled code with Python loops around Pinocchio's functions mixes three effects: the algorithm, the
 # overhead of Python, and the batch. The rows below separate them. *Our method in Python* takes our steps with
-# Pinocchio's functions. *A call a pose* calls our compiled solver for one pose at a time. The last number is the rate
-# of the table method in a batch, divided by that of the row:
+# Pinocchio's functions. *A call a pose* calls our compiled solver for one pose at a time. The last number says how
+# many times as many poses per second the table method solves in a batch:
 
 # %%
 rates = [line for line in read("ik_success").splitlines() if "solved a second" in line]
@@ -1202,10 +1211,11 @@ print_figures("ik_residual", "A target on")
 # ### Limits in every cycle: clip, scale, or solve a quadratic program?
 #
 # Section 1 stated the quadratic program for joint velocities. `bounded_velocity` solves it. It holds some joints at
-# their bounds, the **active set**, and solves least squares for the others. Then it moves one joint at a time into the
-# set or out of it, until no such move lowers the cost. A cheaper remedy takes the damped pseudo-inverse and *clips*
-# each velocity on its own; another one *scales* all of them by one factor. We let the hand of the 7-R arm follow paths
-# that the arm can follow within its limits. mink and pink solve the same program with a compiled solver:
+# their bounds, the **active set**, and solves least squares for the others. Then it moves one joint at a time into
+# the set or out of it, until no such move lowers the objective of the program. A cheaper remedy takes the damped
+# pseudo-inverse and *clips* each velocity on its own; another one *scales* all of them by one factor. We let the hand
+# of the 7-R arm follow paths that the arm can follow within its limits. mink and pink solve the same program with a
+# compiled solver:
 #
 # ![Error of the hand against computing time, and against time on one path](../docs/charts/velocity_limits.png)
 
@@ -1213,13 +1223,15 @@ print_figures("ik_residual", "A target on")
 print_figures("velocity_limits", "clipped", "quadratic program", "time of mink", "time of no")
 
 # %% [markdown]
-# The grey curve ignores the limits, so no real arm can follow it. Clipping drops what the clipped joint should have
-# contributed. In the program the other joints make up for it, as far as they can. Scaling keeps the direction of the
-# hand, but a single joint at its limit stops the whole arm. The program is not perfect either: it looks no further than
-# one cycle, and may lead the arm to a limit that a planner would have avoided. Shorter cycles don't change that.
+# The bands show the quartiles over the paths, for *clipped* and *quadratic program*. The grey curve ignores the
+# limits, so no real arm can follow it. Clipping drops what the clipped joint should have contributed. In the program
+# the other joints make up for it, as far as they can. Scaling keeps the direction of the hand, but a single joint at
+# its limit stops the whole arm. The program is not perfect either: it looks no further than one cycle, and may lead
+# the arm to a limit that a planner would have avoided. Shorter cycles don't change that.
 #
 # With cycles of 20 ms or less the largest errors of mink, pink and our solver agree. At 50 ms theirs are smaller; we
-# have not found out why. The printed figures are for cycles of 5 ms, the next claim's for 50 ms on other paths.
+# have not found out why. They also take about half the time of our solver. The printed figures are for cycles of 5
+# ms, the next claim's for 50 ms on other paths.
 
 # %%
 more_claims("clipped_velocities")
@@ -1751,8 +1763,9 @@ show("flow_samples_all")
 figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
 # %% [markdown]
-# The network needs as many steps as the lookup table. Neither covers clearly more solutions than random starts (on the
-# right, their curve lies under the table's). Here, training brought no advantage.
+# The network needs as many steps as the lookup table. Neither covers clearly more solutions than random starts, whose
+# curve is hidden behind the table's; the network covers fewer at 16 and 32 starts. Here, ten seconds of training
+# brought no advantage.
 #
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
 # a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of section

@@ -163,10 +163,9 @@ plt.show()
 #
 # ### Why not plan a path for the tip?
 #
-# It is tempting to plan in the workspace, where we can see the obstacles: find a free path for the tip, then compute
-# joint angles for each point of it. That last step is inverse kinematics from chapter 4. The two-link arm shows what
-# can go wrong. Most tip positions can be reached with the elbow on either side, and the path of the tip does not say
-# which one is free.
+# It is tempting to find a free path for the tip first, then compute joint angles for each point of it. That last step
+# is inverse kinematics from chapter 4. The two-link arm shows what can go wrong. Most tip positions can be reached
+# with the elbow on either side, and the path of the tip does not say which one is free.
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2), layout="constrained")
@@ -283,9 +282,8 @@ plt.show()
 # means a goal bias below 1. The planner of this course also works with a bias of 0, because it tries to connect the
 # goal to every new node within one step of it.
 #
-# Note what this does not promise. It gives no number of samples. It says nothing about your deadline. And if there is
-# no path, RRT will not tell you so: it uses up its budget and reports exactly what it reports when it was merely
-# unlucky.
+# This gives no number of samples and says nothing about your deadline. And if there is no path, RRT will not tell you
+# so: it uses up its budget and reports exactly what it reports when it was merely unlucky.
 
 # %%
 show("rrt_complete")
@@ -340,10 +338,10 @@ plt.show()
 # 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post.
 #
 # For a point robot among discs and polygons, checking points is unnecessary. The distance from a disc's centre to a
-# segment can be computed exactly. That takes about as long as checking one point, and it misses nothing. The chart
-# shows the share of colliding edges that each method accepts. OMPL, an open-source planning library, checks points as
-# well, so its markers lie on ours. The thin dark lines (*closed form*) predict the share that points miss. The bands
-# show two standard errors. Our exact test stays at zero:
+# segment can be computed exactly. Like the check of one point, this takes one distance per disc, and it misses
+# nothing. The chart shows the share of colliding edges that each method accepts. OMPL, an open-source planning
+# library, checks points as well, so its markers lie on ours. The thin dark lines (*closed form*) predict the share
+# that points miss. The bands show the statistical uncertainty (two standard errors). Our exact test stays at zero:
 #
 # ![Share of colliding edges that points along the edge miss, and that an exact test misses
 # (none)](../docs/charts/thin_obstacles.png)
@@ -601,10 +599,10 @@ plt.show()
 # and $4.6 + 4.8 = 9.4$ m is shorter, so *c* is rewired. Node *b* is not: its path of 6.7 m is shorter than the 8.0 m
 # over the new node. (In the sketch, the numbers are path lengths from the start, and the dotted circle is the radius.)
 #
-# A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability one.
-# Consider what that takes. A node changes its parent only for a shorter path. With a radius that shrinks too fast, a
-# new node soon finds no neighbours to compare. And a shortest path that squeezes through a gap of zero width is never
-# sampled.
+# A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability
+# one. Consider what that takes. A node changes its parent only for a shorter path. With a radius that shrinks too
+# fast, a new node soon finds no neighbours to compare. And if the shortest path needs a gap of zero width, no random
+# sample falls into the gap.
 
 # %%
 show("rrt_star_converges")
@@ -622,10 +620,11 @@ show("rrt_star_converges")
 #
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
-# Lines are medians over seeds, bands quartiles. The circle marks the fastest setting within 5 % of the optimum: around
-# the disc RRT-Connect alone, at the gap RRT-Connect with a few rounds of shortening. Around the disc its lead is clear;
-# at the gap Informed RRT\* is close behind. (The planner PRM\* belongs to the next part.) With 10 ms to spend,
-# RRT-Connect with shortcuts gives the shorter path around the disc, and Informed RRT\* at the gap.
+# Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. The circle marks the fastest
+# setting within 5 % of the optimum: RRT-Connect, around the disc without shortening (first point of its curve), at
+# the gap with a few rounds. Around the disc its lead is clear; at the gap Informed RRT\* is close behind. (PRM\*
+# belongs to the next part.) With 10 ms to spend, RRT-Connect with shortcuts gives the shorter path around the disc,
+# and Informed RRT\* at the gap.
 
 # %%
 more_claims("informed_rrt_star")
@@ -868,9 +867,10 @@ _ = axes[1].text(5, 1.6, "pushed to both sides at once", ha="center", fontsize=8
 plt.show()
 
 # %% [markdown]
-# The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from the
-# start near the lower left corner to the goal near the upper right corner. The point where the lines meet is its **via
-# point**. The colour there shows the optimiser's result: free and short, free and longer, or in collision.
+# The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from
+# the start near the lower left corner to the goal near the upper right corner. The point where the lines meet is its
+# **via point**. The colour there shows the optimiser's result: free and within 5 % of the shortest (*free,
+# shortest*), free and longer, or in collision.
 #
 # ![Result of two optimisers for 169 initial guesses, at the via point of each
 # guess](../docs/charts/optimiser_minima.png)
@@ -884,9 +884,9 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# The card below repeats the test in a more crowded scene, that of the shortcutting picture, where nearly every guess
-# runs through discs. It also uses other settings, but they hardly change its shares. The remedy is a better initial
-# guess, such as a planner's path, or several guesses of which you keep the best valid result.
+# The card below repeats the test in a more crowded scene, that of the shortcutting picture. There nearly every guess
+# runs through discs. The remedy is a better initial guess, such as a planner's path, or several guesses of which you
+# keep the best valid result.
 
 # %%
 show("optimisers_get_stuck")
@@ -900,15 +900,15 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # A path says where, not when. **Time parameterisation** finds the fastest motion along a given path that respects the
 # velocity and acceleration limits of all joints. (For a joint, the page says *rate* for velocity.)
 #
-# In this part, $s$ is the arc length along the path. $q(s)$ is the configuration at $s$, $q'$ and $q''$ are its
-# derivatives with respect to $s$, and $\dot s$ is the speed along the path. The chain rule gives the joint
-# accelerations:
+# Let $s$ grow along the path: on a straight line it is the distance, on a rounded corner the parameter of a parabola.
+# $q(s)$ is the configuration at $s$, and $q'$ and $q''$ are its derivatives with respect to $s$. The path speed $\dot
+# s$ says how fast $s$ grows. The chain rule gives the joint accelerations:
 #
 # $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
 #
-# The left side is limited for every joint. So at each point of the path, once $\dot s^2$ is known, the path
-# acceleration $\ddot s$ must lie in a known interval. That turns a problem with many joints into one with a single
-# unknown function, the speed along the path. Two passes find it:
+# The left side is limited for every joint. Fix the path speed $\dot s$ at one point. Then each joint's limits bound
+# the path acceleration $\ddot s$, and together they leave an interval. That turns a problem with many joints into one
+# with a single unknown function, the path speed. Two passes find it:
 #
 # 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow down
 #    in time.
@@ -979,11 +979,12 @@ plt.show()
 # </details>
 #
 # In a computer the two passes visit a grid of points along the path. Between two of them the path acceleration $\ddot
-# s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test the joint limits only at
-# the first point of each interval, others at both ends. (The library TOPP-RA offers both.) And the shape of the path
-# counts: on a straight line or a parabola, $q''$ is constant between two grid points, on a circular arc it turns. Now
-# look at the formula for $\ddot q$ and ask where it is largest. A motor drive may shut down whenever a limit is
-# exceeded.
+# s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test the joint limits only
+# at the first point of each interval, others at both ends. (The library TOPP-RA offers both.)
+#
+# The shape of the path counts, too. On a straight line $q''$ is zero, and on a parabola in its own parameter it is
+# constant. On a circular arc the direction of $q''$ turns. Now look at the formula for $\ddot q$: where between two
+# grid points is it largest? A motor drive may shut down whenever a limit is exceeded.
 
 # %%
 show("limits_between_grid_points")
@@ -992,10 +993,11 @@ show("limits_between_grid_points")
 # ![How far the acceleration limit is exceeded between grid points, and how much time rounding the corners
 # saves](../docs/charts/limits_between.png)
 #
-# The left plot shows by how much the limit is exceeded between grid points, with a test at the first point only and
-# with a test at both ends, where only rounding errors remain; lines are medians over 15 paths, bands the range. The
-# right plot shows the reward for rounding corners: the earlier the rounding begins, the shorter the motion. Timing
-# every joint on its own, with its own trapezoid, hardly saves time, and it makes the robot leave the checked path.
+# The left plot shows by how much the limit is exceeded between grid points, with a test at the first point only (*at
+# grid points*) and at both ends, where only rounding errors remain. Lines are medians over 15 paths, bands the range.
+# The right plot shows the reward for rounding corners: the earlier the rounding begins, the shorter the motion.
+# Timing every joint on its own, with its own trapezoid, hardly saves time, and it makes the robot leave the checked
+# path.
 
 # %%
 more_claims("shortcut_share")
@@ -1048,10 +1050,9 @@ plt.show()
 # carried out, the scene that it was computed for may be out of date. Keep checking the remaining path against moving
 # objects, at the rate of the camera.
 #
-# How long do the stages take? A statement such as "200 ms for the planner, 50 ms for the smoothing" can't be checked,
-# because it names no arm, no shelf and no machine. This cell times the three stages for the arm at the open shelf
-# (`requested`), on your machine. `plan` takes a world, a start and a goal. `time_parameterise` takes the limits, here 2
-# rad/s and 8 rad/s², the distance `blend` from a corner at which its rounding begins, and the world `free` in which
+# How long do the stages take? This cell times the three stages for the arm at the open shelf (the variable
+# `requested`), on your machine. `plan` takes a world, a start and a goal. `time_parameterise` takes the limits, here
+# 2 rad/s and 8 rad/s², the distance `blend` from a corner at which its rounding begins, and the world `free` in which
 # each rounding is checked.
 
 # %% tags=["nbval-ignore-output", "show-code"]
@@ -1144,10 +1145,9 @@ for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start,
 # </div>
 #
 # Take the seven-joint arm and its two shelves from section 2, and a single RRT in plain Python with a step size of 1
-# rad, measured as Euclidean distance over all seven joints. It is even slower than the one in the question: most of its
-# queries are unsolved when it is stopped after five seconds. Most of the space in front of the shelf is free, and the
-# compartments are its narrow passages. For comparison: the default step of the library OMPL is a fifth of the extent of
-# the space, here 2.6 rad.
+# rad, measured as Euclidean distance over all seven joints. It is even slower than the one in the question: most of
+# its queries are unsolved when it is stopped after five seconds. Most of the space in front of the shelf is free, and
+# the compartments are its narrow passages.
 
 # %%
 predict("first_of_ten_ideas")
@@ -1160,8 +1160,8 @@ predict("first_of_ten_ideas")
 # ("still") and once with a ball in front of it ("moved").
 #
 # The chart shows the median and the slowest query. The slowest was run once, so it changes a lot from one set of
-# queries to the next. A triangle at the top edge marks a time without a value. For the slowest query, one unsolved
-# query is enough; for the median, half of them have to be unsolved. Triangles of several curves overlap.
+# queries to the next. A triangle at the top edge means *no time*: at least one query unsolved (slowest), or at least
+# half of them (median). Triangles of several curves overlap.
 #
 # ![Planning time of ten versions at two shelves, median and slowest query](../docs/charts/shelf_ladder.png)
 
@@ -1195,10 +1195,12 @@ table(
 # %% [markdown]
 # What each version contributed:
 #
-# * *1 to 3.* One tree with short steps, then compiled, then with an edge check that advances in long strides. Versions
-#   2 and 3 grow the same trees and solve three to six of ten queries; ten are too few to tell "still" and "moved"
-#   apart. With the ball, where both have a median, version 3 is about ten times faster.
-# * *4. Longer steps.* One number of version 3 changed, and nearly all queries are solved.
+# * *1 to 3.* One tree with short steps, then compiled with Numba, then with conservative advancement as the edge
+#   check. Versions 2 and 3 grow the same trees and solve three to six of ten queries; ten are too few to tell "still"
+#   and "moved" apart. With the ball, both have a median in the chart, and that of version 3 is about ten times
+#   shorter.
+# * *4. Longer steps.* One number of version 3 changed, and nearly all queries are solved. The new step size is OMPL's
+#   default, a fifth of the extent of the space.
 # * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
 #   than finding the way into one.
 # * *6. Bridge samples.* They cost more than they find.
@@ -1212,10 +1214,9 @@ table(
 #
 # **Interview tip.** *How do you speed up planning?* Don't recite a menu, give an order. (1) Measure two numbers: how
 # many checks, and what one costs. (2) Reduce the number first, since that decides whether a query is solved at all:
-# longer steps, a second tree. Measure both together: long steps can slow two trees.
-# (3) Make the check cheap: simple shapes, compiled or vectorised code, a distance instead of many points. (4) Reuse: a
-# stored roadmap, checked lazily. (5) When replanning, keep what is still free of the last path. (6) Special samplers
-# last, for a passage that you can name. *And say what each one costs.*
+# longer steps, a second tree. Measure both together: long steps can slow two trees. (3) Make the check cheap: simple
+# shapes, compiled or vectorised code, a distance instead of many points. (4) Reuse: a stored roadmap, checked lazily.
+# (5) Special samplers last, for a passage that you can name. *And say what each one costs.*
 #
 # </div>
 
@@ -1226,9 +1227,9 @@ more_claims("both_ends_first")
 # ### Compared with OMPL
 #
 # OMPL is the standard open-source library for sampling-based planning. We ran its RRT-Connect in two ways: with a
-# Python function that checks single configurations (*Python states* in the chart), as most of its Python users do, and
-# with our compiled edge check passed to it. World, step size and goal are the same on both sides. The walls are 0.5 m
-# thick. A path that `check_path` rejects counts as no path.
+# Python function that checks single configurations (*Python states* in the chart), as most of its Python users do,
+# and with our compiled edge check passed to it. World, step size and goal are the same on both sides. (The chart of
+# the fifth scene is in the fold-out.) The walls are 0.5 m thick. A path that `check_path` rejects counts as no path.
 #
 # ![Share of seeds with a valid path against time, compared with OMPL, in four scenes](../docs/charts/plan_times.png)
 
@@ -1246,27 +1247,34 @@ bare_ = {
     a: times
     for name in ("plan_times", "shelf_times")
     for a, *times in key(
-        name, r"^(.*?) {2,}edge checks left out .*: ours (\S+) ms, OMPL's (\S+) ms;"
+        name,
+        r"^(.*?) {2,}edge checks left out .*: ours (\S+) ms, OMPL's (\S+) ms; .* (\S+) ms$",
     )
 }
 table(
     ("scene", "this course [ms]", "OMPL, our edge check", "OMPL, Python function",
      "Python function: paths in collision",
-     "without edge checks: this course, OMPL [ms]"),
+     "without edge checks, estimate: this course (one sample), OMPL [ms]"),
     *((title, measured[name, "ours"][0], f"{measured[name, 'OMPL, our edge check'][1]} times as long",
        f"{measured[name, 'OMPL, Python states'][1]} times as long",
-       " of ".join(measured[name, "OMPL, Python states"][2:]), ", ".join(bare_[name]))
+       " of ".join(measured[name, "OMPL, Python states"][2:]),
+       "{0} ({2}), {1}".format(*bare_[name]))
       for name, title in SCENES.items()),
 )  # fmt: skip
 
 # %% [markdown]
 # With the same compiled edge check, OMPL takes about as long as our planner in most scenes, and several times as long
 # at the 2 % gap. OMPL has to call Python once per edge. The curve *OMPL's own part* leaves out these calls, and with
-# them the edge checks. The last column takes the edge checks off on both sides: then OMPL is the faster one in most
-# scenes. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
+# them the edge checks. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
 #
-# With a collision check in Python, planning is many times slower, and at OMPL's default spacing some of the returned
-# paths are in collision. The curve *OMPL, Python, 0.2%* uses a fifth of the default spacing.
+# The last column estimates the time without edge checks. For OMPL it is the time outside the Python calls. For this
+# course it is twice the measured time minus that of a run that checks each edge twice. In the plane the second check
+# costs too little to be measured, so the estimate is no shorter than the measured time. In brackets: a call with one
+# sample, mostly its fixed cost. OMPL's times cover only its `solve`, so the column can't show whose search is faster.
+#
+# With a collision check in Python, planning is many times slower. By default OMPL checks points that are 1 % of the
+# diagonal of the space apart, and then some of the returned paths are in collision. For the curve *OMPL, Python, 0.2%*
+# the spacing is a fifth of that.
 #
 # So what should you pick? OMPL, with a compiled edge check that you trust. The choice between OMPL and the planner of
 # this course matters far less than the edge check.
@@ -1293,9 +1301,9 @@ more_claims("ompl_defaults")
 # ### Narrow in how many directions?
 #
 # "It has seven joints, so planning is hard" is a common excuse. What counts is in how many directions a passage is
-# narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *tube* is a small
-# hole in a thin wall, narrow in every direction along the wall. A *cube* is the same hole in a thick wall, as thick as
-# the hole is wide.
+# narrow. Compare three openings in a wall. A *slab* is narrow in one direction only, like a door. A *tube* is narrow
+# in every direction along the wall; here it is very short, a hole in a thin wall. A *cube* is the same hole in a
+# thicker wall, as thick as the hole is wide.
 
 # %% tags=["hide-code"]
 figure_ = plt.figure(figsize=(8.5, 2.9), layout="constrained")
@@ -1325,10 +1333,10 @@ plt.show()
 # ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# The curves of tube and cube end in five dimensions, where the medians exceed the budget (triangle at the top edge);
-# higher dimensions were not run. The bands are quartiles over 100 seeds, and the band of this course's planner overlaps
-# with that of OMPL everywhere. OMPL's medians for the tube are larger; a hundred seeds don't settle whether that is
-# chance.
+# The two plots use different colours. On the left the cube ends in four dimensions: in five, no sampled pair saw each
+# other. On the right, tube and cube end in five, where the medians exceed the budget (triangle at the top edge). The
+# bands are quartiles over 100 seeds, and the band of this course's planner overlaps with that of OMPL everywhere.
+# OMPL's medians for the tube are larger; a hundred seeds don't settle whether that is chance.
 #
 # Through the slab two points see each other as often in seven dimensions as in two, and RRT-Connect needs at most about
 # twice the samples. The tube gets harder by a large factor with each dimension. So count the directions in which your
@@ -1363,10 +1371,10 @@ show("step_through_a_passage")
 #
 # ### Slow only sometimes
 #
-# Planning times have a heavy tail: a few runs take far longer than the median. Is that bad luck of the random numbers,
-# or are some queries simply harder? The answer decides the remedy. If it is luck, restart with another seed. If it is
-# the query, look at that query. At the tight shelf the queries differ: in some postures the arm has little room to
-# leave its compartment. Solving 36 queries with five seeds each separates the two causes, for RRT-Connect.
+# Planning times have a heavy tail: a few runs take far longer than the median. Is that bad luck of the random
+# numbers, or are some queries simply harder? The answer decides the remedy. If it is luck, restart with another seed.
+# If it is the query, look at that query. Solving 36 queries at the tight shelf with five seeds each separates the two
+# causes, for RRT-Connect.
 
 # %%
 show("slow_plans_are_slow_questions")

@@ -233,9 +233,10 @@ predict("jammed")
 # limit. But this range does not know whether the motor is at its limit. A range that the sum never reaches changes
 # nothing, and one that is narrower than the load leaves an error for ever.
 #
-# The chart shows another case: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the
-# right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the
-# set-point. With conditional integration (blue) it leaves the limit at once. Solid lines are the exact solution of the
+# The chart shows another case: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the right. Without
+# anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the set-point. With
+# conditional integration (blue) it leaves the limit at once. The joint still passes the set-point, by two thirds of the
+# step: during the jam the I term grew until the command reached the limit. Solid lines are the exact solution of the
 # joint, dots are the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
@@ -294,7 +295,7 @@ plt.show()
 predict("more_p")
 
 # %% [markdown]
-# Here is how to compute that limit. Between two samples the torque is constant, so the motion has a closed form. One
+# Between two samples the torque is constant, so the motion has a closed form. One
 # sample maps the vector (angle, rate) linearly to its next value. For an inertia without friction, under P control to
 # the set-point zero, the held torque is $-K_p q_k$, and
 #
@@ -410,9 +411,9 @@ plt.show()
 # angle. The critical point is $-1$: gain 1 and a lag of 180 degrees. The distance of the curve from $-1$
 # is the smallest change of $L$ that can make the loop unstable.
 #
-# What does the closed loop do to a sine? Let $d$ be the error without control, and $e$ the error that remains. Going
-# round the loop multiplies a sine by $L$, wherever you start. Start at the error: controller and joint turn $e$ into
-# the motion $L\,e$, which is subtracted from $d$. So $e = d - L\,e$. This gives two functions of the frequency:
+# What does the closed loop do to a sine? Let $d$ be the error without control, and $e$ the error that remains.
+# Controller and joint turn the error $e$ into the motion $L\,e$. So $e = d - L\,e$ remains. This gives two functions of
+# the frequency:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
@@ -436,7 +437,7 @@ simulation("nyquist")
 # %% [markdown]
 # The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. Raise the gain by the gain margin: the
 # curve now passes through $-1$, and the step response oscillates at the frequency of that point. Now compare $\lvert
-# S\rvert$ between 100 and 1000 rad/s in *High sensitivity* and *Comfortable*:
+# S\rvert$ between 100 and 1000 rad/s in the presets *High sensitivity* and *Comfortable*:
 
 # %%
 show("more_gain_rejects_everywhere")
@@ -467,8 +468,9 @@ for one in stored("pd_triangles")[0].series:
 
 # %% [markdown]
 # A joint rarely measures its rate. It takes the difference of two angles instead, divided by $dt$, which is the rate of
-# half a sample ago. Together with one sample of computing time, this leaves less than a twentieth of the highest
-# gain. You will derive three of the curves in section 8. The right chart belongs to section 7.
+# half a sample ago. Together with one sample of computing time, this lowers the highest stable $K_p$ to less than a
+# twentieth of that with the exact rate. You will derive three of the curves in section 8. The right chart belongs to
+# section 7.
 #
 # ### Encoder, friction and torque limit
 #
@@ -504,7 +506,7 @@ for one in stored("rate_estimates")[0].series:
 # friction $F$, the joint can stay at rest. So without a load, dry friction leaves an error of up to $F/K_p$.
 #
 # If static friction does not exceed Coulomb friction, an I term removes this error step by step, with longer and longer
-# pauses in between (blue). If it does, the torque that breaks the joint loose is more than what keeps it moving. The
+# pauses in between (blue). If static friction is the larger one, breaking loose takes more torque than moving. The
 # joint jumps, and hunts (orange):
 
 # %% tags=["hide-code"]
@@ -528,8 +530,9 @@ plt.show()
 # **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
 # over by itself, such as an upright pendulum, gravity can then win. In the map, the motor has half of the torque that
 # holds the pendulum horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$,
-# and a decaying one. The command is a high gain times the growing part. The purple states are caught, the orange ones
-# are lost, on a grid. At the edge the controller commands the full torque all the way, so other gains do no better:
+# and a decaying one. The controller commands a high gain times the growing part. The purple states are caught, the
+# orange ones are lost, on a grid. At the edge the controller commands the full torque all the way, so other gains do no
+# better:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -567,8 +570,8 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 #
 # Step 2 assumes that an ultimate gain exists. With viscous friction and without any delay, P alone is stable at every
 # gain. The hold is a delay, so the sampled joint has an ultimate gain. But a constant amplitude does not prove that you
-# have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. An ultimate gain
-# that somebody quotes says nothing about your joint unless the delay is the same. Our delay is 20 ms.
+# have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. A quoted ultimate
+# gain says nothing about your joint unless inertia, friction and delay are the same. Our delay is 20 ms.
 #
 # A joint is hard for these rules: constant torque gives constant *speed*, and the angle is the integral of that. An I
 # term adds a second integration.
@@ -578,16 +581,16 @@ show("ziegler_nichols_is_safe")
 
 # %% [markdown]
 # The alternative takes three numbers that you know: $J$, $b$ and the delay. Let $D$ be the sum of hold, difference and
-# communication. (P uses no difference, so for P this $D$ is half a sample too long.) With PD, try
-# the motion $e^{st}$. It is possible if
+# communication. (The difference delays only the D term; here we count it for both.) With PD, try the motion $e^{st}$.
+# It is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
 #
 # The solutions $s$ are the **poles** of the loop. Choose $K_p$ and $K_d$ so that three of them are equal and real. If
-# all others decay faster, the slowest part of the motion does not oscillate. At a triple pole the function $f(s) =
-# (Js^2 + bs)\,e^{sD} + K_p + K_d s$ is zero together with its first two derivatives. The second derivative does not
-# contain the gains, so $f'' = 0$ is a quadratic equation for $s$, of which we take the root nearer to zero. Then $f' =
-# 0$ gives $K_d$, and $f = 0$ gives $K_p$:
+# all others decay faster, the slowest part of the motion does not oscillate. Multiply the equation by $e^{sD}$: its
+# left side becomes $f(s) = (Js^2 + bs)\,e^{sD} + K_p + K_d s$. At a triple pole, $f$, $f'$ and $f''$ are zero. The
+# second derivative does not contain the gains, so $f'' = 0$ is a quadratic equation for $s$, of which we take the root
+# nearer to zero. Then $f' = 0$ gives $K_d$, and $f = 0$ gives $K_p$:
 
 # %% tags=["show-code"]
 late = 0.02
@@ -691,9 +694,9 @@ plt.show()
 
 # %% [markdown]
 # The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward is even
-# ahead of computed torque here: its spring at the elbow is stiffer than that of computed torque, and the held torque of
-# computed torque lags behind the measured motion. (The preview below removes that lag.) But feedforward assumes that
-# the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone.
+# ahead of computed torque here: its PD gain at the elbow is larger than $M_{22}K_p$ of computed torque, which also
+# holds each torque for a sample while the arm moves on. (The preview below removes that lag.) But feedforward assumes
+# that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone.
 #
 # Computed torque uses the measured state. Put its torque into the equation of motion. The velocity terms and gravity
 # cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
@@ -746,7 +749,7 @@ show("adaptive_finds_parameters")
 # **Cures.** A *dead zone* stops the update while $s$ is as small as the noise. *Projection* limits the estimate.
 # *Leakage* pulls it to a nominal value. *Normalisation* divides the update by $1 + \lvert Y\rvert^2$:
 #
-# ![Drift of an estimate at rest, and the price of four cures](../docs/charts/adaptive_cures.png)
+# ![Drift of an estimate at rest, and the error on a motion with four cures](../docs/charts/adaptive_cures.png)
 #
 # </details>
 
@@ -942,11 +945,11 @@ more_claims("inertia_by_differences")
 #
 # ### Model predictive control: torque limits in the plan
 #
-# LQR ignores the torque limit. You can clip its command, but it does not know that the brake is weak, so it brakes too
-# late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next $N$ samples
-# that minimise the same cost, subject to the limits. This is a **quadratic program**: a quadratic cost with linear
-# limits. Only the first command of the plan is used, and the next sample computes a new plan. Here is a mass of 1 kg
-# that starts 4 m from its target, with a motor of at most 1 N:
+# LQR ignores the torque limit. You can clip its command, but it does not know how weakly the motor brakes, so it brakes
+# too late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next $N$
+# samples that minimise the same cost, subject to the limits. This is a **quadratic program**: a quadratic cost with
+# linear limits. Only the first command of the plan is used, and the next sample computes a new plan. Here is a mass of
+# 1 kg that starts 4 m from its target, with a motor of at most 1 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
@@ -986,11 +989,10 @@ plt.show()
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
 # (crosses) contains the braking with the limited force. This mass is at its limit twice: first to speed up, then to
-# brake. If the command of this mass is limited in one stretch from the start, or never, MPC saves nothing: it
-# computes the same commands as the clipped LQR, if $x^\mathsf{T}Px$ of the last state is added to the plan's cost.
-# The left
-# chart shows how much MPC saves for longer horizons. The right one shows its computing time. A **warm start** begins
-# the search at the previous plan:
+# brake. Now add $x^\mathsf{T}Px$ of the last state to the plan's cost. Then, for this mass, MPC and clipped LQR agree
+# unless the command reaches a limit after it was below the limits. The left chart shows how much MPC
+# saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the previous
+# plan:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 
@@ -1011,8 +1013,9 @@ more_claims("mpc_beats_clipping")
 #    them.
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 #
-# Here is one such sample for a mass of 1 kg. The weighted mean runs past the target: the plan ends before that
-# costs anything, so no rollout brakes. The next samples plan again:
+# Here is one such sample for a mass of 1 kg. The cost adds up the squared distances from the target over the plan, and
+# a little for force. The weighted mean runs past the target: arriving early saves more than the overshoot costs
+# before the plan ends:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1037,7 +1040,7 @@ _ = axis.legend(fontsize=9, loc="upper left")
 plt.show()
 
 # %% [markdown]
-# How many rollouts, and how far ahead? The chart shows a pendulum whose motor is too weak to lift it in one go: it can
+# The chart shows a pendulum whose motor is too weak to lift it in one go: it can
 # deliver a third of the torque that holds the pendulum horizontally. It has to swing back and forth first, and the plan
 # must reach far enough to show that this pays off. The bands are 95 % confidence intervals:
 #
@@ -1122,8 +1125,8 @@ simulation("probe")
 # With a set-point inside the wall, the hand comes to rest where the force of the controller's spring equals that of the
 # wall's. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
 # example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N. That
-# is the force at rest. A hand that vibrates in contact is pushed back by both springs at once, so there the stiffnesses
-# add up to $K + k_e$.
+# is the force at rest. During a vibration, set-point and wall stand still and both springs push the hand back, so the
+# stiffnesses add up to $K + k_e$.
 
 # %%
 show("wall_in_series")
@@ -1159,8 +1162,8 @@ show("damping_is_safe")
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
 # In the left chart, look at the green curve. It is MuJoCo's contact with its default softness: a fixed share $d$ of the
-# command turns into contact force at once. This contact allows the same gain at all walls but the stiffest: far too
-# much at a stiff wall, too little at a soft one.
+# command turns into contact force at once. This contact allows a gain of about 1 at nearly every wall: too much at
+# stiff walls, too little at soft ones.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1212,9 +1215,9 @@ more_claims("stiff_control_hurts")
 # ### Hybrid control: which axis gets the force?
 #
 # A hand shall wipe a table. Along some directions you control force, along the others position. Which? Ask what the
-# table itself fixes in each direction. A rigid, frictionless surface allows no velocity along its normal, and it gives
-# no force along its tangents. Mason (1981) calls each of these a **natural constraint**. You may control only what the
-# table leaves open.
+# table itself fixes in each direction. While the hand presses on it, a rigid, frictionless surface allows no velocity
+# along its normal, and it gives no force along its tangents. Mason (1981) calls each of these a **natural constraint**.
+# You may control only what the table leaves open.
 
 # %%
 show("axes_of_a_surface")
@@ -1246,18 +1249,17 @@ _ = axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# **Hybrid control** (Raibert and Craig 1981) does exactly that: force along the normal, position along the tangents.
-# The selection is made in the frame of the surface. With the rotation $R$ from the surface frame to the world, rotate
-# the errors with $R^\mathsf{T}$, select, rotate the force back with $R$, and map it to joint torques with
-# $\tau = J^\mathsf{T}F$, where $J$ is the Jacobian.
+# **Hybrid control** (Raibert and Craig 1981) does exactly that. The selection is made in the frame of the surface. With
+# the rotation $R$ from the surface frame to the world, rotate the errors with $R^\mathsf{T}$, select, rotate the force
+# back with $R$, and map it to joint torques with $\tau = J^\mathsf{T}F$, where $J$ is the Jacobian.
 #
 # <details><summary>Derive: why it can't be the other way round</summary>
 #
 # The power through the contact is $f\cdot v$. A frictionless rigid surface neither takes nor gives power, so in each of
-# its directions $f_i v_i = 0$. Along the normal $v_n = 0$, and $f_n$ is free. Along the tangents $f_t = 0$, and $v_t$
-# is free. If you command a position along the normal, a surface of stiffness $k_e$ turns your position error into
-# the force $k_e$ times that error. If you command a force along a tangent, there is nothing to push against, and the
-# hand accelerates.
+# its directions $f_i v_i = 0$. Along the normal $v_n = 0$, and $f_n$ is free as long as the hand pushes. Along the
+# tangents $f_t = 0$, and $v_t$ is free. If you command a position along the normal, a surface of stiffness $k_e$ turns
+# your position error into the force $k_e$ times that error. If you command a force along a tangent, there is nothing to
+# push against, and the hand accelerates.
 #
 # </details>
 #
@@ -1277,9 +1279,8 @@ plt.show()
 # ## 4 · Design: contact regimes and loop rates
 #
 # A contact task passes through free space, approach and contact, and each suits another controller. The table compares
-# the controllers at a wall of 10 kN/m, on one probe of 4 kg with a delay of 2 ms. (Hybrid control is the force
-# controller along the normal and the stiff one along the surface.) *Lowest rate* is the lowest sample rate at which the
-# loop is stable, not a recommendation.
+# the controllers at a wall of 10 kN/m, on one probe of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest sample
+# rate at which the loop is stable, not a recommendation.
 #
 # For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-point of the stiff and of the soft
 # controller moves at that speed to 20 mm inside the wall. The set-point of the force controller is 10 N. *Surface 2 mm
@@ -1295,9 +1296,10 @@ for regime, name, use in (
     ("before contact", "soft impedance", "slow approach"),
     ("contact", "force", "pushing, insertion, wiping"),
 ):
-    result = touch.row(name)
+    result, stiffness = touch.row(name), touch.REGIMES[name].stiffness
+    spring_ = f", {stiffness:.0f} N/m" if stiffness else ""
     lines.append(
-        f"| {regime} | {name} | {use} | {result['rate_hz']:.0f} Hz | "
+        f"| {regime} | {name}{spring_} | {use} | {result['rate_hz']:.0f} Hz | "
         f"{result['peak_n']:.0f} N | {result['off_n']:+.1f} N |"
     )
 bare = touch.first_peak(replace(touch.PRESS, damping=0.0))
@@ -1309,8 +1311,8 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # Without a controller, $v\sqrt{m k_e}$ would give 20 N. The soft controller and the damping of the force controller
-# slow the hand down before it touches. In the chart nothing is damped. The peak hardly changes while the controller is
-# softer than the wall. A stiffer one (last point of each curve) pushes the hand on into the wall.
+# slow the hand down before it touches. The chart leaves out all damping. There the peak hardly changes while the
+# controller is softer than the wall. A stiffer one (last point of each curve) pushes the hand on into the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
@@ -1460,7 +1462,7 @@ source(control.mppi, "cost = _costs")
 
 # %% [markdown]
 # Back to the first simulation. The joint is integrated exactly, so the limits that you see come from the control loop
-# and not from an integrator. It opens with the preset *Hunting*. Predict the outcome of these four before
+# and not from an integrator. Predict the outcome of these four before
 # you choose them:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
@@ -1514,9 +1516,9 @@ Markdown("\n".join(lines))
 # the method.)
 #
 # With the wrong model, computed torque is far behind PD with gravity compensation. But this compares gains, not
-# controllers: here the PD spring at the elbow is seven times as stiff as that of computed torque, $M_{22}K_p$. At equal
-# stiffness computed torque errs more with the wrong model, by less than a factor of two. With the right one it is ahead
-# by a factor of more than a hundred:
+# controllers: PD's gain at the elbow is seven times $M_{22}K_p$ of computed torque with the wrong model (with the right
+# one it is a little over twice). At equal stiffness computed torque errs more with the wrong model, by less than a
+# factor of two. With the right one it is ahead by a factor of more than a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
@@ -1548,8 +1550,8 @@ predict("one_step_a_sample")
 
 # %% [markdown]
 # The picture shows one sample with a constant torque. The real joint accelerates gradually (grey), and the area under
-# the line is its displacement. With one step per sample, the simulated joint has its final velocity from the start
-# (orange). Its position responds half a sample earlier, and this cancels the delay of the hold. With ten steps (blue)
+# the line is its displacement. With one step per sample, the simulated joint has the velocity of the sample's end from
+# its start (orange). It moves half a sample too early, and this cancels the delay of the hold. With ten steps (blue)
 # nine tenths of the delay remain:
 
 # %% tags=["hide-code"]
@@ -1577,8 +1579,8 @@ plt.show()
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 #
 # MuJoCo evaluates a built-in position servo in every physics step, together with the motion. So the servo has no hold
-# and is not a sampled loop. Its limits depend on the integrator (*Euler*, *implicitfast* or *discrete*); section 1 has
-# them in the right chart of the stable PD gains. Markers at its upper edge mean that no limit was found. The attribute
+# and is not a sampled loop. The servo's limits depend on the integrator (*Euler*, *implicitfast* or *discrete*). The
+# right chart of PD gains in section 1 shows them; markers at the chart's upper edge mean: no limit found. The attribute
 # `delay` of a position actuator delays the set-point, not the feedback.
 #
 # <details><summary>Force control at MuJoCo's soft contact</summary>
@@ -1648,7 +1650,7 @@ plt.show()
 # |---|---|---|---|
 # | constant oscillation (A) | unstable loop, torque limit | growth of the matrix; halve gains | lower gains, less delay |
 # | slow oscillation with pauses (B) | hunting | switch off the I term | dead band on I; friction compensation |
-# | torque noise at rest (C) | encoder counts times $K_d$ | count the counts | filter, observer, longer sample time |
+# | torque noise at rest (C) | encoder counts times $K_d$ | count the counts | filter, observer; longer sample time if the delay allows |
 # | large overshoot after saturation (D) | windup | plot the command | anti-windup |
 # | error follows the acceleration | inertia or torque constant | `diagnose` | identify the payload |
 # | stable in simulation only | the simulator's hold or delay | ten steps, loop outside | tune with the true delay |
@@ -1693,7 +1695,7 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # ## 8 · Exercises
 #
 # There are ten graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
-# function on new random cases, and reports what is wrong.
+# function on new random cases.
 #
 # ### PD gains for a joint
 #
@@ -1834,8 +1836,8 @@ check(mppi_step)
 # ### Standing on an incline
 #
 # A biped on a slope needs contact forces that carry its weight, within friction and within the torque of its joints. A
-# quadratic program, as in MPC, finds them. Left: the steepest slope on which such forces exist. Right: how much
-# friction and torque they use:
+# quadratic program, as in MPC, finds them. Left: the steepest slope on which such forces exist, for strong joints and
+# for joints of 13 N m. Right, strong joints: what the forces of lowest cost use (not the least torque possible):
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
@@ -1897,8 +1899,8 @@ check(hold_joint)
 #
 # Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
 # $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when a root reaches the unit circle.
-# (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right. <span
-# class="kernel-only">Replace the three answers below.</span>
+# (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right.
+# <span class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$, as a function of $K_d$, $J$ and $h$?
 # 2. The rate is the difference of the last two angles over $h$. Which is the largest $K_p h^2/(2J)$, as a function of
@@ -1991,7 +1993,7 @@ for price in (1e-4, 1.0):
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open the one-minute answer, the full answer and the likely follow-up questions. The questions on
+# Answer aloud, then open the answers. The questions on
 # legged robots, on stops and on people go beyond this page.
 
 # %%
@@ -2000,7 +2002,7 @@ interview("control")
 # %% [markdown]
 # ### Checkpoint
 #
-# Derive three formulas from what this page explains: the closed-loop equation of the joint, the springs in contact, and
+# Derive three formulas from this page: the closed-loop equation of the joint, the springs in contact, and
 # the torque of gravity on a pendulum. The chapter counts as passed when all
 # three are right.
 

@@ -27,8 +27,7 @@ simulation("perception")
 # ## The pipeline in six stages
 #
 # A gripper needs a position and an orientation. A camera delivers a few hundred thousand numbers. Between them lie six
-# stages, and each of them can lose the part or move it. The chapter walks along this line. (The list below shows the
-# exercises of section 8.)
+# stages, and each of them can lose the part or move it. The list below shows the exercises of section 8.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -148,25 +147,25 @@ plt.show()
 
 # %% [markdown]
 # *Above: the six stages and what each one passes on. Below: the main error of each stage, in this chapter's
-# experiments. Orange points are avoidable mistakes; blue ones remain when you work carefully. The hollow point is not
-# an error but a height: parts much lower than this are lost with the table.*
+# experiments. Orange points are avoidable mistakes; blue ones remain when you work carefully. The hollow point is
+# a height: parts much lower than this are lost with the table.*
 #
-# Two things in this figure may surprise you. First, the noise of a single pixel is nearly as large as the
-# tolerance, but the pose is far more accurate, because it averages thousands of pixels. Second, the two largest
-# errors don't come from the noise of the image. One is the age of the pose. The other is the camera's position, if it
-# was calibrated with only three touched points: their small errors act through a long lever.
+# The noise of a single pixel is nearly as large as the tolerance,
+# but the pose is far more accurate, because it averages thousands of pixels. The two largest errors don't come
+# from the noise of the image. One is the age of the pose. The other comes from a camera whose position was computed
+# from only three points that the arm touched: small errors at these points grow with the distance.
 #
-# The values come from different experiments, each described where it belongs, so they don't add up to a total.
+# The values come from different experiments, so they don't add up to a total.
 #
-# Derivations are folded away. A number in the text comes from the cell above it, or from a check that
-# `python -m course.derivations 7` runs again. All images are computed, so the true poses are known.
+# A number in the text comes from the cell above it, or from a check that `python -m course.derivations 7` runs again.
+# All images are computed, so the true poses are known.
 #
 # ## 1 · Concept: what a depth camera measures
 #
 # ### The pinhole camera and its depth image
 #
-# A robot that misreads one convention of its camera is off by centimetres at the edge of the image and perfectly
-# right in the middle. So let us fix the conventions first.
+# A program that misreads one convention of its camera may be right in the middle of the image and off by centimetres at
+# its edge. So let us fix the conventions first.
 #
 # A **depth image** is a table of numbers. For each pixel it holds the distance *along the camera's axis*, not along
 # the ray. A **pinhole** camera sends the point $(x, y, z)$ to the pixel
@@ -207,7 +206,7 @@ rng = np.random.default_rng(0)
 exact, ids = render(scene, EYE)
 noticed = sense(exact, EYE, SENSOR, rng)
 colours = ListedColormap(["#cfd8dc", "#3f51b5", "#e65100", "#2e7d32"])
-figure_, axes = plt.subplots(1, 3, figsize=(9, 2.5), dpi=66, layout="constrained")
+figure_, axes = plt.subplots(1, 3, figsize=(9, 2.5), dpi=58, layout="constrained")
 shown = axes[0].imshow(exact)
 _ = figure_.colorbar(shown, ax=axes[0], shrink=0.8)
 error = axes[1].imshow(1e3 * (noticed - exact), vmin=-3, vmax=3, cmap="coolwarm")
@@ -225,8 +224,9 @@ print(
 )
 
 # %% [markdown]
-# The error in the middle panel grows towards the top of the image, where the table is farther away. The scene about
-# noise says by how much. From the worked example you can answer this:
+# *Left: the exact depth. Middle: the error of the noisy image. Right: which part each pixel sees.* The error grows
+# towards the top of the image, where the table is farther away; the section on noise says by how much. From the worked
+# example you can answer this:
 
 # %%
 show("small_parts_have_few_pixels")
@@ -247,9 +247,10 @@ show("small_parts_have_few_pixels")
 # So convert once, when you read the image, and use a single convention inside. This chapter's `Camera.picture` turns
 # every non-finite value into 0, and every later stage skips zeros.
 #
-# The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera, the sensor
-# and the shape of a known part. It returns a list of estimated poses, each with a **status** that says what the caller
-# may do with it: *found* means that the pose may be used. The same tenth of the pixels is removed in both conventions.
+# The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera, the sensor and
+# the shape of a known part. It returns a list of estimated poses, each with a **status** that says what the caller may
+# do with it: *found* means that the pose may be used. We remove a tenth of the pixels and mark them once with 0, once
+# with NaN:
 
 # %% tags=["hide-code"]
 missing = np.random.default_rng(1).random(noticed.shape) < 0.1
@@ -309,7 +310,7 @@ print(f"{what}, and nobody told the program: the box moves by {shift} mm")
 #
 # Undo the distortion before everything else. Most drivers deliver a **rectified** image, in which this has already
 # been done, and publish intrinsics that belong to the rectified image. Mixing the raw image with the rectified
-# intrinsics is a classic mistake: its error is zero in the middle and grows towards the corners. And don't interpolate
+# intrinsics is a classic mistake; its error grows towards the corners. And don't interpolate
 # a *depth* image on the way, because that mixes two surfaces at every edge. Undistort its rays instead.
 #
 # ### Noise: the square of the distance
@@ -369,7 +370,7 @@ predict("twice_as_far")
 show("noise_is_one_number")
 
 # %% [markdown]
-# Here is the law for two cameras with the same noise of a tenth of a pixel:
+# Two cameras with a noise of a tenth of a pixel:
 
 # %% tags=["hide-code"]
 z = np.linspace(0.2, 3.0, 50)
@@ -410,17 +411,17 @@ show("pixels_are_independent")
 # %% [markdown]
 # ![The law of noise, what averaging leaves, and shared noise](../docs/charts/depth_noise.png)
 #
-# *Upper left: measured noise against the distance, with the law as a line. Upper right: a sensor that rounds
-# disparities to steps. What remains of the rounding error after averaging, against the noise. Below: the mean of a
+# *Upper left: measured noise against the distance, with the law as a line. Upper right, a sensor that rounds
+# the disparity: the error that is left after averaging, against the noise. Below: the mean of a
 # square patch of pixels, and how many times noisier it is with overlapping windows than with independent pixels.*
 
 # %%
 print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
-# For a patch much larger than the window, the spread grows by the width of the window, here 5. A program that counts
-# the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small. For a
-# patch that is as small as the window it is about 12 times.
+# For a patch much larger than the window, the spread grows by about the width of the window, here 5.  A program that
+# counts the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small. For
+# a patch that is as small as the window it is about 12 times.
 
 # %%
 more_claims("averaging_removes_all")
@@ -428,8 +429,9 @@ more_claims("averaging_removes_all")
 # %% [markdown]
 # ### Kinds of depth sensors
 #
-# Which error law applies follows from how a sensor measures. Triangulation has the square of the distance. Time of
-# flight does not, but its error depends on how much light comes back.
+# Which error law applies follows from how a sensor measures. Triangulation brings in the square of the distance. Time
+# of flight does not, but the noise of its phase, $\sigma_\varphi$, or of its time, $\sigma_t$, grows where less light
+# comes back, as from far surfaces.
 #
 # <table>
 # <tr><th>sensor</th> <th>measures</th> <th>law of its error</th> <th>breaks at</th> <th>source</th></tr>
@@ -452,8 +454,8 @@ more_claims("averaging_removes_all")
 # is why the table has separate rows.
 #
 # *The D435 uses structured light.* Its data sheet (revision 0.7, September 2017) says stereo, with an optional
-# infrared projector that adds texture. Nothing is decoded from the pattern, so a second projector only adds more
-# texture.
+# infrared projector that adds texture. Nothing is decoded from the pattern, so a second projector adds texture
+# and spoils only the pixels that it dazzles (section 4).
 #
 # *Structured light suffers in sunlight.* So does every sensor that sends its own light, because the sun adds shot
 # noise. Tölgyessy and others (Sensors 21, 413, 2021) found the Azure Kinect, a time-of-flight camera, unusable in
@@ -480,7 +482,7 @@ more_claims("averaging_removes_all")
 # ### Points and voxels
 #
 # The next stages work in space, not in pixels. **Back-projection** inverts the pinhole: $x = (u - c_x)\,z/f_x$ and $y
-# = (v - c_y)\,z/f_y$. Remember that $z$ is the distance along the axis. If a sensor reports the length of the ray
+# = (v - c_y)\,z/f_y$. If a sensor reports the length of the ray
 # instead, divide by the length of $((u-c_x)/f_x,\;(v-c_y)/f_y,\;1)$ first.
 #
 # A **voxel grid** divides space into cubes and replaces the points in each cube with their mean. Later stages become
@@ -512,12 +514,11 @@ plt.show()
 
 # %% [markdown]
 # *One row of the image, back-projected: the table on both sides, the box between. The cubes have an edge of 10 mm;
-# one mean is left of each.*
+# one mean is left of each. The slanted points at the right of the box are its side.*
 #
 # The principal point deserves attention. If pixel centres have integer coordinates, the middle of $W$ columns is
-# $(W-1)/2$ and not $W/2$. The difference of half a pixel moves each point sideways in proportion to its depth. Planes
-# stay planes, and depths and outline move together, so no test inside the pipeline notices it. The pipeline figure
-# shows what it costs.
+# $(W-1)/2$ and not $W/2$. The difference of half a pixel moves each point sideways in proportion to its depth. The
+# whole scene shifts together, so no test inside the pipeline notices. The pipeline figure shows what it costs.
 #
 # ### The table: RANSAC
 #
@@ -588,11 +589,11 @@ show("inverse_depth_is_better")
 # %% [markdown]
 # ![Angle of the table against time, and its offset against the noise](../docs/charts/plane_precision.png)
 #
-# *This chart uses a better camera than the card: 320 x 240 pixels and a baseline of 75 mm, so its offsets are
-# smaller. Left: error of the plane's angle against computing time. On both RANSAC curves each further point uses more
-# samples, which hardly helps from the second point on. On the other two it uses more pixels. Right: systematic offset
-# of the plane against the noise. The fit of $1/z$ has none; the fit to the points (by a singular value decomposition,
-# SVD) has one.*
+# *This chart uses a better camera than the card: 320 x 240 pixels and a baseline of 75 mm, so its offsets are smaller.
+# Left: error of the plane's angle against computing time. On the two RANSAC curves, each point uses more samples than
+# the one before it, which hardly helps after the second. On the other two, each point uses more pixels. Right:
+# systematic offset of the plane against the noise. The fit of $1/z$ has none; the fit to the points (by a singular
+# value decomposition, SVD) has one.*
 #
 # One question remains: is the largest plane the table? It may be the lid of a large box. Three tests cost nothing. Is
 # the plane where the calibration puts the table? Does its normal point up? Are the other points above it?
@@ -603,12 +604,12 @@ show("inverse_depth_is_better")
 #
 # **DBSCAN** (Ester and others 1996) groups by density. A point with enough neighbours within a radius `eps` is a
 # **core point**. Core points that are neighbours of each other form one cluster, and a point without any core point
-# nearby is noise. So two parts closer together than `eps` become one cluster, and a part with too few points vanishes
-# as noise.
+# nearby is noise. So two parts become one cluster if any of their core points are closer than `eps`, and a part with
+# too few points vanishes as noise.
 #
 # In a depth image there is a faster method. A **connected component** is a set of pixels in which neighbours differ
 # by less than a given step in depth. No search for neighbours is needed, because the image already says which pixels
-# are adjacent.
+# are adjacent. A step that is too small also cuts one part in two at a steep face.
 #
 # How many neighbours should DBSCAN require? Tutorials use fixed numbers. But you can calculate it: on a flat face
 # sampled once per voxel of edge $v$, a disc of radius $\epsilon$ (`eps`) holds about $\pi\epsilon^2/v^2$ points.
@@ -646,8 +647,7 @@ print(f"pixels: clusters of {counts[counts >= 40]}, {counts[counts < 40].sum()} 
 # %% [markdown]
 # *The same image, clustered in two ways. Colours are clusters, black is noise.*
 #
-# The printed counts show how many points each stage passes on. Get into the habit of printing them: section 7 finds
-# lost parts with them.
+# The printed counts show how many points each stage passes on. Section 7 finds lost parts with them.
 
 # %%
 more_claims(
@@ -795,19 +795,19 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 
 # %% [markdown]
 # The last iterations of `icp` therefore compare each point with the shape *along its own ray*: where does this pixel's
-# ray hit the model? And as in section 1, shared noise makes every covariance too small. Only knowledge about the sensor
-# can correct that.
+# ray hit the model? And as in section 1, shared noise makes every covariance too small. To correct that, use what you
+# know about the sensor's window, or the spread of repeated poses of a part at rest.
 #
 # ### The outline of a part
 #
 # Look at a box from straight above. All its points lie on one horizontal face, so they determine its height and two
 # tilts, and nothing else. Yet you can *see* where it is, because you see its edge.
 #
-# The **outline** is the set of border pixels where the part hides something farther away. The contour crosses between
-# such a pixel and its neighbour outside, so the middle of the two is at most half a pixel off. Its distance from the
-# model's contour is one more residual, with a row $(n^\mathsf{T}, (q \times n)^\mathsf{T})$ as above. Here $q$ is the
-# point of the part that the contour shows. The vector $n$ is perpendicular to the ray and to the contour, times $f/z$,
-# which turns metres into pixels. These rows determine $x$, $y$ and the turn.
+# The **outline** is the set of border pixels where the part hides something farther away. The true edge lies between
+# such a pixel and the next one outside, at most half a pixel from the middle of the two. The distance from that middle
+# to the model's contour is one more residual, with a row $(n^\mathsf{T}, (q \times n)^\mathsf{T})$ as above. Here $q$
+# is the point of the part at the contour. The vector $n$ points across the contour, perpendicular to the ray. Its
+# length is $f/z$, which turns metres into pixels. These rows determine $x$, $y$ and the turn.
 #
 # One caution: where something nearer covers the part, the border belongs to *that* object and must not be used.
 
@@ -875,8 +875,8 @@ show("not_looked_through_is_right")
 # %% [markdown]
 # ![Residual and see-through of right and wrong poses](../docs/charts/silently_wrong.png)
 #
-# *Residual (left) and see-through share (right) of fitted poses, against their true error. The error of a quarter turn
-# is the path of the box's end, 80 mm times the angle. The dotted line is the share above which a pose is refuted.*
+# *Residual (left) and see-through share (right) of fitted poses, against their true error. For a turn, the error is how
+# far the end of the box moves, 80 mm times the angle. The dotted line is the share above which a pose is refuted.*
 
 # %% tags=["hide-code"]
 rows = [("12 poses each", "within 2 mm", "the others are off by", "residual", "see-through")]
@@ -897,8 +897,8 @@ table_of(*rows)
 # %% [markdown]
 # The quarter turn has a large residual *and* a large see-through share. Of the box that lies more than half outside the
 # image, half of the poses are right. The others are centimetres off, with a small residual and sometimes without any
-# see-through. A depth scale that is wrong by one per cent hardly shows in either number and moves every pose by several
-# millimetres. A pipeline that knows where the table is notices it:
+# see-through. A depth scale that is wrong by one per cent moves every pose by several millimetres and hardly shows in
+# either number, because the fitted pose moves with the image. A pipeline that knows where the table is notices it:
 
 # %% tags=["hide-code"]
 upwards = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
@@ -911,7 +911,7 @@ for name, message in (("table unknown", None), ("table known", true_table)):
     print(f"{name:<15} {verdicts.count('found')} of 10 found, {verdicts.count('refuted')} refuted")
 
 # %% [markdown]
-# One per cent moves the fitted table by more than 6 mm, and thousands of pixels measure it.
+# One per cent moves the fitted table by more than 6 mm.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -929,10 +929,10 @@ more_claims("a_residual_tells")
 #
 # The arm needs the pose in its base frame, so you need the camera's own pose in the base: its **extrinsics**.
 #
-# **A fixed camera.** Touch several points with the arm and measure the same points with the camera. That is a rigid
-# fit with known pairs. Its residual says little about its quality: three points have nine coordinates, and the six
-# numbers of the camera's pose are adjusted to them, so they always fit well. The error at the part depends on how many
-# points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
+# **A fixed camera.** Touch several points with the arm and measure the same points with the camera. That is a rigid fit
+# with known pairs. Its residual says little about its quality: of the nine coordinates of three points, the fit uses up
+# six for the camera's pose. Only the three distances between the points can still disagree. The error at the part
+# depends on how many points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm from one pose to another
 # while the camera watches a fixed target. The arm reports the hand's motion $A$, and the images give the camera's
@@ -974,7 +974,8 @@ plt.show()
 # *The loop of hand-eye calibration: going across and then down must equal going down and then across.*
 #
 # The motions matter more than their number. If all of them turn about the same axis, as those of a planar arm do, the
-# shift along this axis cancels from every equation. No number of motions determines it:
+# rotations leave the turn of $X$ about this axis open (the shifts determine it), and no number of motions determines
+# the shift along it:
 
 # %% tags=["hide-code"]
 print(
@@ -1010,22 +1011,26 @@ more_claims("motions_calibrate_any_arm")
 print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
 
 # %% [markdown]
-# Averaging helps a part at rest and harms a moving one, because the mean is an estimate of where the part *was*. A
-# prediction removes most of the error of the moving part. Here the filter is too cautious: at 0.3 s it expects about
-# three times the real error, because it allows for accelerations that these parts don't make.
+# For a part at rest, further images help. For a moving one, the mean is an estimate of where the part *was*, so only
+# the first few images help, or none. A prediction removes most of the error of the moving part. Here the filter is too
+# cautious: at 0.3 s it expects about three times the real error, because it allows for accelerations that these parts
+# don't make.
 
 # %%
 more_claims("averaging_pictures_helps")
 
 # %% [markdown]
-# The same filter estimates a robot's own motion. A one-legged hopper has an accelerometer with a bias, and a leg
-# encoder that measures its height only while the foot touches. A contact sensor that reports lift-off too late lets
-# wrong readings in:
+# The same filter estimates a robot's own motion. A one-legged hopping robot has an accelerometer with a constant error,
+# a **bias**, and a leg encoder, which measures the height while the foot touches the ground. If the contact sensor
+# reports lift-off too late, the filter takes the leg's length for the height while the robot flies. The chart compares
+# four rules for using the leg's length. *Flag*: the contact sensor reports contact. *Load*: the accelerometer shows
+# that the leg pushes. *Gate*: the innovation is possible.
 #
 # ![Height error of four contact rules beside the Cramér-Rao bound](../docs/charts/hopper_errors.png)
 #
-# *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have.
-# Right: squared error over the variance that the filter reports.*
+# *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have;
+# 200 logs scatter about it. Right: squared error over the variance that the filter reports, as a median; dotted: an
+# honest filter.*
 
 # %%
 more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
@@ -1049,8 +1054,8 @@ more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
 # half</td></tr>
 # <tr><td>which way does it point, roughly?</td> <td>principal axes</td> <td>a long cluster, completely visible</td>
 # <td>which end is which</td></tr>
-# <tr><td>where does the gripper close?</td> <td>ICP on the shape, 3 numbers</td> <td>shape, table</td> <td>whether the
-# table is where it should be; see-through notices one that is given too high</td></tr>
+# <tr><td>where does the gripper close?</td> <td>ICP on the shape, 3 numbers</td> <td>shape, table</td> <td>an error
+# of the table; see-through notices only a table that is assumed too high</td></tr>
 # <tr><td>the same, in any orientation</td> <td>ICP, 6 numbers, more starts</td> <td>shape</td> <td>the directions that
 # the view does not determine; it names them</td></tr>
 # <tr><td>where will it be?</td> <td>tracker</td> <td>poses with time stamp and covariance</td> <td>a sudden stop, for
@@ -1088,8 +1093,9 @@ _ = figure_.legend(fontsize=8, loc="outside right center")
 plt.show()
 
 # %% [markdown]
-# *Twelve images each. The green points were given a table that is 5 mm too high. The camera sees through those poses,
-# so the program does not report them as found. With a table given too low, only what is left over would warn.*
+# *Twelve images each; the printed errors are root mean squares. The green points were given a table that is 5 mm too
+# high. The camera sees through those poses, so the program does not report them as found. With a table given too low,
+# only what is left over would warn.*
 #
 # ### What the model omits
 #
@@ -1123,8 +1129,9 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 # </table>
 #
 # The caller has to know what to do with each answer, and an empty table is an answer, not an exception. The status is
-# *refuted* if the camera sees through the pose, *cut* if the part reaches the border of the image, *ambiguous* if
-# another pose explains the image as well, too much is left over or a shift is unobserved, and otherwise *found*.
+# the first of these that applies: *refuted* if the camera sees through the pose, *cut* if the part reaches the border
+# of the image, *ambiguous* if another pose explains the image as well, too much is left over or a shift is unobserved,
+# and otherwise *found*.
 
 # %% tags=["hide-code"]
 square, other = shape("box", 0.05, 0.0499, 0.03), shape("box", 0.05, 0.03, 0.03)
@@ -1165,24 +1172,29 @@ predict("keeps_up")
 # %% [markdown]
 # Two numbers are easily confused. **Throughput** is how many images per second the pipeline processes: one over the
 # slowest stage, if the stages overlap. **Latency** is how old an answer is: the sum of all stages, plus exposure and
-# transport. More workers raise the throughput and leave the latency as it is.
+# transport. Workers that take whole images in turn raise the throughput and leave the latency of an image as it is.
+# Only workers that share one image, such as one for each cluster, shorten it.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position to $3\sigma$ of the turn times
-# half a finger's width, which is how far the turn moves the part's side at the finger's edge. It returns True if the
-# pose is *found* and the sum is smaller than the gap between finger and part.
+# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position and the distance by which a
+# turn of $3\sigma$ moves the part at the finger's edge. The covariance contains no systematic error, so a bound for the
+# calibration is added, here the shift by half a pixel (section 2). The result is True if the pose is *found* and the
+# sum is smaller than the gap between finger and part.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
 
 
-def closes(one, gap=0.0025, finger=0.01):
-    """Return whether three standard deviations fit into the gap on each side [m].
+HALF_A_PIXEL = 1e-3 * figure("half_a_pixel", "shift_mm")
+
+
+def closes(one, gap=0.0025, finger=0.01, bound=HALF_A_PIXEL):
+    """Return whether three standard deviations and a bound fit into the gap on each side [m].
 
     The fingers are 20 mm wide.
     """
     shift, turn = 3.0 * np.sqrt(np.diag(one.covariance)[[1, 5]])
-    return one.status == "found" and shift + finger * turn < gap
+    return one.status == "found" and bound + shift + finger * turn < gap
 
 
 stages = {
@@ -1225,9 +1237,9 @@ show("pipeline_keeps_up")
 # A control loop that runs a thousand times per second waits for none of this. It follows a reference, and the
 # reference moves when a new pose arrives.
 #
-# Simulating a whole system, as in chapter 11, would take too long with computed images. There the error of each pose is
-# sampled. The function **`stand_in`** returns its bias (a vector) and covariance (a matrix) for a position of the part.
-# Here is the predicted spread next to that of the real pipeline:
+# Simulating a whole system, as in chapter 11, would take too long with computed images. There
+# a random error is added to the true pose. The function **`stand_in`** returns the bias (a vector) and covariance (a
+# matrix) of that error for a position of the part. Here is the predicted spread next to that of the real pipeline:
 
 # %% tags=["hide-code"]
 place = stand(BOX, 0.03, 0.05, 0.0, 0.8)
@@ -1248,7 +1260,7 @@ print("stand_in                ", *message.round(3))
 #
 # ### Five steps of a tutorial, line by line
 #
-# Most tutorials on point clouds have the same five steps. Here they are with this chapter's functions. `noticed` is
+# Many tutorials on point clouds have the same five steps. Here they are with this chapter's functions. `noticed` is
 # the noisy depth image of section 1, `EYE` its camera.
 
 # %%
@@ -1308,7 +1320,7 @@ Markdown(
 # 1. *Table in clusters*: which slider cures it, and what is lost then?
 # 2. *Touching*: does any eps separate the parts, and which direction is reported as uncertain?
 # 3. *Cut off*: what do residual and see-through say?
-# 4. *Scale error*: does any number notice that a robot has, too?
+# 4. *Scale error*: does any number show the error that a real robot would have, too?
 #
 # <details><summary>Answers</summary>
 #
@@ -1327,17 +1339,16 @@ simulation("perception", "Touching")
 # ## 6 · Speed against accuracy
 #
 # How fast are these algorithms compared with the usual libraries, at nearly equal answers? All times are **processor
-# time**: the time for which a core works on this program, without its waiting for other programs. Below each chart
-# stands the machine, and in which share of the rounds it was *busy* with other programs. Compare times within a chart
-# only.
+# time**: the time for which a core works on this program, without its waiting for other programs. The line below each
+# chart names the machine, and how often other programs disturbed it (*busy*). Compare times within a chart only.
 #
 # ![Time of the library over that of the course, and clusters by the number of points](../docs/charts/cloud_speed.png)
 #
 # *Left: time of the library divided by the time of the course, for each step. For computing an image, the libraries
 # are MuJoCo and Embree (ray tracing); for all other steps, Open3D. "Draws" are samples of RANSAC. Right: time of
 # DBSCAN against the number of points in the same volume, with the exponents of the last three points. Each point also
-# gets more neighbours, so Open3D's time grows nearly with the square. The course joins whole cells, whose number stays
-# the same. At constant density both times are about proportional to the number of points.*
+# gets more neighbours, so Open3D's time grows nearly with the square. The course's method joins grid cells, and more
+# points don't make more cells. At constant density both times are about proportional to the number of points.*
 
 # %%
 print_figures("cloud_speed", "voxels of 5", "plane, early", "course", "Open3D")
@@ -1378,13 +1389,13 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 # Flat faces have the same feature everywhere, so few pairs are right. `locate` uses what it knows: the table, the
 # part's shape and, except in the scene held anyhow, that the part stands. The features do without all of these.
 # TEASER++ (Yang, Shi and Carlone, TEASER: fast and certifiable point cloud registration, 2021) tolerates far more
-# wrong pairs, and certifies its result. It was not measured here.
+# wrong pairs, and returns a bound for how far its result is from the best one. It was not measured here.
 #
-# **What to choose.** For a gripper with millimetres to spare, take whatever is fastest. If the error must be a tenth
-# of the tolerance, the shape on a grid of a few millimetres gets there first. With shared noise, small_gicp and the
-# cloud reach lower errors than the shape ever does. For clusters of one image, use connected components; DBSCAN is
-# for points that come from several images. For the table, run RANSAC on a few thousand points, followed by the linear
-# fit of $1/z$ to all pixels near it.
+# **What to choose.** Take the fastest method whose error stays below the gripper's tolerance, and test its answer with
+# see-through. For errors of a tenth of the tolerance, fitting the shape on a grid of a few millimetres is
+# fastest. With shared noise, small_gicp and the cloud reach lower errors than the shape ever does. For clusters of one
+# image, use connected components; DBSCAN is for points that come from several images. For the table, run RANSAC on a
+# few thousand points, followed by the linear fit of $1/z$ to all pixels near it.
 #
 # ## 7 · Debug: where it fails
 #
@@ -1406,7 +1417,8 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # %% [markdown]
 # Compare the settings with 12 neighbours. A fixed tolerance of 10 mm is too large near by, where it hides low parts,
 # and too small far away, where the table falls apart into clusters that swallow the parts. At 4 mm the table falls
-# apart even earlier. The tolerance that follows the noise has neither problem. Requiring 50 neighbours also
+# apart even earlier. The tolerance that follows the noise finds low parts near by and no false clusters far away. At
+# one metre it loses parts that 10 mm still finds, among more than a dozen false clusters. Requiring 50 neighbours also
 # suppresses the false clusters, but then parts below 15 mm are lost at every distance.
 #
 # <div class="alert alert-block alert-info">
@@ -1431,7 +1443,7 @@ rows = "above", "clustered", "as in", "neighbours", "3 sigma, comp", "components
 figures(read("small_parts"), *rows, summary="The counts and the cures")
 
 # %% [markdown]
-# For cubes of 12 to 20 mm the zero is in the last stage: the neighbours. So a better tolerance alone finds nothing
+# For cubes of 10 to 20 mm the zero is in the last stage: the neighbours. So a better tolerance alone finds nothing
 # more, and fewer neighbours alone find cubes of 16 mm. Their price is a false cluster in about one image of ten, which
 # connected components avoid.
 #
@@ -1439,7 +1451,7 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # **Debugging tip.** *Small parts are missed.* Count the part's points after each stage: pixels, voxels, above the
 # plane, in a cluster. The first zero names the stage. No pixels: move the camera nearer. None above the plane: set
-# the tolerance in multiples of $\sigma_z$, not in millimetres out of habit. Not clustered: require a third or less of
+# the tolerance in multiples of $\sigma_z$. Not clustered: require a third or less of
 # $\pi(\epsilon/v)^2$ neighbours.
 #
 # <details><summary>What people get wrong here</summary>
@@ -1454,7 +1466,8 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # **Large parts.** Their pose depends first on the estimator, then on what disturbs it. The chart compares seven
 # estimators in seven situations: the part alone; touching another part; beside its twin; partly hidden; more than half
-# outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree.
+# outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree. The
+# table omits the last two.
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
@@ -1482,10 +1495,10 @@ figures(
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
 # twin, `locate` reports *ambiguous*. A second view would show the same block; a push helps. The other two are reported
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
-# scale, and a tilt that raises or lowers the table there.
+# scale, and a tilt that moves the table under the part.
 #
-# The median of the cut-off parts hides the wrong half (section 3). Four of ten touching parts are *ambiguous*,
-# although their poses are within the tolerance.
+# A median hides wrong poses: of the cut-off parts in section 3, half. None of the ten here is reported as *found*. Of
+# ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
 #
 # ### Debugging
 #
@@ -1494,7 +1507,7 @@ figures(
 # **Debugging tip.** *The pose is noisy from image to image.* Compare its spread at rest with the covariance that it
 # reports. Equal: it is the sensor; average if the part rests, filter if it moves. About $w$ times as large, for a
 # window of $w$ pixels: the noise is shared. Jumps between two poses: a symmetry, or two starts that win in turn. A
-# drift: the camera warms up, or each image is registered to the previous one instead of to the model.
+# drift: the camera warms up, or each image is registered to the previous one, not the model.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -1517,12 +1530,12 @@ figures(
 # <tr><td>pose good, grasp next to the part</td>
 # <td>extrinsics, or an old pose</td> <td>touch a point far from the calibration's</td> <td>more points,
 # motions about two axes; predict</td></tr> <tr><td>small residual, wrong pose</td> <td>another face, a twin, cut
-# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view;
-# for a twin a push</td></tr> </table>
+# off</td> <td>see-through, what is left over, the image border</td> <td>more starts; another view; a
+# push</td></tr> </table>
 #
 # ## 8 · Exercises
 #
-# `check` runs your function on freshly sampled cases and says what is wrong.
+# `check` runs your function on new cases.
 #
 # ### From an image to points
 
@@ -1688,7 +1701,7 @@ answer("two_millimetres_will_do", "e")
 # %% [markdown]
 # ### Put it into your robot
 #
-# Your graded answers are parts of the pick-and-place robot of `drills robot`. See what they change there.
+# Your graded answers are parts of the pick-and-place robot of `drills robot`.
 
 # %%
 your_robot(7)
@@ -1732,8 +1745,9 @@ predict("network_and_mirror")
 # ![Share of right poses and time by start, and what the image says](../docs/charts/learned_start.png)
 #
 # *Left: share of right poses against time. The numbers are evenly spread starts; "axis" starts along the direction in
-# which the points spread most. Right: see-through share of the resulting poses against the error of their turn, for
-# the part and for its mirror image. No turn is right for the mirror image: its error is the angle between both frames.*
+# which the points spread most. Right: see-through share of the resulting poses against the error of their turn, for the
+# part and for its mirror image. No turn is right for the mirror image: the chart shows the angle between the estimated
+# frame and its own.*
 
 # %%
 rows = (
@@ -1770,7 +1784,7 @@ print(f"start at the true turn, noise x 3.75: {right / len(images):.2f} right")
 #
 # Read the table above with this chapter's questions. What input does the method need? How large is its error *against
 # a truth*, in millimetres, and at which distance? What does it answer for an object that it doesn't know? A network
-# is a good proposer. The test that rejects a bad proposal need not be trained.
+# is a good proposer. The test that rejects a clearly wrong proposal need not be trained.
 #
 # ## 10 · Interview
 #
@@ -1784,8 +1798,7 @@ print(f"start at the true turn, noise x 3.75: {right / len(images):.2f} right")
 #
 # </div>
 #
-# Answer aloud, then open: first what you would say in a minute, then the complete answer, then the follow-up
-# questions.
+# Answer aloud, then open the answer of a minute, the complete one, and the follow-up questions.
 
 # %%
 interview("perception")

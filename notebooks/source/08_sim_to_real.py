@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 8 · From simulation to the real robot
 #
-# *A controller never fails in its simulator. Then it meets the arm that it was tuned for. What is lost, and what brings
-# it back?* About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes,
-# the exercises {exercise minutes} minutes.
+# *A controller works in its simulator. Then it meets the arm that it was tuned for. What is lost, and what brings it
+# back?* About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
+# exercises {exercise minutes} minutes.
 #
 # A two-link arm reaches for a point. Each joint has a PID controller: three gains a joint, six in all. Its
 # **success rate** is the share of reaches that end inside the target.
@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from course.cards import predict
-from course.sim_to_real.plants import DIRECTION, RADIUS, SECONDS, tip
+from course.sim_to_real.plants import DIRECTION, HOLD, RADIUS, SECONDS, tip
 from course.simulations import simulation
 
 figure_, axis = plt.subplots(figsize=(8.5, 3.2), layout="constrained")
@@ -37,7 +37,7 @@ for q, look in (
             _ = axis.annotate(words, point, text, color="#c62828", va="center", arrowprops=arrow)
 goal = tip(np.array([0.75, 0.75]))
 axis.add_patch(plt.Circle(goal, RADIUS, color="#2e7d32"))
-words = f"target: within {100 * RADIUS:.0f} cm\nat the end of {SECONDS} s"
+words = f"target: within {100 * RADIUS:.0f} cm\nin the last {HOLD} s of {SECONDS} s"
 _ = axis.annotate(words, goal, (-0.75, 0.72), color="#2e7d32", arrowprops={"arrowstyle": "->"})
 _ = axis.set(xlim=(-1.3, 2.0), ylim=(-0.12, 0.95), aspect="equal")
 _ = axis.set_title(
@@ -168,8 +168,8 @@ def diagram(size, boxes, arrows=(), colour="#e8eaf6"):
 # The **reality gap** is the difference between how a controller performs in its simulator and how it performs on the
 # robot.
 #
-# The task is the reach in the drawing at the top. The hand has to arrive within 0.9 s and has to stay within 2 cm of
-# the target during the last 0.1 s. Start and target are sampled at random, and every controller gets the same sample.
+# The task is the reach in the drawing at the top. An episode lasts 0.9 s. The hand has to be within 2 cm of the target
+# during its whole last 0.1 s. Start and target are sampled at random, and every controller gets the same sample.
 #
 # The controller is a PID law at each joint, with a proportional, an integral and a derivative gain. A tuned or trained
 # controller is also called a **policy**. A search tunes the gains: it samples sets of gains, runs each on a batch of
@@ -205,9 +205,9 @@ plt.show()
 # torque a given error produces. A heavy load changes how quickly the arm can respond at all. A delay makes feedback act
 # on an old measurement. Feedback can't see an encoder's constant offset: the true angle stays off by it.
 #
-# Two differences can also interact, and in either direction. A light arm rarely needs all of its motor's torque, so a
-# weaker motor hardly matters to it; a heavy arm does need it. But friction can also brake an arm that would otherwise
-# overshoot.
+# Two differences can also interact, in either direction. A light arm rarely needs all of its motor's torque, so a
+# weaker motor hardly matters to it. A heavy arm needs that torque, so load and weak motor cost more together. Friction
+# shows the other direction: it can brake an arm that would overshoot.
 
 # %%
 predict("which_part_matters")
@@ -258,7 +258,7 @@ table(*rows)
 # The last row turns the interaction around. There the delay alone makes almost every reach fail. The real arm has the
 # same delay and four more differences, and more than half of its reaches succeed: its load makes the loop slower, and a
 # slower loop tolerates a later command. So losses measured one at a time don't tell you what the differences cost
-# together. (Section 3 averages three searches, which gives less than half.)
+# together. (Other tunings of the same kind, in section 3, reach less than half.)
 #
 # Gains tuned on the arm that they run on (the squares) recover most of what was lost.
 #
@@ -289,8 +289,8 @@ table(*rows)
 #
 # The **delay margin** is the delay at which a loop becomes unstable. Chapter 6 computes it as the phase margin divided
 # by the crossover frequency, $\tau_\text{max} = \varphi_m/\omega_c$. It belongs to the gains as much as to the arm:
-# higher gains raise $\omega_c$ and shorten it. For example, a phase margin of 60° (1.05 rad) at a crossover of 40 rad/s
-# tolerates 26 ms; twice the crossover at the same phase margin tolerates 13 ms.
+# here higher gains raise $\omega_c$ and shorten it. For example, a phase margin of 60° (1.05 rad) at a crossover of 40
+# rad/s tolerates 26 ms; twice the crossover at the same phase margin tolerates 13 ms.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
@@ -336,10 +336,10 @@ curves(
 )
 
 # %% [markdown]
-# In each row of the table the success rate holds for some milliseconds and then collapses. A simulator without delay
-# lets the search raise the gains and use up the margin, because high gains cost nothing there. Gains that were tuned on
+# In each row of the table the success rate falls slowly at first and then collapses. A simulator without delay lets
+# the search raise the gains and use up the margin, because high gains cost nothing there. Gains that were tuned on
 # many different arms (section 3) are lower (see above the table), so they tolerate a later command. The middle row
-# checks this with the same gains in MuJoCo, instead of the course's own model of the arm.
+# repeats the first one in MuJoCo, instead of the course's own model of the arm.
 #
 # At both ends of the left panel something else decides. Much lower gains are too slow. With high gains reaches succeed
 # beyond the linear limits: the motors' torque limit stops the growing oscillation, so the hand only trembles.
@@ -369,8 +369,8 @@ show("late_command")
 #
 # ### The regression that interviewers ask for
 #
-# The equations of motion of an arm look nonlinear, and they are, in the angles. In the inertial and friction parameters
-# they are *linear*:
+# The equations of motion of an arm look nonlinear, and they are, in the angles. In the inertias and in the
+# coefficients of viscous and dry friction they are *linear*:
 #
 # $$\boxed{\;\tau = Y(q, \dot q, \ddot q)\,\theta\;}$$
 #
@@ -415,7 +415,8 @@ plt.show()
 # %% [markdown]
 # In the drawing red is positive and blue negative, and each column is scaled by its own largest value, so only the
 # patterns can be compared. Two columns with the same pattern would mean that the log can't separate their parameters.
-# This log can: even the most similar pair, $b$ and $d$, has the same sign in some rows and opposite signs in others.
+# Here even the most similar pair, $b$ and $d$, has the same sign in some rows and opposite signs in others. (A column
+# can also be a sum of others. Only the rank, below, shows that.)
 #
 # The catch is $\ddot q$. An encoder measures angles. Differentiating twice multiplies the noise by about
 # $1/\Delta t^2$: with samples every 2 ms, 1 mrad of noise becomes accelerations with an error of hundreds of rad/s².
@@ -480,7 +481,8 @@ table(
 #
 # Robots usually record logs while a controller is running. Then the torque depends on the measured angle, noise
 # included, and a regression on noisy rates is biased by that feedback. Output error isn't, as long as the torques that
-# were really sent are in the log: the simulation takes them as given inputs.
+# were really sent are in the log and the noise of each sample is independent of the others: the simulation takes the
+# torques as given inputs.
 #
 # Our fit weighs all angles alike, because they have the same noise. A log with angles *and* motor currents needs
 # weights. Divide each signal's residual by that signal's noise before you add the squares.
@@ -530,12 +532,13 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 
 # %% [markdown]
 # Ratios near one mean that no unbiased method can do noticeably better on this log. (With 60 fits a ratio is itself
-# uncertain by about a tenth.) The only ways to learn more are a longer log, a better sensor, or better torques.
+# uncertain by about a tenth.) To learn more, you need a longer log, a better sensor, better torques, or knowledge from
+# elsewhere, such as a weighed payload.
 #
 # ### What a log can tell: excitation and base parameters
 #
-# A parameter is **identifiable** if changing it changes what the log would record. Whether it does depends on two
-# things: on the robot's structure, and on the torques.
+# A parameter is **identifiable** if no other value of it, whatever the remaining parameters are, would give the same
+# log. That depends on two things: on the robot's structure, and on the torques.
 #
 # First the structure. Describe our arm by six physical numbers: mass $m$ and central inertia $I$ of each link, and the
 # two frictions. No motion of a horizontal arm can separate $m_1$ from $I_1$. Link 1 only turns about joint 1, so only
@@ -571,9 +574,10 @@ print(f"six parameters, rank {report.rank}: {'; '.join(report.null)}")
 # The star is the true arm. The dashed line is the null direction through it: along the bottom of the valley the
 # residual is as small as at the star, so a fit may return any point of it.
 #
-# Now the torques. **Excitation** means torques that make every base parameter matter. An arm that barely moves says
-# nothing about inertia; an arm whose second joint never turns says little about $b$. The standard choice is a periodic
-# signal, a sum of sines on all joints at once. It can be averaged over periods and its frequencies are under control.
+# Now the torques. **Excitation** means torques under which every base parameter changes the log in its own way. An arm
+# that barely moves says little about inertia; an arm whose second joint never turns says nothing about $c_2$. The
+# standard choice is a periodic signal, a sum of sines on all joints at once. It can be averaged over periods and its
+# frequencies are under control.
 #
 # Because $F$ can be computed in simulation, you can compare plans *before* you record anything. The
 # **condition number**, the ratio of the largest to the smallest singular value of $J$ (each column multiplied by its
@@ -588,16 +592,26 @@ for axis, (name, one) in zip(axes, plans.items(), strict=True):
 _ = axes[2].legend(fontsize=8)
 _ = axes[0].set_ylabel("torque [N m]")
 plt.show()
-rows = [("torques", "condition number", "standard error of the worst parameter")]
-for name, report in excitation(arm, plans, logs.TRUTH, logs.FREE).items():
-    worst = 100 * (np.sqrt(np.diag(report.covariance)) / truth).max()
-    rows.append((name, f"{report.condition:.1f}", f"{worst:.3f} %"))
+# The same plans, scaled to the rms torque of the two sines.
+rms = {name: np.sqrt((one.command**2).sum(axis=0).mean()) for name, one in plans.items()}
+alike = {
+    name: replace(one, command=one.command * rms["two sines"] / rms[name])
+    for name, one in plans.items()
+}
+head = "standard error of the worst parameter"
+rows = [("torques", "rms torque [N m]", "condition number", head, "the same at equal rms torque")]
+reports = [excitation(arm, some, logs.TRUTH, logs.FREE) for some in (plans, alike)]
+for name, report in reports[0].items():
+    worst = [100 * (np.sqrt(np.diag(x[name].covariance)) / truth).max() for x in reports]
+    errors = (f"{value:.3f} %" for value in worst)
+    rows.append((name, f"{rms[name]:.2f}", f"{report.condition:.1f}", *errors))
 table(*rows)
 
 # %% [markdown]
-# The condition number and the worst error don't rank the plans in the same order. The **standard error**, the standard
-# deviation of an estimate (about half of the 95 % half-width), is what you need in the end; the condition number
-# depends on how the parameters are scaled.
+# The condition number and the worst error don't rank the plans in the same order. The last column scales all plans to
+# the same rms (root of the mean square) torque: the slow joint was bad mainly because its torque was small. The
+# **standard error**, the standard deviation of an estimate (about half of the 95 % half-width), is what you need in
+# the end; the condition number depends on how the parameters are scaled.
 #
 # ### When the fit misleads you
 #
@@ -689,8 +703,9 @@ print(
 
 # %% [markdown]
 # The size of the residual is easily overlooked; the whiteness test notices the shift. The last line shows how to find
-# the shift. An angle that is late by $\delta$ is wrong by $-\delta\,\dot q$. So plot the residual of the fit against
-# *minus* the joint speed, after removing from the speed what changed parameters can imitate. The slope is the lag.
+# the shift. An angle that is late by $\delta$ is wrong by $-\delta\,\dot q$. But the fit has hidden a part of this
+# error in its parameters. So first fit the speed with the columns of $J$ and keep only the rest. Then plot the
+# residual against *minus* this rest. The slope is the lag.
 
 # %%
 more_claims("one_sample_late")
@@ -712,7 +727,7 @@ more_claims("one_sample_late")
 # **Domain randomisation** samples new simulator parameters for every episode, so that the gains can't rely on any one
 # value. How far the parameters may differ is the randomisation range. Range 0 is the plain simulator. At range 1 each
 # parameter differs by at most as much as at gap 1, in both directions. Payload, dry friction and noise can't be
-# negative, so they only increase. The delay is between 0 and 30 ms.
+# negative, so they only increase. At range 1 the delay is between 0 and 30 ms, at smaller ranges less.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6, 2.5), layout="constrained")
@@ -810,9 +825,15 @@ curves("robot_time", 0, "success after robot time [s] of", {"fine-tuned": "fine-
 # %% [markdown]
 # A single log of less than a second brings most of the success. A longer log, or randomising around the identified
 # values, gives no improvement larger than the confidence intervals. Fine-tuning ends at a similar rate and uses far
-# more robot time. Chapter 6's adaptive controller, which corrects its model while it moves, does well too. But most of
-# its advantage over the plain gains remains when adaptation is switched off: its control law is better suited to the
-# task. Its settings were chosen by trying them on the twin, which is robot time as well.
+# more robot time.
+#
+# <details><summary>Chapter 6's adaptive controller on this arm</summary>
+#
+# Chapter 6's adaptive controller, which corrects its model while it moves, does well too. But most of its advantage
+# over the plain gains remains when adaptation is switched off: its control law is better suited to the task. Its
+# settings were chosen by trying them on the twin, which is robot time as well.
+#
+# </details>
 #
 # ### When each approach wins
 #
@@ -834,8 +855,8 @@ table(*rows)
 
 # %% [markdown]
 # The last two rows are nearly equal. People advise: identify what is fixed, randomise what varies. The first half holds
-# here. The second gains nothing: the mean does as well as the spread, because one fixed set of gains is a compromise
-# either way.
+# here. The second gains nothing here: the mean does as well as the spread, because one fixed set of gains is a
+# compromise either way.
 #
 # <table>
 # <tr><th>situation</th> <th>what to do</th> <th>why</th></tr>
@@ -853,8 +874,8 @@ table(*rows)
 #
 # A person who lifts a box notices its weight and adjusts. A controller can do so, too, if it estimates the arm while it
 # moves. Here one joint swings a load in the vertical plane. Load (0 to 2 kg) and friction differ in every episode,
-# torques arrive 10 ms late, and the encoder is noisy. All methods share one control law (Slotine and Li, 1987):
-# feed-forward from an estimated model, and feedback multiplied by the estimated inertia.
+# torques arrive 10 ms late, and the encoder is noisy. All methods share one control law, after Slotine and Li (1987):
+# feed-forward from an estimated model, and feedback, here multiplied by the estimated inertia.
 
 # %%
 predict("which_arm_shakes")
@@ -896,9 +917,10 @@ names += ("best gains in hindsight",)
 curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name for name in names})
 
 # %% [markdown]
-# The student extrapolates a little, then fails. The adaptive law is slower, but follows where the student fails: it
-# corrects what it observes and was not trained on a range. On heavy arms the best fixed gains beat the teacher,
-# whose one gain set has to suit every arm.
+# The student extrapolates a little to heavier arms, then fails. Without load, still inside its range, it is far worse
+# than the teacher. On heavy arms the adaptive law follows where the student fails: it corrects what it observes and
+# was not trained on a range. On heavy arms the best fixed gains beat the teacher, whose one gain set has to suit every
+# arm.
 
 # %%
 more_claims("best_fixed_gains")
@@ -920,24 +942,26 @@ searches = [rollouts(far_end, gains, tasks(1000, 41)).rate for gains in recorded
 print("first row of the table (nothing corrected), repeated on the same tasks by three searches:")
 print(", ".join(f"{rate:.2f}" for rate in searches))
 tuned_on = {"nothing": "range", "delay": "delay", "load": "load", "all": "known"}
-print("kp of joint 2 [N m/rad] by what is corrected:", end=" ")
-stiffness = {n: recorded()[k][0 if n == "nothing" else 10][:, 3] for n, k in tuned_on.items()}
-print(", ".join(f"{name} {kp.mean():.0f}" for name, kp in stiffness.items()))
+print("kp [N m/rad] and kd [N m s/rad] of joint 2 by what is corrected:")
+sets = {n: recorded()[k][0 if n == "nothing" else 10].mean(axis=0) for n, k in tuned_on.items()}
+print(", ".join(f"{name} {gains[3]:.0f} and {gains[5]:.1f}" for name, gains in sets.items()))
 table(*rows)
 
 # %% [markdown]
 # ![All partly corrected simulators, and the value of correcting each parameter](../docs/charts/mending.png)
 #
-# The chart shows all 32 combinations of corrections, each rate the mean of two searches. The lines above the table show
-# that repeating the search alone changes the rate by up to a tenth. The interval in the table counts only the trials.
-# So read only the large steps.
+# The chart shows all 32 combinations of corrections, each rate the mean of two searches. The second line above the
+# table shows how much the rate changes if only the search is repeated. The interval in the table counts only the
+# trials. So read only the large steps.
 #
 # The first correction makes the robot *worse*. In section 1 the gains were fixed. Here the search runs again after
 # every correction, and that is where load and delay interact. Gains that were tuned without load and without delay are
 # high (see above the table). The real arm is heavy and needs high gains, and it tolerates them in spite of the delay,
-# because its inertia slows the loop. Now tell the simulator about the delay and not about the load. The search lowers
-# the gains, as it should for a *light* delayed arm. For the heavy one they are too weak. Two errors had cancelled, and
-# one was removed.
+# because its inertia slows the loop.
+#
+# Now tell the simulator about the delay and not about the load. The search lowers the gains, as it should for a
+# *light* delayed arm. For the heavy one they are too weak, in stiffness $k_p$ and in damping $k_d$: more hands swing
+# out of the target again or never reach it. Two errors had cancelled, and one was removed.
 #
 # With a small load and a large delay the same correction helps. The sign of the effect depends on what else is wrong.
 
@@ -969,16 +993,17 @@ table(*rows)
 
 # %% [markdown]
 # If corrections did nothing, chance would still lower the rate in about half of the 80 cases. So the first number
-# proves nothing. Falls by more than 10 points are too large for chance: correcting the delay before the load really
-# hurts.
+# proves nothing. A single fall by 10 points may also be chance, since searches scatter that much. But all the large
+# falls have the same form: the delay is corrected before the load.
 #
 # What is the "dominant" difference, then? As the first correction, as the last, or as an average over all orders, a
 # parameter is worth three different amounts. The average over the orders, called **Shapley's value**, is the standard
-# way of splitting a total among contributors so that the parts add up to the whole. It needs all 32 combinations.
+# way of splitting a total among contributors so that the parts add up to the whole. Computed exactly, it needs all 32
+# combinations.
 #
-# The practical rule: *correct everything that one log reveals at once, and keep a change only if the success rate on
-# the robot rose by more than its confidence interval.* Where each change needs new training, compare means over several
-# seeds.
+# The practical rule: *correct everything that one log reveals at once, and keep a change only if the confidence
+# interval of the* difference *in success on the robot lies above zero.* Where each change needs new training, compare
+# means over several seeds.
 
 # %%
 show("mended_parameter")
@@ -987,7 +1012,8 @@ show("mended_parameter")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** A policy is tuned to the sum of a simulator's errors. Remove one, and the sum may grow. Measure
-# progress by a success rate with its confidence interval, never by a parameter that came closer to its true value.
+# progress by a success rate with its confidence interval. A parameter that came closer to its true value is no proof
+# of it.
 #
 # </div>
 #
@@ -1004,7 +1030,8 @@ show("mended_parameter")
 #
 # A rate $p$ from $n$ trials has the variance $p(1-p)/n$, and the difference of two independent rates has the sum of
 # both variances. The difference must exceed its standard deviation by a factor $z$: the quantile of the normal
-# distribution for the level plus the one for the power (1.96 + 0.84).
+# distribution for the level plus the one for the power (1.96 + 0.84). (The number below is slightly larger: its test
+# uses the same pooled rate for both variances.)
 #
 # </details>
 #
@@ -1172,11 +1199,17 @@ show("two_routes")
 # equivalent to starting with $Q = \Phi$ (Wiewiora 2003). The left chart below compares seven potentials in a grid of
 # ten by ten cells: the steps until the learned path is a shortest one.
 #
+# <details><summary>Which potentials help, and why minus the distance starts too low</summary>
+#
 # What helps is the *shape* of the true value: a potential that rises towards the goal as the value does leads almost
-# straight there, even scaled down to a hundredth. A potential above the true values is optimistic: everything has to be
-# tried before its estimate drops. Minus the distance starts every value too low. The first action that is tried then
-# rises, the untried ones stay low, and the learner repeats the first one instead of exploring. And a potential that is
-# nowhere negative and nowhere above the true values can still slow learning, if it rises in the wrong place:
+# straight there, even scaled down to a hundredth. A potential above the true values is optimistic: everything has to
+# be tried before its estimate drops. Minus the distance starts every value too low. The first action that is tried
+# then rises, the untried ones stay low, and the learner repeats the first one instead of exploring.
+#
+# </details>
+#
+# A potential that is nowhere negative and nowhere above the true values can still slow learning, if it rises in the
+# wrong place:
 #
 # %% tags=["hide-code"]
 world = grid(10)
@@ -1400,14 +1433,15 @@ plt.show()
 # learned model is not tied to anybody's terms. But it needs data, and it is unreliable where there were none.
 #
 # Should you learn one when an effect is missing? We try it on the twin. The learned model is linear in fifty features
-# of recent angles and torques. It competes with our arm, fitted once with friction and delay and once without both:
+# of recent angles and torques. It competes with our arm's equations, fitted once with friction and delay and once
+# without both:
 #
 # ![Error of predicted motions against the length of the log](../docs/charts/learned_model.png)
 #
 # Trained on 1 or 3 s of log, the learned model runs away (the triangles at the upper edge). With 10 s or more it beats
-# our arm without friction and delay, which gains nothing from more than 3 s of log. The learned model improves little
-# after 10 s, probably because the twin isn't linear in its fifty features. Our arm with friction and delay is better
-# than both, and needs one second of data.
+# the equations without friction and delay, which gain nothing from more than 3 s of log. The learned model improves
+# little after 10 s, probably because the twin isn't linear in its fifty features. The equations with friction and
+# delay are better than both, and need one second of data.
 #
 # ### A learned actuator
 #
@@ -1419,9 +1453,9 @@ plt.show()
 # ![Torque error of three actuator models, and time](../docs/charts/actuator_models.png)
 #
 # As recorded, the network beats a formula with delay, lag and Coulomb friction that was fitted to the same recording.
-# The formula lacks the voltage limit and the larger friction at rest. Off the recording both get worse, the network
-# from a lower level: faster targets multiply its error, and so does half the voltage for its worst tenth. So record the
-# motions and the supply that the policy will meet. The right panel shows the price in computing time.
+# The formula lacks the voltage limit and the larger friction at rest. Outside the recorded motions both get worse.
+# Faster targets multiply the network's error; half the supply voltage multiplies the largest tenth of its errors. So
+# record the motions and the supply that the policy will meet. The right panel shows the price in computing time.
 #
 # <details><summary>What about gradients?</summary>
 #
@@ -1436,10 +1470,9 @@ plt.show()
 # case, and domain randomisation uses many sources. Theory offers a **transfer bound**, a limit on how much the value of
 # a policy can differ between two worlds. Let rewards lie in $[0, R]$, and let the distributions of the next state
 # differ by at most $\epsilon$ in total variation, the largest difference between the two probabilities of the same
-# event. Then the values can differ only by a limited amount.
+# event. Then the two values can't be further apart than a formula in $R$, $\gamma$ and $\epsilon$ allows.
 #
-# You derive the formula in the checkpoint. The chain in the picture comes close to the bound. Only on the robot does it
-# ever leave the good state.
+# You derive the formula in the checkpoint. The two states in the picture come close to the bound.
 #
 # <details><summary>How to derive it, and a chain that comes close to it</summary>
 #
@@ -1492,17 +1525,19 @@ plt.show()
 # - *Line 1, masses:* MuJoCo stores a body's mass and inertia separately. `mj_setConst` recomputes quantities that
 #   follow *from both*; it has no information about how the inertia should follow the mass. And `*=` multiplies what
 #   the last episode left, so the factors compound; multiply the default instead.
-# - *Line 2, friction:* a contact joins two geoms, and MuJoCo by default uses the larger of their two coefficients.
-# - *Line 3, damping:* a factor on zero leaves zero, and zero is the default.
+# - *Line 2, friction:* a contact joins two geoms, and MuJoCo by default uses the larger of their two coefficients. So
+#   a low sample has no effect where the other geom is rough.
+# - *Line 3, damping:* a factor on zero leaves zero, and zero is the default. Factors compound here as well.
 # - *Line 4, constants:* `mj_setConst` also overwrites the `MjData` that you pass, so give it a scratch copy.
-# - *Line 5, delay:* the queue is one slot short, as the next scene shows.
+# - *Line 5, delay:* if the new action is appended before the oldest is read, the queue is one slot short, as the next
+#   scene shows.
 
 # %%
 show("set_const_inertia")
 
 # %% [markdown]
 # The last line of the listing is about delay. A queue returns its oldest entry. How long did that entry wait? Draw it:
-# with two slots, the action of step 2 enters while the action of step 1 leaves.
+# with two slots, the action of step 2 is appended, and then the action of step 1 is read and used.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 1.8), layout="constrained")
@@ -1534,12 +1569,16 @@ show("queue_of_k")
 #
 # </details>
 #
-# The first panel below counts environment steps per second. Computing all arms in one array (*ArmReachVector*,
-# *MujocoArmReachVector*) beats a loop over single environments (*SyncVectorEnv*). Processes (*ProcessVectorEnv*) pay
-# where one step is expensive (third panel), or where each process steps many environments. *AsyncVectorEnv*, with a
-# process for each environment, never beat the loop here. The second panel plots the accuracy.
-#
 # ![Steps per second by number of environments, accuracy, and when processes pay](../docs/charts/vector_env.png)
+#
+# <details><summary>How to read the chart</summary>
+#
+# The first panel counts environment steps per second. Computing all arms in one array (*ArmReachVector*,
+# *MujocoArmReachVector*) beats a loop over single environments (*SyncVectorEnv*). Processes (*ProcessVectorEnv*) pay
+# if processors are free and one step is expensive (third panel), or each process steps many environments.
+# *AsyncVectorEnv*, with a process for each environment, never beat the loop here. The second panel plots the accuracy.
+#
+# </details>
 
 # %%
 more_claims(
@@ -1606,7 +1645,8 @@ simulation("arms", "Cancelling errors")
 #
 # Section 2 named several methods. Here they estimate the same five parameters from the same logs, together with
 # MuJoCo's own tool, `mujoco.sysid`. The left panel plots the error against the sensor noise, the right panel against
-# computing time. The circle marks the fastest result with an error below 0.8 %.
+# computing time. The circle marks the fastest result with an error below 0.8 %: the integral form, which needs no
+# initial guess either.
 #
 # ![Error of the parameters against noise, and against time, by method](../docs/charts/what_finds_the_numbers.png)
 #
@@ -1614,8 +1654,8 @@ simulation("arms", "Cancelling errors")
 #
 # <table>
 # <tr><th>method</th> <th>what it does to the angles</th> <th>solves</th> <th>choose it when</th></tr>
-# <tr><td>differentiated regression</td> <td>two central differences</td> <td>linear least squares</td> <td>never, on
-# encoder angles</td></tr>
+# <tr><td>differentiated regression</td> <td>two central differences</td> <td>linear least squares</td> <td>only with
+# nearly noise-free angles or long samples</td></tr>
 # <tr><td>filtered regression</td> <td>smooths, then differentiates; filters torques alike</td> <td>linear least
 # squares</td> <td>you know the bandwidth of motion and noise</td></tr>
 # <tr><td>integral (weak) form</td> <td>multiplies by test functions, integrates by parts</td> <td>linear least
@@ -1626,17 +1666,13 @@ simulation("arms", "Cancelling errors")
 #
 # </details>
 #
-# For 1 % accuracy the integral form is the fastest of the methods here, and it needs no initial guess. Filtering
-# shows a trade-off: a short filter passes noise, a
-# long one distorts the motion.
+# Filtering shows a trade-off: a short filter passes noise, a long one distorts the motion.
 #
 # Output error is the most accurate, because its error approaches the Cramér-Rao bound. It also works where the model is
 # not linear in its parameters, for example when it contains a delay.
 #
 # `mujoco.sysid` solves the same least-squares problem. When two implementations minimise the same sum of squares on the
-# same log, their answers should differ by far less than the noise allows. One detail must agree: both have to
-# compare the measured angle with
-# the simulated angle *of the same instant*.
+# same log, their answers should differ by far less than the noise allows.
 
 # %%
 show("same_as_mujoco")
@@ -1744,8 +1780,9 @@ table(*rows)
 # softens them automatically if the step is too long for them. With stiff contacts set by hand the grip does fail. A box
 # that is 10 % heavier is lifted almost as high, because a position servo lifts it.
 #
-# The charts below sweep each fault through its limit. Too *small* a force depends on friction: the box slips below the
-# needed force (ratio 1). Too *large* a force, in newtons, hardly does: it knocks the box out while the fingers close.
+# The charts below sweep each fault through its limit. A force is too *small* below the needed force (ratio 1), which
+# depends on the friction: the box slips. A force is too *large* when the closing fingers knock the box out. In newtons
+# this limit hardly differs between the two frictions.
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -1758,10 +1795,10 @@ table(*rows)
 #
 # </details>
 #
-# You may also read that contact energy grows by a factor $1 + \Delta t^2 k/m$ per step when the step is too large. That
-# factor belongs to explicit Euler, which MuJoCo does not use. With semi-implicit Euler the energy of an undamped spring
-# stays bounded as long as $\omega\,\Delta t < 2$, where $\omega = \sqrt{k/m}$. Above that threshold it can grow even
-# faster:
+# You may also read that contact energy grows by a factor $1 + \Delta t^2 k/m$ per step when the step is too large.
+# That factor belongs to explicit Euler, at every step size; MuJoCo does not use it. With semi-implicit Euler the
+# energy of an undamped spring stays bounded as long as $\omega\,\Delta t < 2$, where $\omega = \sqrt{k/m}$. Above that
+# threshold it can grow even faster:
 
 # %% tags=["hide-code"]
 omega_dt = np.sqrt(5e4) * 0.02
@@ -1787,7 +1824,8 @@ simulation("faults")
 #
 # The switches set the control step to 20 ms instead of 10 ms, add dry friction to both joints, make both links 10 %
 # heavier, shift the camera's target by 2 cm, and replace gains tuned on range 0.4 by gains tuned without
-# randomisation. All 32 combinations run the same reaches, and the target here is larger than in section 1.
+# randomisation. All 32 combinations run the same reaches. The target here is larger than in section 1, and the gains
+# are others, so the losses differ from those in section 1.
 #
 # The long step and the camera's error reinforce each other: the camera uses up the target's tolerance, and the
 # oscillation that the long step causes then leaves the target. Friction makes up for a long step, because it damps that
@@ -1826,7 +1864,11 @@ axis = diagram(
         (3, 1, "right until contact"),
         (6.6, 1, "contact: friction, stiffness, geometry"),
         (3, 0, "right all along"),
-        (6.6, 0, "not the dynamics: look at what the policy observed"),
+        (
+            6.6,
+            0,
+            "look at what the policy observed, and for a\ndelay that only the closed loop feels",
+        ),
     ),
     (
         (0, 1, ""),
@@ -1876,12 +1918,13 @@ plt.show()
 #
 # </div>
 #
-# ### Backlash: a limit cycle that lower gains don't stop
+# ### Backlash: a limit cycle that lower gains didn't stop
 #
 # While the motor of a gear with backlash crosses the free play, it doesn't move the link at all. Where is the encoder?
-# On the motor's side, the controller never notices the play, and the motor settles. The link may rest anywhere within
-# the play. On the link's side, the controller observes the error, pushes the motor across the play, overshoots, and
-# pushes back: a **limit cycle**, an oscillation of steady amplitude. We watch a joint with a PD controller for 20 s:
+# On the motor's side, the controller never notices the play, and the motor settles. Without gravity the link may rest
+# anywhere within the play. On the link's side, the controller observes the error, pushes the motor across the play,
+# overshoots, and pushes back: a **limit cycle**, an oscillation of steady amplitude. We watch a joint with a PD
+# controller for 20 s:
 
 # %% tags=["hide-code"]
 axis = diagram(
@@ -1942,13 +1985,11 @@ table(*rows)
 #
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>remedy</th></tr>
-# <tr><td>oscillates about the target at a steady frequency</td> <td>delay beyond the margin</td> <td>halve the gains:
-# it
-# stops</td> <td>gains chosen from the margin; less delay</td></tr>
-# <tr><td>a limit cycle that other gains change but don't stop</td> <td>backlash, encoder on the link</td> <td>compare
-# the
-# amplitude with the play</td> <td>encoder on the motor, or a preload: a spring that holds
-# the teeth together</td></tr>
+# <tr><td>oscillates about the target at a steady frequency</td> <td>delay beyond the margin</td> <td>lower the gains
+# in steps: once the margin exceeds the delay, it stops</td> <td>gains chosen from the margin; less delay</td></tr>
+# <tr><td>a limit cycle that lower gains change but rarely stop</td> <td>backlash, encoder on the link</td> <td>compare
+# the amplitude with the play</td> <td>encoder on the motor, or a preload: a spring that holds the teeth
+# together</td></tr>
 # <tr><td>stops short of the target and stays there</td> <td>dry friction; the error is at most the friction torque over
 # $k_p$</td> <td>push the joint aside: it stays where you leave it</td> <td>integral action; friction
 # compensation</td></tr>
@@ -1966,7 +2007,7 @@ table(*rows)
 # Seven exercises are on this page; two more, `randomize` and `vector_env`, start from a terminal. `check` runs your
 # function on new random cases and tells you what is wrong and, where it can, why.
 #
-# ### A range that spans factors
+# ### Sampling a range
 
 # %%
 card("log_uniform")
@@ -2204,8 +2245,8 @@ table(*rows)
 # </details>
 #
 # The ranges tell you what *this task* tolerates after training. They don't tell you where the robot is, because
-# nothing in the method has observed it. At gap 1 the automatic ranges do better than our choice by hand here, at gap
-# 0.3 a little worse, at gap 0 about equally well.
+# nothing in the method has observed it. In this one run the automatic ranges do better than our choice by hand at gap
+# 1. At gaps 0 and 0.3 the difference is not larger than the scatter of searches.
 #
 # ## 10 · Interview
 #

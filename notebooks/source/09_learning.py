@@ -18,10 +18,11 @@ predict("three_rewards")
 simulation("point")
 
 # %% [markdown]
-# **You will be able to** explain how a policy learns from reward, and what the clip of the algorithm PPO does and
-# does not do; say when the errors of a copied policy grow, and how fast; choose a policy that can hold several ways
-# of doing a task; and test any of them so that you can trust the success rate you report. **Know first:** potentials
-# and shaping from chapter 8, feedback loops from chapter 6, expectation and the normal distribution.
+# **You will be able to** explain how a policy (a rule for choosing actions) learns from reward, and how far the
+# algorithm PPO limits each change of it; say when the errors of a copied policy grow, and how fast; choose a policy
+# that can hold several ways of doing a task; and test any of them so that you can trust the success rate you report.
+# **Know first:** potentials and shaping from chapter 8, feedback loops from chapter 6, expectation and the normal
+# distribution.
 #
 # A **policy** is a rule that turns an observation into an action. In this chapter, policies come from three sources.
 # You can write one down, as chapter 6 did. In **reinforcement learning** the policy acts step by step in an
@@ -91,8 +92,8 @@ def last(chart, panel=0):
 #
 # ### The yardstick: a task whose optimum is known exactly
 #
-# Learning curves rarely show how far a number could rise. This chapter works on a task so small that the best possible
-# result is known exactly, and reports the learners on it as a share of that optimum.
+# This chapter works on a task so small that the best possible result is known exactly, and reports the learners on it
+# as a share of that optimum.
 #
 # In the point's task, start and goal are sampled at random from a square with a side of 2 m, and the point starts at
 # rest. The policy observes the vector to the goal and the velocity. It chooses an acceleration of at most 1 m/s²
@@ -218,9 +219,8 @@ plt.show()
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
 # mean to the right.
 #
-# The rest of the chapter needs a few terms. A **neural network** is a function with many adjustable numbers, its
-# **weights**. "Two layers of 16 units" means that two intermediate results (*hidden layers*) with 16 numbers each lie
-# between input and output.
+# A **neural network** is a function with many adjustable numbers, its **weights**. "Two layers of 16 units" means that
+# two intermediate results (*hidden layers*) with 16 numbers each lie between input and output.
 #
 # Training takes a **batch** of data, computes the gradient of an objective with respect to all weights, and moves the
 # weights a little along it. (An objective that is to be made small is called a **loss**.) One such move is a **gradient
@@ -249,10 +249,9 @@ simulation("policy_gradient")
 #
 # </details>
 #
-# One question remains. Why an advantage, and not simply the return? If all returns are positive, every sampled action
-# is pushed up, good ones only a little more than bad ones. In a finite batch this small difference drowns in noise.
-# Subtracting a baseline that does not depend on the action should reduce the noise. Does it change the expected
-# gradient?
+# Why an advantage, and not simply the return? If all returns are positive, every sampled action is pushed up, good ones
+# only a little more than bad ones. In a finite batch this small difference drowns in noise. Subtracting a baseline that
+# does not depend on the action should reduce the noise. Does it change the expected gradient?
 
 # %%
 show("baseline_is_free")
@@ -332,10 +331,10 @@ source(
 
 # %% [markdown]
 # What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
-# error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation),
-# and $\lambda$ shifts weight from one to the other. The lower right plot judges $A_t + V(s_t)$, the estimated return.
-# ($A_t$ contains $-V(s_t)$, so an error there shifts it equally for every action. The plot adds $V(s_t)$ back.)
-# Double the critic's error, and the best $\lambda$ grows:
+# error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
+# $\lambda$ shifts weight from one to the other. The lower right plot judges $A_t + V(s_t)$, the estimated return. (An
+# error of $V(s_t)$ shifts the advantages of all actions equally, which does no harm. Adding $V(s_t)$ back removes it
+# from the plot.) Double the critic's error, and the best $\lambda$ grows:
 
 # %%
 simulation("gae_weights")
@@ -424,10 +423,10 @@ show("clip_keeps")
 # $Q(s, a)$ for state and action together, and change the policy so that its actions have a larger $Q$ (SAC also
 # rewards randomness). Old steps can be used again, because an action in a state has the same effect whoever chose it.
 #
-# The price is more gradient steps for each environment step. Also, $Q(s, a)$ is trained towards $r + \gamma Q(s',
-# a')$, where $a'$ is what the *current* policy would do in the next state $s'$. Perhaps no stored step shows what
-# $a'$ leads to. So if the critic overestimates $Q(s', a')$, hardly anything corrects it until the policy tries $a'$.
-# Both methods therefore train two critics and use the smaller value.
+# The price is more gradient steps for each *environment step*, one action in one environment. Also, $Q(s, a)$ is
+# trained towards $r + \gamma Q(s', a')$, where $a'$ is what the *current* policy would do in the next state $s'$.
+# Perhaps no stored step shows what $a'$ leads to. So if the critic overestimates $Q(s', a')$, hardly anything corrects
+# it until the policy tries $a'$. Both methods therefore train two critics and use the smaller value.
 #
 # The chart shows SAC and PPO from the library Stable-Baselines3, paid at every step for coming closer (section 2
 # gives the formula). Every learner is judged by the prize alone, whatever reward it was trained with. With 2,048
@@ -472,7 +471,8 @@ more_claims("next_row", "beyond_the_clip")
 # How often does chance find it? Slide a disc with the goal's radius $R$ along a random path of length $L$, like a
 # brush. It paints a strip of width $2R$ and area $2RL$. The path hits the goal if the goal's centre lies in the strip.
 # If the goal may be anywhere in an area $S$, the painted share of $S$ is the probability of success, as long as the
-# path does not cross itself and stays inside the area. The goals of the point fill 4 m².
+# path does not cross itself and stays inside the area. The goals of the point fill 4 m²; a random path runs 0.875 m
+# inside that area on average.
 
 # %%
 show("sparse_chance")
@@ -480,10 +480,9 @@ show("sparse_chance")
 # %% [markdown]
 # <details><summary>A worked example</summary>
 #
-# **A worked example.** On average, a random path of the point runs 0.875 m inside that area. With $R = 5$ cm the strip
-# covers $2 \cdot 0.05 \cdot 0.875 / 4 = 2.2\,\%$, and its round ends 0.2 %; the card measured 2.3 %. A batch of 2,048
-# steps contains about 20 episodes. The chance that none of them succeeds is $0.977^{20} = 63\,\%$, so most batches
-# contain no success at all.
+# **A worked example.** With $L = 0.875$ m and $R = 5$ cm the strip covers $2 \cdot 0.05 \cdot 0.875 / 4 = 2.2\,\%$, and
+# its round ends 0.2 %; the card measured 2.3 %. A batch of 2,048 steps contains about 20 episodes. The chance that none
+# of them succeeds is $0.977^{20} = 63\,\%$, so most batches contain no success at all.
 #
 # </details>
 #
@@ -510,9 +509,9 @@ show("sparse_chance")
 
 # %% tags=["hide-code"]
 after = last("rewards")
-labels = {"potential": "sparse + difference of the potential", "sparse": "sparse",
-          "minus distance": "minus the distance + prize, rescaled",
-          "minus distance, not rescaled": "minus the distance + prize, not rescaled"}  # fmt: skip
+labels = {"potential": "potential (its difference, + prize)", "sparse": "sparse (prize only)",
+          "minus distance": "minus distance (+ prize, rescaled)",
+          "minus distance, not rescaled": "minus distance, not rescaled (+ prize)"}  # fmt: skip
 table(("reward", "share of the optimum after training", "interval"),
       *((labels[k], f"{y:.2f}", f"{low:.2f} to {high:.2f}") for k, (y, low, high) in after.items()))  # fmt: skip
 
@@ -520,8 +519,8 @@ table(("reward", "share of the optimum after training", "interval"),
 # With the potential, PPO learns a policy that is close to the optimum. By default our PPO **rescales rewards**: it
 # divides each reward by the standard deviation of the returns observed so far. With minus the distance, rescaled, it
 # learned no more than with the sparse reward, in four seeds and with these settings; other settings may do better.
-# Without rescaling this reward does better, but results differ widely between seeds. We do not know why. Rescaling
-# divides distances and prize by the same number, so their proportion is not the reason.
+# Without rescaling this reward does better, but results differ widely between seeds. We do not know why: rescaling
+# divides distances and prize by the same number, so it does not change their proportion.
 #
 # The right panel repeats the sparse reward with other discs: the more often chance succeeds, the more is learned. (At 3
 # cm the learned share is 0, which this axis cannot show.)
@@ -566,10 +565,10 @@ for kind, name in names.items():
 table(*rows)
 
 # %% [markdown]
-# Never moving earns 0.02 with the prize only, because one of the 64 starts lies inside the disc. In the two rows with
-# a bonus, all starts lie within 0.5 m of the goal.  Under the bonus per step, never moving is worth *more* than the
-# fastest policy: the point stands where it is and collects the bonus a hundred times. (Entering in the last step
-# would earn the prize on top, so not even that is the optimum.) Select *Hovering* at the top to watch it.
+# With the prize only, never moving earns 1/64, because one of the 64 starts lies inside the disc. In the last row it
+# earns the bonus itself, 0.02. In the two rows with a bonus, all starts lie within 0.5 m of the goal. Under the bonus
+# per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects the bonus a
+# hundred times. (Entering in the last step would earn the prize on top, so not even that is the optimum.)
 #
 # <details><summary>Why never moving earns something with the potential</summary>
 #
@@ -639,7 +638,7 @@ simulation("cloning_drift")
 # %. For tasks of more than ten steps this is the line $\varepsilon T = 0.3$.
 #
 # The lower left panel shows three closed loops, and the lower right one the *circle task*, in which a point follows a
-# circle and errors die out. (There, clone and DAgger, explained below, have equally many labels.)
+# circle and errors die out. (DAgger is explained below.)
 #
 # For a robot with continuous states the closed loop decides. A deviation $x$ changes in a step to $x' = a\,x + e$,
 # where $e$ is the policy's error.
@@ -649,15 +648,16 @@ simulation("cloning_drift")
 # independent, like $T^{1.5}$. If $|a| > 1$ the loop amplifies them exponentially. (In the counting model above a step
 # costs at most 1. Here it may cost any amount.)
 #
-# A clone's error depends on $x$ too. Write it as $c\,x + e$: then $c$ adds to $a$. So a clone can make a loop
-# unstable although the plant itself is stable.
+# A clone's error also depends on $x$. If it is $c\,x + e$, the loop becomes $x' = (a + c)\,x + e$. So a clone can make
+# a loop unstable although the plant itself is stable.
 #
 # ### A perfect fit that falls over
 #
 # Now make the clone's fit perfect. The expert is a linear law $u = -Kx$ that balances an inverted pendulum, without any
 # noise. The state is the angle and its rate, so a state is a point in a plane. Every deviation decays, most slowly
-# along one eigenvector of the closed loop, the **slow mode**. The other part dies out quickly, so after a short time
-# the state lies on that line. We record only states on this line. Below, this task is called *the regulator*.
+# along one eigenvector of the closed loop, the **slow mode**. The component along the other eigenvector dies out
+# quickly, so soon the state lies on the line of the slow mode. We record only states on this line. Below, this task is
+# called *the regulator*.
 
 # %%
 predict("perfect_and_useless")
@@ -680,7 +680,7 @@ rows = [("policy", "spectral radius of the closed loop")]
 for name, how, ink, width in (
     ("expert", None, GREEN, 5),
     ("clone", {"rounds": 0}, ORANGE, 3),
-    ("two rounds of DAgger", {"rounds": 2}, GREY, 1.5),
+    ("two rounds of DAgger", {"rounds": 2}, "black", 1.5),
     ("two rounds of DAgger, noisy labels", {"rounds": 2, "label_noise": 1e-6}, "#cc79a7", 2.5),
     ("clone of a disturbed expert", {"rounds": 0, "injected": 0.01}, BLUE, 1),
 ):
@@ -693,9 +693,10 @@ for name, how, ink, width in (
         act, radius = final.policy, plant.radius(final.policy.gain[0])
         if name in ("clone", "clone of a disturbed expert"):
             along, across = np.array([mode, [-mode[1], mode[0]]]) @ final.states.T
-            _ = axes[0].plot(along, across, ".", ms=2, color=ink, label=f"data of the {name}")
+            _ = axes[0].plot(along, across, ".", ms=2, color=ink, label=f"shown to the {name}")
     ran = roll(plant, act, np.array([[0.1, 0.0]]), 60, rng)
-    _ = axes[1].semilogy(np.abs(ran.states[0, :, 0]), label=name, lw=width, color=ink)
+    dashes = "--" if ink in ("black", BLUE) else "-"  # drawn over another curve
+    _ = axes[1].semilogy(np.abs(ran.states[0, :, 0]), dashes, label=name, lw=width, color=ink)
     rows.append((name, f"{radius:.3f}"))
 _ = axes[0].set(title="demonstrated states", xlabel="along the slow mode", ylabel="across it")
 _ = axes[1].set(
@@ -711,9 +712,9 @@ table(*rows)
 
 # %% [markdown]
 # In the left plot, the clean demonstrations lie exactly on the line. Those of the disturbed expert leave it by only
-# about 0.001. The labels are exact, so this is enough to determine the gain across the line. In the right plot, the
-# growing curve is that of the clone and, exactly on it, of noise-free DAgger; the other three coincide too. The
-# growth has no limit because the simulated model is linear.
+# about 0.001. The labels are exact, so this is enough to determine the gain across the line. In the right plot, clone
+# and noise-free DAgger (dashed) grow on one curve; the other three coincide too. The growth has no limit because the
+# simulated model is linear.
 #
 # Two rows of the table need an explanation. DAgger without noise is as unstable as the clone, and noise of only
 # $10^{-6}$ on each label is enough to make DAgger work. DAgger's rounds begin on the line. With exact labels the
@@ -884,9 +885,9 @@ more_claims("code_of_zero")
 # $$\text{loss} = \mathbb{E}\,\lVert v(x_t, t, s) - (x - \epsilon) \rVert^2 .$$
 #
 # Through each point run many of these lines, each with its own velocity. The squared error makes the network learn
-# their mean. Think of traffic: how the crowd thins or thickens at a place depends only on the average flow there, not
-# on who drives which way. So start all samples as noise, and move each with the mean velocity at its place. Then at
-# every time $t$ the samples are distributed like the points $x_t$, and at $t = 1$ like the data.
+# their mean. That is enough: how the density of the points at a place changes depends only on their mean velocity
+# there. So start all samples as noise, and move each with the mean velocity at its place. Then at every time $t$ the
+# samples are distributed like the points $x_t$, and at $t = 1$ like the data.
 #
 # A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps
 # of size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
@@ -966,8 +967,9 @@ source(learning.denoise, "alpha, sigma = mix", "clean, x, steps, rng, eta")
 # %% [markdown]
 # How many steps are enough? For a mixture of normal distributions the exact velocity is known, so the sampler's own
 # error can be measured without any training. The chart's left panel does that: with twice as many steps the error of
-# Euler and DDIM halves (first order), that of Heun falls to a quarter (second order). The dashed curves are trained
-# networks. They flatten once the network's own error is the larger one.
+# Euler and DDIM halves (first order), that of Heun falls to a quarter (second order), and that of DDPM falls more
+# slowly than Euler's. The dashed curves are trained networks. They flatten once the network's own error is the larger
+# one.
 #
 # ![Error over evaluations of the field, exact and trained; success over evaluations](../docs/charts/samplers.png)
 #
@@ -1033,8 +1035,9 @@ show("react_less")
 # %% [markdown]
 # ![Success over executed steps and over disturbances; changes of side; drift](../docs/charts/commit_or_react.png)
 #
-# Under disturbances of 50 mm, executing two steps is best by a small margin. With disturbances of 20 mm, one, two and
-# four steps differ by a few percentage points only.
+# (The chart uses other runs than the cards; shares differ by up to three percentage points.) Under disturbances of 50
+# mm, executing two steps is best by a small margin. With disturbances of 20 mm, one, two and four steps differ by a few
+# percentage points only.
 #
 # The second panel compares remedies. One is **temporal ensembling**, from ACT: the policy predicts a chunk at every
 # step, and the executed action is the weighted mean of all predictions for this step. (The weights decay
@@ -1057,8 +1060,8 @@ more_claims("pauses")
 #
 # ### One table, its numbers tested
 #
-# Each number was measured in this chapter. Those in the last line are of our small autoencoder and, for pauses, of
-# replaying the nearest demonstration, not of ACT.
+# Each number was measured in this chapter. The last line uses, instead of ACT, our small autoencoder and, for pauses,
+# the nearest demonstration.
 
 # %% tags=["hide-code"]
 f = figure
@@ -1085,7 +1088,8 @@ methods = (
      f"about ten evaluations per chunk; our small network leads {f('diffusion_between', 'ten'):.0%} of its first "
      "chunks into the obstacle; drifted on the regulator like the linear clone",
      min(passed["diffusion"], passed["flow"]) > 0.7 and f("diffusion_mends_drift", "lost") > 0.9),
-    ("chunks with a code, like ACT", "long smooth motions, demonstrators who pause", "demonstrations that contain every mode",
+    ("chunks with a code, like ACT", "long smooth motions, demonstrators who pause",
+     "demonstrations that contain every mode",
      f"executing more steps than a pause lasts gets through it ({f('pauses', 'through'):.0%} stuck, otherwise "
      f"{f('pauses', 'stuck'):.0%})",
      f"with the code at zero {passed['autoencoder, z = 0']:.0%} pass; long chunks react late",
@@ -1216,8 +1220,7 @@ simulation("point")
 # ## 7 · Speed against accuracy
 #
 # The chart compares our PPO with the PPO of Stable-Baselines3, in the same environments with the same settings, and
-# with a search over a linear policy of eight numbers (the cross-entropy method of chapter 6). The left panel counts
-# environment steps, the right panel processor time.
+# with a search over a linear policy of eight numbers (the cross-entropy method of chapter 6).
 #
 # ![Share of the optimum over environment steps and over processor time](../docs/charts/learning_curves.png)
 
@@ -1227,7 +1230,8 @@ names = {"ours, 16 wide": "this course, 16 units per layer", "ours, 64 wide": "t
          "Stable-Baselines3": "Stable-Baselines3, 64 units per layer",
          "search, linear policy": "search, linear policy"}  # fmt: skip
 table(("method", "environment steps", "share of the optimum", "interval", "processor time [s]"),
-      *((names.get(a.label, a.label), f"{a.x[-1]:,.0f}", f"{a.y[-1]:.2f}", f"{a.low[-1]:.2f} to {a.high[-1]:.2f}", f"{b.x[-1]:.1f}")
+      *((names.get(a.label, a.label), f"{a.x[-1]:,.0f}", f"{a.y[-1]:.2f}",
+         f"{a.low[-1]:.2f} to {a.high[-1]:.2f}", f"{b.x[-1]:.1f}")
         for a, b in zip(steps_.series, time_.series, strict=True)),
       ("random search, two gains of a PD law", f"{figure('two_gains', 'steps'):,.0f}",
        f"{figure('two_gains', 'share'):.2f}", f"worst of ten {figure('two_gains', 'least'):.2f}",
@@ -1244,8 +1248,8 @@ table(("method", "environment steps", "share of the optimum", "interval", "proce
 #
 # Where does the time go, when networks are this small? A natural guess is the arithmetic of the gradient. Count the
 # multiplications: a forward pass through $d$ inputs, two hidden layers of $h$ units and $m$ outputs takes $dh + h^2 +
-# hm$ per sample. In the backward pass each layer needs two such products, one for its weights and one to pass the
-# error on to its inputs. The first layer is the exception and needs only the first product.
+# hm$ per sample. In the backward pass a layer needs two such products, one for its weights and one to pass the error on
+# to the layer before.
 
 # %%
 answer("gradient_cost", "d*h + h^2 + h*m")
@@ -1254,16 +1258,15 @@ answer("gradient_cost", "d*h + h^2 + h*m")
 show("gradient_cost")
 
 # %% [markdown]
-# So the arithmetic of the gradient costs about twice that of the forward pass. At this size it is probably not what
-# takes the time. Each gradient step consists of dozens of **operator calls**, calls of PyTorch's functions, whose fixed
-# cost does not depend on the width. The table fits this: with 64 units instead of 16 there are sixteen times as many
-# weights between the hidden layers, and our PPO takes less than twice the time. (We did not profile it.)
+# At this size the arithmetic is probably not what takes the time. Each gradient step consists of dozens of **operator
+# calls**, calls of PyTorch's functions, whose fixed cost does not depend on the width. The table fits this: with 64
+# units instead of 16 there are sixteen times as many weights between the hidden layers, and our PPO takes less than
+# twice the time. (We did not profile it.)
 #
-# An arm is a harder task. For the next chart, a search trained a linear policy whose actions are the torques of the
-# arm from chapter 8. In the median of eight runs it reaches more targets than a hand-written law after 0.7 million
+# An arm is a harder task. For the next chart, a search trained a linear policy whose actions are the torques of the arm
+# from chapter 8. In the median of eight runs it reaches more targets than a hand-written law after 0.7 million
 # environment steps; the worst run stays below the law to the end. The search maximised the return, though (the sum of
-# rewards of chapter 8's arm). Judged by the return, the median is above the law for good only from a million steps
-# on, and only just.
+# rewards of chapter 8's arm). By return, the median stays above the law only after a million steps, and barely.
 #
 # ![Reward and success of the arm over its training](../docs/charts/learning_curve_reach.png)
 #
@@ -1306,10 +1309,10 @@ table(*rows)
 # ### Too far in one iteration
 #
 # Larger steps and more epochs move the policy further in one iteration. One number summarises how far, the
-# Kullback-Leibler divergence between the policies before and after, here the median over a run of 60,000 steps. The
-# right panel below shades the range of divergences that contains all runs with 80 % or more. It was chosen after the
-# runs, from all seeds. The table is a fairer test: the range comes from one seed of each setting, and the runs of the
-# other two seeds are counted. A divergence inside is a good sign and no guarantee, and other tasks or longer runs have
+# Kullback-Leibler divergence between the policies before and after, here the median over a run of 60,000 steps. In the
+# right panel below, we chose the shaded range after seeing all runs, so that it contains each one with at least 80 % of
+# the optimum. The table is a fairer test: we took the range from one seed for each pair of step size and epochs, and
+# counted the runs of the other two seeds. A divergence inside is no guarantee, and other tasks or longer runs have
 # other borders.
 #
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
@@ -1339,9 +1342,10 @@ table(("divergence per iteration [nats], borders from one seed", "runs of the ot
 #
 # **Debugging tip.** *Training does not converge.* Test the *task* before the learner. What do random actions earn, what
 # does a hand-written law earn, and what is the optimum? If chance never succeeds, PPO has nothing to learn from: add a
-# potential, start closer to the goal, or hold random actions for longer. If the hand-written law earns less than
-# standing still, the reward or the law is wrong. Does the policy observe what it needs, the goal and the velocity? Only
-# then look at the learner: divergence per iteration, loss of the critic, at least five seeds.
+# potential, start closer to the goal, or repeat each random action for several steps, so that paths reach farther. If
+# the hand-written law earns less than standing still, the reward or the law is wrong. Does the policy observe what it
+# needs, the goal and the velocity? Only then look at the learner: divergence per iteration, loss of the critic, at
+# least five seeds.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1376,11 +1380,10 @@ table(("divergence per iteration [nats], borders from one seed", "runs of the ot
 predict("curve_at_one")
 
 # %% [markdown]
-# Each policy is broken on purpose. The first never pushes while the goal lies less than 0.1 m to its right. The
-# second never pushes while it lies more than 0.5 m to its left. Otherwise they act optimally. If they push at the
-# start, they nearly always arrive, so geometry says how many starts they solve. The third column counts one episode
-# in each of 128 environments, whose starts happen to be hard ones. The last column takes the first 128 episodes that
-# finish.
+# Each policy is broken on purpose. The first pushes only while the goal lies more than 0.1 m to its right. The second
+# pushes unless the goal lies more than 0.5 m to its left. Otherwise they act optimally. If they push at the start, they
+# nearly always arrive, so geometry says how many starts they solve. The third column counts one episode in each of 128
+# environments, whose starts happen to be hard ones. The last column takes the first 128 episodes that finish.
 
 # %% tags=["hide-code"]
 rows = [
@@ -1391,7 +1394,10 @@ rows = [
         "first 128 to finish",
     )
 ]
-for edge, name in ((0.1, "less than 0.1 m to the right"), (-0.5, "more than 0.5 m to the left")):
+for edge, name in (
+    (0.1, "anywhere but more than 0.1 m to the right"),
+    (-0.5, "more than 0.5 m to the left"),
+):
 
     def lame(observed, edge=edge):
         return np.where(observed[:, :1] > edge, plan(observed)[1], 0.0).astype(np.float32)
@@ -1645,16 +1651,10 @@ your_robot(9)
 # ago, and executes its action for the present step.
 #
 # The table compares chunks with delays on three tasks: the two routes, with the mixture; the unstable regulator,
-# trained with and without disturbances; and a third task, in which each step brings a new random situation. The plot
-# shows the two routes.
-#
-# <details><summary>The third task</summary>
-#
-# Each of its 40 steps has its own right action, and its numbers follow from a formula. A policy that observes the
-# situation errs in 0.5 % of the steps. One that does not has to guess between two actions. After the first wrong
-# action all later ones count as wrong.
-#
-# </details>
+# trained with and without disturbances; and a third task, in which each of 40 steps brings a new random situation with
+# its own right action. (There, computed by formula, a policy errs in 0.5 % of the steps if it observes the situation;
+# otherwise it guesses between two actions. After the first error all later steps count as wrong.) The plot shows the
+# two routes.
 
 # %% tags=["hide-code"]
 mixture, rng = heads["mixture"], np.random.default_rng(0)
@@ -1727,9 +1727,6 @@ table(*rows)
 # line, from disturbed demonstrations or from DAgger.
 #
 # </details>
-#
-# So ask three things about your task. Does it have several modes?
-# Is its loop unstable? Does every step bring something new?
 #
 # ## 11 · Interview
 #

@@ -181,7 +181,7 @@ plt.show()
 
 # %% [markdown]
 # The fourth, a **parameter**, is a named value that belongs to one node. The table's last column was measured with two
-# Python threads.
+# Python threads: until the callback runs, the reply arrives or the value is read.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 bus = Bus()
@@ -233,7 +233,7 @@ table(
 )
 
 # %% [markdown]
-# These are not times of ROS 2, and they are not fixed: they depend on what the receiver is doing. A service is a
+# These are not times of ROS 2, and they depend on what the receiver is doing. A service is a
 # request topic, a reply topic and a callback at the server, so the reply waits until the server has time for that
 # callback. An action is made of services and topics.
 
@@ -254,7 +254,7 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # * Deadline: the longest allowed time between two messages. Each end watches its own. If it is exceeded, DDS raises an
 #   event at that end, for which you can set a callback.
 # * **Liveliness**: how a writer proves that it is alive. The middleware does it (*automatic*), or the writer itself has
-#   to give a sign of life, a message or a call (*manual by topic*). After a time without one, its **lease**, it counts
+#   to send a message or make a call (*manual by topic*). After a time without one, its **lease**, it counts
 #   as dead.
 # * History and depth. With **keep last**, each end stores only the newest messages, and the **depth** is how many. With
 #   **keep all**, it stores every message until the reader has taken it.
@@ -263,7 +263,7 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
 # liveliness with its lease. (DDS ranks a fifth, the order of delivery; ROS 2 does not use it.) If the writer offers
 # less than the reader requests in any ranked policy, DDS does not connect the two. For times, shorter promises more: a
-# writer with a deadline of 50 ms offers more than one with 100 ms. History, depth and lifespan are not compared, so
+# deadline of 50 ms offers more than 100 ms. History, depth and lifespan are not compared, so
 # they never prevent a connection.
 
 # %% tags=["hide-code"]
@@ -340,8 +340,8 @@ table(*rows)
 
 # %% [markdown]
 # We tested all pairs of values, queue depths, late subscribers and events, on the bus and on Cyclone. The first line
-# counts the tests in which both agree. In the tests of the other two lines, five pauses of 0.12 s separated the
-# messages. With a deadline of 0.05 s, two deadlines pass in each pause, so ten events are raised at each end. The
+# counts the tests in which both agree. In lines 2 and 3, five pauses of 0.12 s separated the messages. With a deadline
+# of 0.05 s, two deadlines pass in each pause, so ten events are raised at each end. The
 # fold-out lists every test, also of policies that only DDS has.
 
 # %% tags=["hide-code"]
@@ -540,8 +540,8 @@ answer("relative_sleep", "1/(T + C)")
 #
 # A task's **response time** is the time from its release to the end of its work. When is it longest? Every more urgent
 # task delays our task, most of all if it runs as often as possible between our release and our end. So the worst case
-# has both released at the same moment. If the urgent task started earlier, some of its work would be over before ours
-# starts. If it started later, all its runs would shift, and the last one might fall after our end.
+# has both released at the same moment. If the urgent task were released earlier, some of its work would be over before
+# our release. If it were released later, all its releases would move later, and fewer might fall before our end.
 #
 # So the worst case is a **critical instant**: all tasks are released at the same moment. This is true for
 # **independent** tasks: none of them waits for another task or for anything else. The picture shows a critical instant
@@ -631,9 +631,9 @@ table(
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
 #
 # Why should the shorter period come first? Suppose two neighbours in the order of priorities meet their deadlines with
-# the longer period first. The short-period task runs second. It finishes within its period, and by then both are done.
-# In the other order the same work has to be done, so both are still done by then. Swap neighbours until all are sorted
-# by period: no deadline is lost.
+# the longer period first. The short-period task runs second; let it finish at time $R$, within its period. By $R$ both
+# are done. In the other order the same work fills the time to $R$, so both meet the shorter period, and thus the longer
+# one. Swap neighbours until all are sorted by period: no deadline is lost.
 
 # %%
 show("by_rate_is_best")
@@ -698,7 +698,7 @@ table(*rows)
 # %% [markdown]
 # The low task still computes for 20 ms under the lock when the most urgent one arrives, so 20 ms of waiting are
 # unavoidable. The rest is the middle task's work. The chart shows the same effect with three real Linux processes on
-# one core.
+# one core ("this system").
 #
 # ![Waits for a lock against the middle task's time, three protocols](../docs/charts/lock_waits.png)
 
@@ -742,9 +742,9 @@ Markdown(f"```cpp\n{triple.rstrip()}\n```")
 #
 # ![Time of a call without a lock, and with two kinds of mutex](../docs/charts/handover_waits.png)
 #
-# *Call time that 50, 99, 99.9 and 100 % of the calls do not exceed, for an unshared copy, the triple buffer and two
-# mutexes. First three panels: the reader, with real-time priority. Last panel: the writer, an ordinary thread. The
-# lines below are from the second panel ("loaded").*
+# *Each line gives the time that 50, 99, 99.9 and 100 % of the calls do not exceed. The baseline copies a value that no
+# other thread uses; the others are the triple buffer and two mutexes. First three panels: the reader, with real-time
+# priority. Last panel: the writer, an ordinary thread. The printed lines are from the second panel ("loaded").*
 
 # %%
 figures(read("handover_waits"), "loaded, triple", "loaded, mutex", "loaded, std")
@@ -794,7 +794,8 @@ plt.show()
 # %% [markdown]
 # To protect the control callback, put it in a group of its own and give it a thread. The table shows the longest time
 # from when control is due until it ends, in forty simulated runs, and a computed bound. In the rows with two cameras,
-# both take an image at the same moment, every 100 ms:
+# both take an image at the same moment, every 100 ms. Control takes 1 ms and is due every 50 ms; a camera's callback
+# takes 25 ms:
 
 # %% tags=["hide-code"]
 control = Work("control", 0.001, 0.050)
@@ -820,10 +821,12 @@ table(*rows)
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
+# *The three orders lie on each other; "fifo" means first in, first out.*
+#
 # With one camera, the order of the callbacks does not change the bound, which is the sum of both callbacks. With two
-# cameras the order matters. In a ready set both cameras may stand before control: 51 ms with its own work. That exceeds
-# control's period of 50 ms, so its previous run may still come before it: 52 ms. If due timers run first, control waits
-# only for the camera callback that is already running. (A bound always holds; it need not be reached.)
+# cameras the order matters. In a ready set, both cameras may run before control: 25 + 25 + 1 = 51 ms. Control is due
+# every 50 ms, so one earlier run of control may be waiting too: 52 ms. If due timers run first, control waits only for
+# the camera callback that is already running. (A bound always holds; it need not be reached.)
 #
 # A callback can even wait for itself. Below, a node called `hand` offers a service called `grasp`. A timer callback of
 # the same node calls this service and waits for the reply. Timer and service are both in the node's default group. The
@@ -989,9 +992,9 @@ table(*lines)
 # The ages are computed; the last column is the average of 16 simulated runs. In each run, every clock starts at a
 # random time (its **phase**). The camera takes 5 ms, perception 20 ms (slow: 50 ms) and the planner 40 ms.
 #
-# Most of the difference is the planner's fixed 10 Hz timer; 10 ms are the faster planner. If the planner starts when a
-# new scene arrives, the scene no longer waits for the timer, and plans come three times as often. That works only if
-# planning finishes before the next image, so that row's planner takes 30 ms.
+# Rows 1 and 2 differ by 60 ms. The faster planner saves 10 ms. Starting it when a scene arrives, without a timer, saves
+# the other 50 ms: no scene waits, and plans come three times as often. That works only if planning finishes before the
+# next image, so this planner takes 30 ms.
 #
 # An image of $w \times h$ pixels with $c$ bytes per pixel, sent $f$ times a second, needs $w\,h\,c\,f$ bytes per
 # second. A colour pixel takes three bytes, a depth pixel two.
@@ -1044,8 +1047,8 @@ for output, some in {
 table(*lines)
 
 # %% [markdown]
-# All three together need more than a whole core. The planner has the lowest priority. Its first plan is late, and every
-# later one is later still, so no bound exists. Perception uses the most time, so it gets a core of its own.
+# All three together need more than a whole core. The planner has the lowest priority, and its backlog grows from plan
+# to plan, so no bound exists. Perception uses the most time, so it gets a core of its own.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -1059,8 +1062,8 @@ table(*lines)
 #
 # ### The launch file, and what it sets
 #
-# A **launch file** starts a system's nodes and passes them parameters. It can set policies only through parameters
-# whose names begin with `qos_overrides`. This is a typical one in Python:
+# A **launch file** starts a system's nodes and passes them parameters. It can set a policy only where a node supports
+# this. ROS 2's own method is a parameter whose name begins with `qos_overrides`. A typical file in Python:
 
 # %% tags=["hide-code"]
 Markdown(f"```python\n{launch.USUAL[launch.USUAL.index('def ') :].strip()}\n```")
@@ -1081,8 +1084,10 @@ table(
 # %% [markdown]
 # A `qos_overrides` parameter (since ROS 2 Galactic, 2021) sets one policy of one end, for example
 # `qos_overrides./camera/image.publisher.depth: 1`. Times are in nanoseconds. The node's source has to allow it.
+# (Some nodes read their policies from parameters of their own, and some DDS vendors from XML files.)
 #
-# The file in the fold-out sets policies in this way. The table lists what differs from the defaults:
+# The file in the fold-out sets policies in this way. The table lists what differs from the defaults. (The spawner is
+# the program that loads the controller; its row shows what it passes on to the controller.)
 
 # %% tags=["hide-code"]
 Markdown(
@@ -1127,7 +1132,10 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 #   position by itself: somebody has to program what happens when no new plan arrives. The price is that every image is
 #   turned into bytes (**serialisation**) and copied several times on its way.
 # * *The controller* is a plug-in of **ros2_control**, ROS 2's framework for controllers. The framework has parameters
-#   for rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024).
+#   for rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024). The plug-in has a node of its
+#   own in the framework's process. Since August 2024 (Jazzy and later), that node ignores the parameters of the
+#   process. The spawner has to pass the controller's on (`--param-file`, `--controller-ros-args`; release notes,
+#   Jazzy).
 # * *The planner's topic* needs an override only for its depth, because reliable is the default.
 #
 # <details><summary>Two more traps</summary>
@@ -1165,9 +1173,9 @@ Markdown(
 # Below is the update function of a controller for ros2_control (Kilted, 2025). It reads positions and velocities from
 # `state_interfaces_` and writes torques to `command_interfaces_`. The controller names the **interfaces** that it needs
 # (each is one number of one joint), and checks once, when it is configured and activated, that it has them. So `update`
-# checks no sizes. It also allocates no memory and never waits for a lock: both can take arbitrarily long. (An interface
-# only *tries* its own lock, at most ten times.) In the picture, the dashed arrow leads to the steps that are repeated
-# while the controller is active:
+# checks no sizes. It also allocates no memory and never waits for a lock: both can take arbitrarily long. (Reading or
+# writing an interface tries a lock up to ten times, then gives up.) In the picture, the dashed arrow leads to the steps
+# that are repeated while the controller is active:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8.6, 1.7), layout="constrained")
@@ -1201,7 +1209,8 @@ Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 # %% [markdown]
 # `update` returns `ERROR` in two cases. A joint with an invalid reading (NaN) gets zero torque. A brake does not see
 # NaN. It engages when somebody cuts its current, and closes some time $t$ later. Until then the arm falls: starting
-# from rest, the centre of mass of what the joint carries drops by at most $g\,t^2/2$, as in free fall. If a torque
+# from rest, and if the other joints hold still, the centre of mass of what the joint carries drops by at most
+# $g\,t^2/2$, as in free fall. If a torque
 # cannot be written (`set_value` fails), the last one remains in force. In ros2_control the controller manager
 # deactivates a controller whose `update` returns `ERROR`, and activates its `fallback_controllers` (since Jazzy, 2024).
 # The hardware component has to engage the brakes.
@@ -1385,8 +1394,8 @@ predict("one_in_ten_thousand")
 # A reliable reader repairs this. It sends a **negative acknowledgement**, the list of the fragments that are missing,
 # and the writer sends those again. The first **round** sends all fragments, and each further round only the missing
 # ones. After $k$ rounds a given fragment is still missing with probability $p^k$, so the image needs another round with
-# probability $1 - (1 - p^k)^n$. Ask after $k = 0, 1, 2, \ldots$ rounds whether another one is needed: an image with $m$
-# rounds answers yes $m$ times. So the sum of these probabilities is the mean number of rounds:
+# probability $1 - (1 - p^k)^n$. An image that takes $m$ rounds needs another one $m$ times: after $0, 1, \ldots, m - 1$
+# rounds. So the sum of these probabilities is the mean number of rounds:
 #
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
 #
@@ -1450,10 +1459,10 @@ predict("late_or_lost")
 # %% [markdown]
 # ![Tracking error added by loss, against the delay of the link, both reliabilities](../docs/charts/late_or_lost.png)
 #
-# The delay on the axis is one-way. On a fast link, the repaired command arrives before the next one is due, and
-# reliable is better for commands as well. On a slow link, several commands wait behind the lost one, and best effort is
-# better. In this run the curves cross where the round trip takes somewhat less than one command period, so compare
-# these two times.
+# "Sent again" is reliable; "lost, the next one counts" is best effort. The delay is one-way. On a fast link, the
+# repaired command arrives before the next one is due, and reliable is better for commands as well. On a slow link,
+# several commands wait behind the lost one, and best effort is better. In this run the curves cross where the round
+# trip takes somewhat less than one command period, so compare these two times.
 #
 # The bus favours reliable delivery here: its writer stores enough commands to repeat any of them, and its reader
 # notices a loss at once.
@@ -1500,8 +1509,8 @@ plt.show()
 #
 # ![Lateness of a loop next to busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
 #
-# The right panel compares the two loops of section 2 while other programs disturbed both. Skipped periods have no
-# point; the line is drawn straight across them. The table counts the skipped periods of the left panel:
+# The right panel compares the two loops of section 2 while other programs disturbed both. The line bridges the periods
+# that were skipped. The table counts the skipped periods of the left panel:
 
 # %% tags=["hide-code"]
 row = r"(.+): skipped (\d+) of (\d+) periods; late by ([\d.]+) ms \(half\), ([\d.]+) \(99 %\), ([\d.]+)"
@@ -1632,9 +1641,10 @@ plt.show()
 #
 # ![Error of a lookup against look-ahead, and against the time between transforms](../docs/charts/transform_lookups.png)
 #
-# The bound of the line grows with the square of the look-ahead once that exceeds $T$. So the line loses in the end:
-# beyond 0.3 of a swing, the camera's full period (dotted), the camera has turned back, the line has not, and holding is
-# better. In the picture above, the last time shown is beyond that. Noise makes the line worse sooner. SciPy's Slerp,
+# For a look-ahead well above $T$, the bound of the linear continuation grows with its square. So the line loses in the
+# end. Beyond 0.3 of the camera's full period (dotted), the camera has turned back but the line goes on, and holding is
+# better. In the picture above the period is 1 s, so this begins 0.3 s after the last dot. Noise makes the line worse
+# sooner. SciPy's Slerp,
 # with NumPy's interpolation for the position, has the same error as our buffer. (tf2 itself cannot be installed from
 # PyPI, so we compare with its source code and with SciPy.)
 
@@ -2123,10 +2133,10 @@ table(*lines)
 
 # %% [markdown]
 # A chunk hides the *pause*, not the age. When the last action of a chunk ends, its image is as old as one inference
-# plus the whole chunk: 120 ms with one action, 200 ms with five. Averaged over time, both images are equally old,
-# because an arm with one action stands still until the next one comes, and its image gets older meanwhile. With ten
-# actions they are older. So keep the fast feedback loop in its own real-time thread, and watch the policy's output with
-# a deadline.
+# plus the whole chunk: 120 ms with one action, 200 ms with five. Averaged over time, the age is the same for one action
+# as for five: with one, the arm stands still until the next action comes, and its image ages meanwhile. With ten
+# actions the mean age is larger. So keep the fast feedback loop in its own real-time thread, and watch the policy's
+# output with a deadline.
 #
 # Where should a large model run? In the simplest case, each inference reads all weights of the model from memory once.
 # (A model that computes its output step by step reads them in each step.) With $n$ weights of $b$ bytes, $k$ actions
@@ -2173,7 +2183,7 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Three formulas follow. They are not on this page, but you can derive them from what is on it. When all three are
+# Three formulas follow. You can derive them from what is on this page. When all three are
 # right, the checkpoint is passed.
 
 # %%

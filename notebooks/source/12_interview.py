@@ -13,8 +13,9 @@ simulation("interview")
 
 # %% [markdown]
 # Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
-# it. The curve is the predicted probability that you still know the answer. After your rating it starts again at one
-# and falls more slowly. The panel says when the card comes back. Section 4 explains the schedule.
+# it. The curve is the predicted probability that you still know the answer. Each review sets it back to one. After a
+# success it then falls more slowly, after a failure fast. The panel says when the card comes back, in whole days
+# (section 4).
 
 # %%
 predict("hundred_runs")
@@ -95,7 +96,7 @@ badges(12)
 # thirty seconds. It says what the thing is, gives one equation, and ends with a measured number and with the point
 # where the method stops working. Then you stop.
 #
-# The table has such an answer for each of eight subjects. Read one row, look away, and say it in your own words. Each
+# The table has the material for eight subjects. Read one row, look away, and say what you need in your own words. Each
 # row ends with a measurement from this course: the task, the computing time of our method and of an established
 # library, and a limit. The times are from one machine and one task, so they rank nothing in general. Names that you
 # don't know belong to chapters that you skipped; learn the rows of the subjects on your CV.
@@ -114,7 +115,7 @@ tables.cheat_sheet()
 #
 # ### How good is a policy that passed a test?
 #
-# The card at the top asked about a policy with seventy successes in a hundred runs. Suppose that each run
+# The prediction at the top was about a policy with seventy successes in a hundred runs. Suppose that each run
 # succeeds with the same probability $p$, the true success rate, whatever happened before. Then the number of successes
 # in $n$ runs follows a binomial distribution. The observed rate scatters around $p$ with the standard deviation
 #
@@ -135,14 +136,13 @@ plt.show()
 # %% [markdown]
 # **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
 # deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
-# this width you need four times as many runs. Wilson's interval, defined next, differs a little: it does not insert the
-# observed rate for $p$.
+# this width you need four times as many runs.
 #
 # A **confidence interval** is the set of true rates that are compatible with the observed count, at a chosen level of
-# confidence. Two standard deviations correspond to a level of about 95 %. The simple formula above uses the observed
-# rate instead of the unknown one, and fails near 0 and 1. The **Wilson interval** avoids this. Take each $p$ in turn,
-# compute the standard deviation with this $p$, and keep $p$ if the observed rate is within two of them. You will
-# program it in section 8.
+# confidence. Two standard deviations correspond to a level of about 95 %. The example inserted the observed rate for
+# the unknown $p$; near 0 and 1 this fails. The **Wilson interval** avoids it. Take each $p$ in turn, compute the
+# standard deviation with this $p$, and keep $p$ if the observed rate lies within two of these standard deviations of
+# $p$. You will program it in section 8.
 #
 # Robot teams use such counts for a **gate**, a threshold that a policy has to pass before it may go on, for example
 # from the simulator to the robot.
@@ -172,10 +172,10 @@ plt.show()
 # ### What does an accelerometer measure?
 #
 # An accelerometer is a small mass on a spring inside a housing. The reading is proportional to the force of the spring
-# on the mass. Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. Everything else
-# that moves the housing does. The reading is the **specific force**: the sum of all forces on the body except gravity,
-# divided by the mass of the body. In symbols, $f = a - g$, in the axes of the sensor, with the acceleration $a$ and the
-# gravity vector $g$.
+# on the mass. Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. Every other force
+# on the housing does, also that of a table on which it rests. The reading is the **specific force**: the sum of all
+# forces on the body except gravity, divided by the mass of the body. In symbols, $f = a - g$, in the axes of the
+# sensor, with the acceleration $a$ and the gravity vector $g$.
 
 # %%
 show("imu_reads_acceleration")
@@ -189,14 +189,14 @@ show("imu_reads_acceleration")
 #   you only read it, say where and in which year.
 # * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
 # * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
-#   an interval is Wilson's, two-sided at 95 %. A gate is tested one-sided at 5 %. Two policies are compared two-sided
-#   at 5 %, with enough trials to notice the difference four times in five.
+#   an interval is Wilson's, two-sided at 95 %. A gate is tested one-sided at 5 %, unless the text says otherwise. Two
+#   policies are compared two-sided at 5 %, with enough trials to notice the difference four times in five.
 # * **Separate assumptions from results.** "I assume 2 m/s² of braking; then the base needs 0.9 m."
 # * **Say what you would measure next, and what you do if the number turns out bad.** A number from another system is a
 #   reason to measure, not a specification.
 #
 # The figures of this course are from simulations, and you may quote them as such. Standards you name with number and
-# edition, and you never quote a limit from memory: you say who looks it up.
+# edition, after a check for a newer one. You never quote a limit from memory: you say who looks it up.
 #
 # ### Where are the joints of a planar arm?
 #
@@ -230,8 +230,9 @@ plt.show()
 # ### What does a sampled controller cost?
 #
 # A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
-# the staircase that the motor receives. The dotted curve is a moving average of the staircase, half a sample to
-# each side; a slow motor responds to it. Its shape is nearly that of the ideal command, but it lags behind.
+# the staircase that the motor receives. A slow motor smooths the steps, as the dotted curve does: each of its points is
+# the mean of the staircase from half a sample before to half a sample after. Its shape is nearly that of the ideal
+# command, but it lags behind.
 
 # %% tags=["hide-code"]
 time = np.linspace(0.0, 8.0, 801)
@@ -250,8 +251,8 @@ show("hold_is_half_a_sample")
 
 # %% [markdown]
 # How good is "half a sample" at high frequency? At three radians per sample, almost the highest frequency that a
-# sampled loop can represent, the rule is wrong by up to a radian; for signals that are slow against the sample it
-# holds.
+# sampled loop can represent, the rule is wrong by up to 0.9 rad. For signals that hardly change within a sample, it is
+# right.
 #
 # So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before a single line of code has run. Add the
 # time of computing and the time on the bus. Delay costs phase, and lost phase limits the gain: this is why the answer
@@ -274,10 +275,10 @@ more_claims("stiff_is_position")
 # $$T = \frac{D}{v} + \frac{v}{a} \quad\text{if}\; D \ge \frac{v^2}{a}, \qquad T = 2\sqrt{\frac{D}{a}}
 # \quad\text{otherwise} .$$
 #
-# **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes
-# 0.6 + 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so speeding up and braking cost 0.5 s more. Four
-# such moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s.
-# Planning takes 0.1 s of the computing.
+# **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes 0.6 +
+# 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so speeding up and braking cost 0.5 s more. Four such
+# moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s. Planning takes 0.1 s of
+# the computing.
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(
@@ -337,8 +338,10 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # mass of the arm, because not all links have to change their speed for the tip to stop.
 #
 # The position error adds up two kinds of errors. Independent random errors, of standard deviations $\sigma_i$, add in
-# squares; two standard deviations are counted. A systematic error, here the distance that the part moves while its
-# image is processed, adds as it is.
+# squares; two standard deviations are counted. A systematic error is the same in each pick and is added in full: here,
+# the distance that the part moves while its image is processed. The hand-eye angle is systematic too, once a robot is
+# calibrated. It counts as random here because this estimate is for a robot that has yet to be built: its calibration
+# error is one sample of many.
 
 # %% tags=["hide-code"]
 INPUTS = {
@@ -382,8 +385,8 @@ for name, (label, formula) in LABELS.items():
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# (This cell is not the one of the card above: its moves are other ones, and it computes for longer.) Which input
-# matters most? Double one after the other and look at the factor. Here it is done for the peak force:
+# (This cell is another one than above: other moves, more computing.) Which input matters most? Double one after the
+# other and look at the factor. Here it is done for the peak force:
 
 # %%
 one = ESTIMATES["contact_clamped"]
@@ -453,8 +456,8 @@ plt.show()
 #
 # ## 3 · Design: four systems
 #
-# "Design a system that empties bins of mixed parts." You have a whiteboard and 45 minutes. Don't draw in the first
-# five: a drawing without requirements answers nobody's question. Divide the time like this:
+# "Design a system that empties bins of mixed parts." You have a whiteboard and 45 minutes. Don't draw in the first ten:
+# a drawing without requirements answers nobody's question. Divide the time like this:
 #
 # | Minutes | What you do |
 # |---:|---|
@@ -466,9 +469,9 @@ plt.show()
 #
 # Interviewers grade with a **rubric**, a list of the points that a good answer covers. For every point your answer gets
 # one of four grades: missing; mentioned; given with a number; or defended, which means that you also said what would
-# change your mind. A **red flag** is a statement that can fail an interview by itself, for example a robot among people
-# without a word about who is liable for its safety. A **follow-up** is the question that the interviewer asks next,
-# usually about your weakest point.
+# change your mind. A **red flag** is a statement or an omission that can fail an interview by itself, for example a
+# robot among people without a word about who is liable for its safety. A **follow-up** is the question that the
+# interviewer asks next, usually about your weakest point.
 #
 # Here is a whiteboard as it could look after 30 minutes, for a system that empties bins of mixed parts. Follow the
 # arrows from the camera to the torques. Most arrows carry a rate or a latency or both: these are the numbers that an
@@ -520,8 +523,8 @@ print(f"weakest point: {designs.weakest(fleet, result).asks}")
 #
 # Start one of them in a terminal with `drills start rrt`; its grade takes a second or two. Section 9 has the code of
 # each, as one could write it in the interview, and a test that one could show. Reviewing needs nothing but a card,
-# *Reveal* and an honest rating. This panel asks what is due of chapter 12 and stores your four ratings, *again*,
-# *hard*, *good* and *easy*, for the next day:
+# *Reveal* and an honest rating. This panel shows the cards of chapter 12 that are due today. It stores your rating of
+# each (*again*, *hard*, *good* or *easy*) and computes the day of the next review:
 
 # %% tags=["nbval-ignore-output"]
 from drills.interview.panel import flashcards
@@ -534,9 +537,10 @@ predict("when_again")
 # %% [markdown]
 # What you learned once fades, quickly at first and then more slowly. **Spaced repetition** shows a card when the
 # predicted probability that you still know it has fallen to a chosen value, here 90 %: the dashed line of the first
-# panel. The **stability** of a memory is the number of days until then; the **difficulty** says how slowly it grows.
-# After each success the stability is larger, so the gaps grow. After a failure it starts again with a short gap. This
-# is a model for remembering over months, not the cheapest plan for a fixed date.
+# panel. The **stability** of a memory is the number of days in which the probability falls from one to this value; the
+# **difficulty** of a card says how slowly its stability grows. After each success the stability is larger, so the gaps
+# grow. After a failure the next gap is short again. This is a model for remembering over months, not the cheapest plan
+# for a fixed date.
 #
 # The chart shows the gaps that the scheduler of this course computes, if you rate every answer *good*, and if you fail
 # once:
@@ -557,7 +561,7 @@ for label, failed in {"good every time": None, "one failure": 3}.items():
         now = memory.due
     axis.semilogy(range(1, 8), days, "o-", label=label)
     print(f"{label:<16}", "  ".join(f"{gap:.0f}" if gap >= 1 else "<1" for gap in days), "days")
-axis.set(xlabel="review", ylabel="days until the next")
+axis.set(xlabel="review", ylabel="days until the next review")
 axis.legend(fontsize=8)
 plt.show()
 
@@ -598,17 +602,20 @@ predict("first_probe")
 
 # %% [markdown]
 # Before you run anything, say what each cause predicts. Three of the probes report a ratio: the time until the slide is
-# lost with the change, divided by the time without it. We simulate three times as long as the failing run lasted. A
-# slide that survives counts as three. A ratio of one means that the change doesn't matter.
+# lost with the change, divided by the time without it. The changed run ends after about three times the length of the
+# failing one. So a slide that survives gets a ratio of about three. A ratio of one means that the change doesn't
+# matter.
 #
-# * **Half the step** cures the doubled stiffness and brake (1, 5), and nearly cures the late contacts (6). Explicit
-#   Euler (2) adds half as much energy each second, so the slide lasts twice as long. Causes 3, 4, 7 and 8 don't care
-#   about the step.
+# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6): the number
+#   of steps between detections stays, so each is late by half as many seconds. Explicit Euler (2) adds half as
+#   much energy each second, so the slide lasts twice as long. Causes 4, 7 and 8 don't care about the step. Nor does 3:
+#   the probe preserves the delay of the brake in seconds, which is then twice as many steps.
 # * **No brake** removes causes 3 and 5. It cures cause 1 as well. The brake uses the old speed, which lowers the
 #   largest stable step; without it the doubled stiffness is just stable. The other causes stay.
 #
-# We don't have to guess the numbers. The program can be run with each cause on other machines. The table lists the
-# range that each cause explains, in bold where the measured number lies in it. The last row is the failing machine:
+# We don't have to guess the numbers. We ran the program on other machines, each with a single known cause, and read the
+# same probes. The table lists the range of their results for each cause, in bold where it contains the number that the
+# failing machine gave. That number is in the last row:
 
 # %% tags=["hide-code"]
 PROBES = {
@@ -634,8 +641,8 @@ Markdown("\n".join(rows))
 # route: the brake acts many steps behind the speed. So the fix is to give the brake the present speed. Half the step
 # made almost no difference.
 #
-# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; a force that
-# feeds energy in does not care about the step at all. Judge this statement with that in mind:
+# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; the
+# effect of a force with the wrong sign, or one that is late by a fixed time, does not.
 
 # %%
 show("growing_energy")
@@ -663,17 +670,17 @@ diagnose("late", seed=1).show()
 diagnose("sure", seed=1).show()
 
 # %% [markdown]
-# How much does one probe tell? Eight causes make 28 pairs. The chart shows for each probe the share of
-# pairs that it tells apart reliably, that is, by more than its own noise. The model answer ranks the probes by pairs
-# told apart per minute. The ones that it uses are blue. A grey probe with a long bar is expensive, or tells apart what
-# another already did:
+# How much does one probe tell? Eight causes make 28 pairs. The chart shows for each probe the share of pairs that it
+# tells apart reliably, that is, by more than its own noise. The model answer of a case starts with all causes possible.
+# It prefers probes that tell many pairs apart per minute: the blue ones. (The walk-through above used another one to
+# confirm its result.) A grey probe with a long bar is expensive, or tells apart what another already did:
 
 # %% tags=["hide-code"]
 from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
 
-figure_, axes = plt.subplots(2, 3, figsize=(10, 6.2), layout="constrained", sharex=True)
+figure_, axes = plt.subplots(2, 3, figsize=(10, 6.6), layout="constrained", sharex=True)
 for axis, name in zip(axes.flat, scenario_names(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
@@ -684,8 +691,9 @@ for axis, name in zip(axes.flat, scenario_names(), strict=True):
     inside = model_path(name)
     colours = [BLUE if probe in inside else "0.75" for probe in order]
     axis.barh(range(len(order)), [parted[probe] for probe in order], color=colours)
-    axis.set_yticks(range(len(order)), order, fontsize=7)
+    axis.set_yticks(range(len(order)), order, fontsize=8)
     axis.set(title=name, xlabel="share of pairs told apart", xlim=(0, 1))
+_ = figure_.suptitle("blue: probes of the model answer", fontsize=9)
 plt.show()
 
 # %% [markdown]
@@ -753,8 +761,9 @@ for label, matrix in (("rotation", turn), ("mirror", mirror)):
     )
 
 # %% [markdown]
-# Here are all of them. "Right" and "wrong" are the largest error of the invariant in three random test cases, for the
-# correct and for the faulty version:
+# Here are all of them. "Right" and "wrong" are the largest violation of the invariant in three random test cases, for
+# the correct and for the faulty version. For `refined_ratio` the number is the error with a quarter of the step divided
+# by the error with the full step: about a quarter if the equations are right, about one if they are wrong:
 
 # %% tags=["hide-code"]
 LABELS = (
@@ -803,9 +812,10 @@ predict("learned_or_not")
 # fixed starts of the classical method.
 #
 # On the left, compare heights and times: the network is right as often as four starts, in less than half of the time.
-# The crossover is a time limit between the two. On the right, a mirrored part that the network has never seen: there it
-# is wrong by a quarter turn. The share of the image that looks *through* the estimated part reveals most of these
-# poses, those above the dotted line.
+# So the crossover is a time limit: below the time of four starts, take the network. ("Axis" starts along the longest
+# direction of the points.) On the right, a mirrored part that the network has never seen: no turn is right for it. One
+# check reveals most of these poses: count the pixels at which the camera looks behind the place where the part should
+# be. If their share is above the dotted line, the pose is rejected.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
@@ -816,9 +826,10 @@ predict("learned_or_not")
 tables.classical_or_learned()
 
 # %% [markdown]
-# What these rows allow you to say: in two of them, planning and perception, the learned component needed fewer states
-# or less time on the data that it was trained for. Outside of them it lost without a warning. And identify the
-# classical model first: here the identified or adapted one was harder to beat than the default one.
+# What these rows allow you to say: on data like those of its training, the learned component can win. It needed fewer
+# states in planning and less time in perception, and it beat a classical method whose model was wrong or incomplete.
+# Outside of its training data it lost in planning and perception, and in control its error grew. It gave no warning.
+# And identify the classical model first: the identified one was harder to beat than the default.
 #
 # What to read: one book, five papers and five repositories, with what each of them really says.
 
@@ -859,8 +870,8 @@ check(tip_resolution)
 # %% [markdown]
 # ### Catch bugs that you have not seen
 #
-# Section 6 turned around: you receive the outputs of several programs, and you have to say which are wrong. Think about
-# what a free body preserves.
+# In section 6 you knew which version was faulty. Here you receive the outputs of several programs, and you have to say
+# which are wrong. Think about what a free body preserves.
 
 # %%
 card("catch_the_slip")
@@ -961,7 +972,9 @@ check(truncated_advantages)
 # %% [markdown]
 # ### Silent bugs: the gate that always opens
 #
-# A nightly report decides about a release. The function below flatters the new version in three ways.
+# A nightly report decides about a release. Its gate opens if the lower end of the two-sided interval reaches the
+# threshold; that is stricter than the one-sided test of section 1. The function below flatters the new version in three
+# ways.
 
 # %%
 card("silent_gate")
@@ -993,8 +1006,9 @@ check(silent_gate)
 # %% [markdown]
 # ## 9 · Interview
 #
-# Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, then the likely
-# follow-up. The last question takes half an hour. Coding questions come with code, which the tests of the course run.
+# Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, the likely
+# follow-up, and what the interviewer listens for. The last question takes half an hour. Coding questions come with
+# code, which the tests of the course run.
 
 # %%
 interview("interview")

@@ -99,7 +99,7 @@ def core() -> None:
     from course.rigid_body import differentiable
 
     needing = {
-        "torch": importlib.import_module("course.learning.network").pytorch, "torch for gradients": differentiable._torch,
+        "torch": importlib.import_module("course.pytorch").pytorch, "torch for gradients": differentiable._torch,
         "pin": pinocchio._pinocchio, "coal": coal._coal, "ompl": ompl._ompl,
         "open3d": open3d.library,
         "small_gicp": small_gicp.library, "cyclonedds": cyclonedds.library,

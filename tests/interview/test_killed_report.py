@@ -132,8 +132,8 @@ def test_each_step_of_the_end_of_an_interview_can_be_the_last(
     again = place.run("interview", "--resume", "2")
     assert again.code == 0 and "here it is" in " ".join(again.out.split())
     assert "Your scores" in again.out
-    left = rehearse.json_store.load(place.work / "interviews.json", rehearse.FORM)[0]
-    assert interview.started not in left.open and len(left.scores) == 1
+    stored = rehearse.json_store.load(place.work / "interviews.json", rehearse.FORM)[0]
+    assert interview.started not in stored.open and len(stored.scores) == 1
 
 
 # --- The robot ------------------------------------------------------------------------------------
@@ -164,8 +164,8 @@ def test_a_run_of_the_robot_that_was_ended_from_outside_is_told_once(
     noted_run(place, 2, SystemExit(143))
     text = " ".join(place.run("robot").out.split())
     how = "its report was complete; its result is stored, and drills robot history shows it."
-    none = "all of its tasks were played, so nothing of it is stored."
-    assert f"Your last run (level 2, 20 tasks) was stopped before {how if stored else none}" in text
+    lost = "all of its tasks were played, so nothing of it is stored."
+    assert f"Your last run (level 2, 20 tasks) was stopped before {how if stored else lost}" in text
     assert "Your last run" not in place.run("robot").out
     noted_run(place, 6, SystemExit(143))
     notices = place.json("robot")["notices"]

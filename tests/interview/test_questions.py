@@ -54,6 +54,7 @@ def test_a_question_is_complete_and_its_figures_are_there(topic, question) -> No
     assert {claim for claim, _ in question.fields()} <= known
     text = question.markdown(records.figure)
     assert question.title in text and "{" not in interview._QUIET.sub("", text.replace("\\{", ""))
+    assert "| |-" not in text, "a table was wrapped like a paragraph: one row, one line"
 
 
 # The twelve questions that everybody hears, one a chapter, and the drills and scenarios.

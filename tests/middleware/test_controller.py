@@ -237,13 +237,15 @@ def test_ours_sets_what_it_says_name_by_name():
         {("/camera/image", "publisher"): picture},
         {("/camera/image", "subscription"): picture, ("/object_poses", "publisher"): poses},
         {("/object_poses", "subscription"): poses, ("/trajectory", "publisher"): plan},
+        # Of the process; the controller's own come with its spawner.
+        {},
         {("/trajectory", "subscription"): plan, ("/safety/status", "subscription"): status},
         {("/safety/status", "publisher"): status},
     ]
     assert launch.silent(result) == {}
     allowed = [sorted(launch.to_be_allowed(node.parameters)) for node in result]
     late = ["durability", "liveliness", "liveliness_lease_duration"]
-    assert allowed == [[], ["deadline"], ["deadline"], late, late]
+    assert allowed == [[], ["deadline"], ["deadline"], [], late, late]
     swapped = launch.OURS.replace(
         '"/safety/status", "publisher", STATUS', '"/safety/status", "publisher", POSES'
     )

@@ -56,6 +56,41 @@ def test_it_sees_a_cut_of_ten_nanometres(depth: float) -> None:
         assert bool(check_path(thin, across)) == (depth < 0.0)
 
 
+def test_a_link_that_rests_against_a_disc_does_not_halve_the_edge_forever() -> None:
+    """Joint 2 moves; link 1 stands, a trillionth of a metre deep, which passes."""
+    world = planar_arm([1.0, 0.5], discs=[[0.5, 0.2 - 1e-12, 0.2]])
+    states: list[int] = []
+    assert check._judge_arm(world, np.zeros(2), np.array([0.0, 1.0])) is None
+
+    def resting(q: np.ndarray) -> np.ndarray:
+        states.append(q.shape[1])
+        return np.stack((np.full(q.shape[1], -1e-12), np.full(q.shape[1], 1.0)))
+
+    assert check.prove(np.zeros(2), np.array([0.0, 1.0]), resting, [0.0, 0.5]) is None
+    assert sum(states) == 3  # both ends and the middle
+
+
+def test_an_edge_along_which_a_link_grazes_is_refused_in_the_end() -> None:
+    sizes: list[int] = []
+
+    def grazing(q: np.ndarray) -> np.ndarray:
+        sizes.append(q.shape[1])
+        return np.zeros((1, q.shape[1]))
+
+    assert check.prove(np.zeros(1), np.ones(1), grazing, [1.0]) is not None
+    assert max(sizes) <= 2 * check.UNDECIDED + 2
+
+
+def test_a_clearance_that_is_no_number_collides() -> None:
+    for at in (0.0, 0.5):
+
+        def gaps(q: np.ndarray, at: float = at) -> np.ndarray:
+            return np.where(q == at, np.nan, 1.0)
+
+        state = check.prove(np.zeros(1), np.ones(1), gaps, [1.0])
+        assert state is not None and state == [at]
+
+
 def test_it_sees_a_path_through_two_corners() -> None:
     """The diagonal of a square crosses no side: only its middle is inside."""
     square = plane(WIDE, boxes=[[4, 4, 6, 6]])

@@ -72,6 +72,13 @@ def test_so_many_trials_find_a_difference_four_times_in_five(p, q, both):
     assert 0.77 < np.mean(np.abs(z) > 1.959964) < 0.83
 
 
+def test_common_successes_at_their_bounds_are_allowed():
+    """0.9 + 0.8 - 1 is not 0.7 to the bit."""
+    for first, second in ((0.9, 0.8), (0.3, 0.1), (0.95, 0.6)):
+        for together in (round(max(0.0, first + second - 1.0), 12), min(first, second)):
+            assert trials(first, second, together=together) >= 1
+
+
 def test_pairing_needs_fewer_and_its_interval_covers():
     own, same = trials(0.78, 0.87), trials(0.78, 0.87, together=0.75)
     assert same < 0.6 * own

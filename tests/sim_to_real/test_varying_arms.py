@@ -66,12 +66,14 @@ def test_an_integral_removes_the_offset_of_an_unknown_load() -> None:
 def test_the_adaptive_law_learns_the_gravity_torque_and_stays_in_its_box() -> None:
     arms, paths = task(seconds=12.0)
     law = va.Gains(10.0, 8.0)
-    off, on = (va.track(arms, law, paths, rate=rate, noise=0.0) for rate in (0.0, 0.1))
+    without, adapted = (va.track(arms, law, paths, rate=rate, noise=0.0) for rate in (0.0, 0.1))
     true = va.coefficients(arms)
-    before = np.abs(off.estimate[:, -1, 3] - true[:, 3])
-    after = np.abs(on.estimate[:, -1, 3] - true[:, 3])
+    before = np.abs(without.estimate[:, -1, 3] - true[:, 3])
+    after = np.abs(adapted.estimate[:, -1, 3] - true[:, 3])
     assert np.median(after) < 0.3 * np.median(before)
-    assert np.mean(np.abs(on.angle[:, -2000:])) < 0.7 * np.mean(np.abs(off.angle[:, -2000:]))
+    assert np.mean(np.abs(adapted.angle[:, -2000:])) < 0.7 * np.mean(
+        np.abs(without.angle[:, -2000:])
+    )
     low, high = 0.5 * va.coefficients([va.LOW])[0], 3.0 * va.coefficients([va.HIGH])[0]
     wild = va.track(arms, law, paths, rate=1e3)
     assert np.all((wild.estimate >= low - 1e-12) & (wild.estimate <= high + 1e-12))

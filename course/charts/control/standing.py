@@ -52,9 +52,9 @@ def standing_limit(
         torque.append(np.max(np.abs(result.torques)))
     degrees = np.degrees(np.arctan(tangents))
     share = Panel(
-        "What standing uses, friction 0.6",
+        "Forces of lowest cost, friction 0.6",
         "slope [deg]",
-        "largest use",
+        "largest use [% or N m]",
         lines=[("x", angle(mu), "friction angle")],
         ylim=(0.0, None),
     )

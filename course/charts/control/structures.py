@@ -317,7 +317,7 @@ def adaptive_cures(seconds: float = 20.0, seeds: int = 12) -> Iterator[Panel]:
         ylim=(0.0, 30.0),
     )
     price = Panel(
-        "What the cures cost",
+        "Error on a motion with each cure",
         "inertia estimate at the end, at rest [kg m²]",
         "error on a motion, RMS [mrad]",
         scale="log",

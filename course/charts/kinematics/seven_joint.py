@@ -1,5 +1,6 @@
 """The 7-R arm in closed form: its curve of postures, and what a posture within the limits costs."""
 
+import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -24,6 +25,13 @@ Flags = NDArray[np.bool_]
 Answer = Callable[[Array, np.random.Generator], Array | None]
 # A posture in the middle of the ranges: the pose of its tip has branches on both sides [rad].
 POSTURE = np.array([0.3, 0.4, -0.2, -1.9, 0.5, 1.8, 0.4])
+# Both curves of single calls lie at the same times, where the numbers of one would hide the other;
+# with as many tries they leave about as many poses as their batches.
+NUMBERED = ("our method in Python", "closed form, a batch", "compiled search, a batch")
+FOOTER = (
+    "Triangles at the lower edge: every pose got an answer. Without 'a batch' there is a call for "
+    "each pose."
+)
 
 
 def curve(target: Array, count: int = 721) -> tuple[Array, Array, Flags, Array]:
@@ -106,6 +114,12 @@ def searched_batch(poses: Array, number: int, rng: np.random.Generator) -> Array
     return np.where(result.success, result.q, np.nan)
 
 
+def _counts(sizes: Sequence[int], failed: Sequence[float]) -> list[str]:
+    """Return the numbers of tries, up to the first that leaves no pose: that one is a triangle."""
+    pairs = zip(sizes, failed, strict=True)
+    return [str(n) for n, share in itertools.takewhile(lambda pair: pair[1] > 0.0, pairs)]
+
+
 @chart
 def seven_joint(
     targets: int = 2000,
@@ -149,7 +163,7 @@ def seven_joint(
         "time for a pose [s]",
         "share of the poses without an answer",
         scale="log",
-        footer=f"A call for each pose, or one for all. {machine(libraries=('pin',))}",
+        footer=f"{FOOTER} {machine(libraries=('pin',))}",
     )
     poses = reachable(arm, targets, 4)
     methods = {
@@ -207,7 +221,7 @@ def seven_joint(
                 cost,
                 failed,
                 name,
-                tags=[str(n) if share else "" for n, share in zip(sizes, failed, strict=True)],
+                tags=_counts(sizes, failed) if name in NUMBERED else [],
                 note=f"{name:<23} {failed[-1]:.2%} without an answer at {sizes[-1]} tries, "
                 f"{1e6 * cost[-1]:.3g} us; error of the answers {np.median(good):.0e} in the "
                 f"median, {good.max():.0e} at most [m, rad]",

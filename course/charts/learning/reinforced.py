@@ -320,7 +320,7 @@ def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
             how = replace(SMALL, **{**settings, **change})
             present[row] = sweep(trained, jobs(settings=how, **same, **task))
     yield Panel(
-        "Four tasks with and without a detail",
+        "Where one detail matters",
         SHARE,
         xlim=(0.0, 2.1),
         series=[banded(present, "where it matters")],

@@ -228,7 +228,7 @@ def late_or_lost(
         seconds: of each run.
     """
     panel = Panel(
-        f"{100 * loss:g} % of the commands are lost, one each 10 ms",
+        f"A command every 10 ms, of which {100 * loss:g} % are lost",
         "delay of the link [ms]",
         "rms error that the loss adds [mrad]",
         scale="log",

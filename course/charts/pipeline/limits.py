@@ -341,11 +341,11 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         footer=machine(0.0),
     )
     price = Panel("Scatter of the answers", "runs", "standard error", scale="log")
-    price.series.append(
+    others = [
         Series(
             "plain", ladder, spread, style="", theory=lambda n: math.sqrt(SHARE * (1.0 - SHARE) / n)
         )
-    )
+    ]
     alarm = Panel(
         "Effective number gives no warning",
         "reported errors from the truth",
@@ -369,7 +369,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         runs, true = result[0].runs, float(y.std(ddof=1))
         # Runs that plain sampling needs for the same true scatter.
         worth = SHARE * (1.0 - SHARE) / true**2 / runs
-        price.series += [
+        price.series.append(
             Series(
                 f"{name}, true",
                 [runs],
@@ -379,9 +379,10 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
                 f"scatter by {true:.2g}, {np.median(error):.2g} stated; {100 * sure:.0f} % too "
                 f"low by 3 stated errors, within 2 {100 * met:.0f} %; plain sampling takes "
                 f"{worth:.3g} times the runs",
-            ),
-            Series(f"{name}, reported", [runs], [float(np.median(error))], style="", hollow=True),
-        ]
+            )
+        )
+        stated = float(np.median(error))
+        others.append(Series(f"{name}, reported", [runs], [stated], style="", hollow=True))
         some = deviation < -3.0
         count = np.array([one.effective for one in result])
         if some.any():
@@ -391,4 +392,6 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
             )
         alarm.series.append(Series(name, deviation, count, style=""))
         width.series.append(Series(name, [one.width.min() for one in result], y / SHARE, style=""))
+    # First the two proposals, so that they have the colours that they have on the other panels.
+    price.series += others
     yield from (ranks, price, alarm, width)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from course.charts import chart
 from course.measure.figure import Panel, Series
 from course.measure.timing import calls, interleaved
+from course.pytorch import one_thread
 from course.sim_to_real import actuator_network as an
 from course.sim_to_real import varying_arms as va
 
@@ -266,7 +267,7 @@ def sizes(n: int, updates: int, widths: Sequence[int], seeds: int, repeats: int)
         ]
         for network in networks[0]
     }
-    with an.one_thread():
+    with one_thread():
         timed = interleaved(
             [
                 *(calls(an.predict_torque, network, first) for network in networks[0]),

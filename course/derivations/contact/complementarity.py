@@ -325,7 +325,7 @@ def penalty_is_a_step(result):
 
 @claim(
     "Backpropagation through contact gives zero or undefined gradients.",
-    "It gives zero before touch, two one-sided values at touch, and an ordinary number after it: "
+    "Exactly at touch it has two one-sided values. After touch it is an ordinary number: "
     "a finger that reaches the block moves it {after_s:.3f} m farther for each m/s more. (Both "
     "have equal mass, there is no restitution, and the run lasts half a second.) What goes "
     "wrong is another thing. A lossless bounce applied at the end of its step has the derivative "
@@ -353,7 +353,13 @@ def contact_gradients_vanish(result):
     result.statement = (
         f"Derivatives before touch {np.round(before, 4)}, behind it {np.round(after, 4)}."
     )
-    result.statement_holds(max(np.abs(after)) < 1e-6)
+    slow, fast = result.rng.uniform(0.05, 0.19, 8), result.rng.uniform(0.21, 0.5, 8)
+    result.statement_holds(
+        max(np.abs(after)) < 1e-6,
+        only_if="the bodies do not touch, or just touch, in the run",
+        inside=[abs(push(p)) < 1e-9 for p in slow],
+        outside=[abs(push(p)) < 1e-9 for p in fast],
+    )
     result.correction_holds(
         max(np.abs(before)) < 1e-9,
         # Equal masses without restitution: both move on at half the finger's speed.

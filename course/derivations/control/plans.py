@@ -55,8 +55,10 @@ def mpc_beats_clipping(result):
         for _ in range(80):
             free = float((-K @ x)[0])
             met.append(np.sign(free) * (abs(free) > 1.0))
-            last = control.mpc(plan, x, 1.0, last) if planned else None
-            u = last[0] if planned else np.clip([free], -1.0, 1.0)
+            u = np.clip([free], -1.0, 1.0)
+            if planned:
+                last = control.mpc(plan, x, 1.0, last)
+                u = last[0]
             total += float(x @ Q @ x + u @ R @ u)
             x = A @ x + B @ u
         return total, met

@@ -388,7 +388,7 @@ def condition_is_a_product(result):
 
 
 @claim(
-    "cond(J) > 100 means that the arm is near a singularity.",
+    "Whatever the arm and the units, cond(J) > 100 means that the arm is near a singularity.",
     "The number alone does not say so: it depends on the arm and on the unit. Links "
     "of {l1_m} m and {l2_m} m pass it within "
     "{beside_deg:.1f} degrees of stretched; a last link {short:g} times shorter than the first is "
@@ -485,7 +485,8 @@ def euler_jacobian_locks(result):
 
 
 @claim(
-    "An IK loop that has converged has found joint angles for the arm.",
+    "When an IK loop that ignores the joint limits converges, its joint angles are usually within "
+    "them.",
     "For the pose, not for the arm: the usual loop, a tenth of each pseudo-inverse step and no "
     "limits, converges from random starts on {there_percent:.1f} % of {poses:g} reachable poses "
     "of the 7-R arm and ends within the limits on {within_percent:.1f} %. Hold the limits in every "
@@ -507,7 +508,7 @@ def converged_within_limits(result):
     result.measure("within_percent", 100 * selected.mean(), 0.3)
     result.measure("ours_percent", 100 * np.mean(ours.success & within(arm, ours.q)), 0.02)
     result.statement = f"{count} reachable poses, Pinocchio's functions in the loop of its example."
-    result.statement_holds(selected.sum() == other.sum())
+    result.statement_holds(selected.sum() > 0.5 * other.sum())
     result.correction_holds(
         other.mean() > 0.8,
         selected.mean() < 0.4,

@@ -326,8 +326,8 @@ def sampler_orders(result):
 @claim(
     "A diffusion policy needs at least ten denoising steps.",
     "That depends on how many samples may fall between the modes. For two narrow modes and the "
-    "exact denoiser, DDIM leaves {five:.1%} of the samples there with five steps, {nine:.2%} "
-    "with nine and {ten:.2%} with ten.",
+    "exact denoiser, DDIM leaves {five:.1%} of the samples there with five steps, {nine:.1%} "
+    "with nine and {ten:.1%} with ten.",
 )
 def ten_denoising_steps(result):
     from course.learning import Mixture, denoise
@@ -353,7 +353,7 @@ def ten_denoising_steps(result):
     )
     result.statement_holds(
         nine > five,
-        only_if="less than {nine:.2%} of the samples may fall between two modes as narrow as these",
+        only_if="less than {nine:.1%} of the samples may fall between two modes as narrow as these",
         inside=inside,
         outside=outside,
     )

@@ -732,8 +732,8 @@ def two_gains(result):
         "d*h + 2*h^2 + 2*h*m",
         {
             "d*h + h^2 + h*m": (
-                "Each layer needs two products: one for its weights and one to pass the error "
-                "on to its inputs."
+                "All layers but the first need two products: one for their weights and one to "
+                "pass the error on to their inputs."
             ),
             "2*d*h + 2*h^2 + 2*h*m": (
                 "The first layer need not pass the error on to the network's inputs."

@@ -365,15 +365,16 @@ def seven_billion_on_board(result):
     far = age([stages[0], Stage("link", link, overload="pipelined"), *stages[1:]]).mean
     result.measure("near_ms", 1e3 * near)
     result.measure("far_ms", 1e3 * far)
-    # Bytes per weight above and below the least, and actions per inference.
+    # Bytes per weight and action above and below the least, and actions per inference.
     sizes, small = result.rng.uniform(1.05 * least, 4.0, 8), result.rng.uniform(0.3, 0.95, 8)
     few = result.rng.uniform(4.0, 16.0, 8)
     result.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
     result.statement_holds(
         bool(traffic(2, chunk) > pc),
-        only_if="each action takes an inference of its own, and a weight has more than {least:.2f} "
-        "bytes",
-        inside=[traffic(x) > pc for x in sizes],
+        only_if="the bytes of a weight, divided by the actions per inference, exceed {least:.2f}",
+        # The same quotient, with one action per inference and with several.
+        inside=[traffic(x) > pc for x in sizes]
+        + [traffic(x * a, a) > pc for x, a in zip(sizes, few, strict=True)],
         outside=[traffic(x, a) > pc for x, a in zip(sizes, few, strict=True)]
         + [traffic(x * least) > pc for x in small],
     )

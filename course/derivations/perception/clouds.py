@@ -13,7 +13,8 @@ SYMBOLS = {
 
 
 @claim(
-    "A small part far away has few pixels.",
+    "A flat part that faces the camera has about a sixteenth of the pixels if it is half as large "
+    "and twice as far away.",
     "A square of side a that faces the camera has (f a / z)^2 pixels, give or take a row and a "
     "column. One of {side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of an image that is "
     "{wide:.0f} pixels wide, and {near:.0f} at half of that distance. If it is tilted in the "
@@ -41,8 +42,12 @@ def small_parts_have_few_pixels(result):
     # Near and far, small and large; one row and column may be cut at the edge.
     draws = result.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
     result.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
-    result.statement_holds(few < 1e-3 * eye.width * eye.height)
+    pairs = [(a, z) for a, z in result.rng.uniform([0.1, 0.25], [0.2, 0.5], (12, 2))]
+    result.statement_holds(
+        all(abs(16.0 * counted(a / 2, 2 * z) / counted(a, z) - 1.0) < 0.15 for a, z in pairs)
+    )
     result.correction_holds(
+        few < 1e-3 * eye.width * eye.height,
         all(abs(np.sqrt(counted(a, z)) - eye.fx * a / z) <= 1 for a, z in draws),
         all(abs(n / counted(0.05, 1.0) / c - 1) < 0.12 for n, c in tilts),
         np.allclose(shares, exact, rtol=0.12),
@@ -202,12 +207,11 @@ def dbscan_separates(result):
 
 
 @claim(
-    "log(1 - P) / log(1 - w^3) samples find the plane with probability P.",
-    "Of many points, they contain one sample of three inliers with that probability: it happened "
-    "in {drawn:.3f} of the runs, for a P of {asked}, but of {few:.0f} points only in {rare:.2f}. "
-    "And "
-    " a plane through three noisy inliers is not yet the "
-    "plane. At a tolerance of {sigmas} sigma, {found_it:.2f} of the runs find it, and "
+    "log(1 - P) / log(1 - w^3) samples find the plane of noisy points with probability P.",
+    "If there are many points, at least one of these samples has three inliers with probability P: "
+    "for a P of {asked} it happened in {drawn:.3f} of the runs, but with {few:.0f} points in "
+    "{rare:.2f}. Without noise, such a sample is the plane. A plane through three noisy inliers is "
+    "not the plane yet. At a tolerance of {sigmas} sigma, {found_it:.2f} of the runs find it, and "
     "{refitted:.2f} after a refit to all nearby points.",
     ask=(
         "A share w of the points lies on the plane. How many draws of three hold one of inliers "

@@ -66,7 +66,8 @@ def tutorial_runs(result):
     result.statement = "The steps with the tutorial's numbers, with a file and without."
     result.statement_holds(
         fails(other),
-        only_if="a file of points is there, and not all of them are in one plane",
+        only_if="the image was converted to a file of points first, and not all of them are in one "
+        "plane",
         inside=[count == boxes],
         outside=[not fails(empty), not fails(table)],
         cases=True,
@@ -248,9 +249,10 @@ def pipeline_keeps_up(result):
     "{turn_deg} degrees leave enough for fingers that are {narrow:.0f} mm wide, but not for "
     "{wide:.0f} mm.",
     ask=(
-        "Two parallel fingers, b wide along the part, close on a part of width W that is longer "
-        "than b. Midway along the fingers, the part's middle line is e to the side, and the part "
-        "is turned by t there. How much farther than W/2 from the middle must each finger start?",
+        "Two parallel fingers close on a part of width W. Along the part, the fingers are b wide, "
+        "and the part is longer than b. The part is turned by t, and at the middle of the fingers "
+        "its middle line lies e to the side. To clear the part, each finger must start farther "
+        "from the middle than W/2. By how much?",
         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)",
         {
             "e": "A turned part is wider between the fingers.",

@@ -16,10 +16,12 @@ SYMBOLS = {
 
 
 @claim(
-    'One number on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise.',
-    "The noise is {formula}, which depends on the distance: the same sensor has {low:.2f} mm at "
-    "{near} m, {middle:.1f} mm at {mid} m and {high:.0f} mm at {far} m. Each quoted number is "
-    "right at some distance.",
+    'One number on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise at all '
+    "distances.",
+    "The noise is {formula}, which depends on the distance: a sensor with a focal length of "
+    "{focal:.0f} pixels, a baseline of {base_mm:.0f} mm and a tenth of a pixel of noise has "
+    "{low:.2f} mm at {near} m, {middle:.1f} mm at {mid} m and {high:.0f} mm at {far} m. Each "
+    "quoted number is right at some distance only.",
     ask=(
         "Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
         "sigma = z^2*s/(f*B)",
@@ -36,10 +38,11 @@ def noise_is_one_number(result):
     z, f, B, s, d = sympy.symbols("z f B s d", positive=True)
     result.formula = (-s * sympy.diff(f * B / d, d)).subs(d, f * B / z)
     places = [result.input("near", 0.3), result.input("mid", 0.7), result.input("far", 3.0)]
+    focal, base = int(result.input("focal", 600)), result.input("base_mm", 50) / 1000
     spread = [np.std(walls(x, result.rng)) for x in places]
     for k, name in enumerate(("low", "middle", "high")):
         result.measure(name, 1000 * spread[k], 0.03)
-    law = [float(result.formula.subs({z: x, f: 600, B: 0.05, s: 0.1})) for x in places]
+    law = [float(result.formula.subs({z: x, f: focal, B: base, s: 0.1})) for x in places]
     result.statement = "The spread over 19,600 pixels of a wall at three distances."
     result.statement_holds(max(spread) < 1e-3 or all(1e-3 <= x <= 3e-3 for x in spread))
     result.correction_holds(np.allclose(spread, law, rtol=0.02))
@@ -121,7 +124,7 @@ def pixels_are_independent(result):
     result.statement_holds(
         abs(amount - 1.0) < 0.3,
         only_if="the noise is white (the window is one pixel), and the steps of the disparity are "
-        "at most twice as large",
+        "at most twice as large as the noise",
         inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides]
         # Twice the noise is the edge of the condition, at distances on and off a step.
         + [abs(ratio(n, 1, step=0.05) - 1.0) < 0.3 for n in sides[:4]]

@@ -186,18 +186,20 @@ def outline_tells(result):
 
 
 @claim(
-    "If the camera's calibration is right, and it sees through the supposed place of an opaque "
-    "part, then the pose is wrong.",
+    "If the camera's calibration is right, its depths are not false (as on shiny parts), and it "
+    "sees through the supposed place of an opaque part, then the pose is wrong.",
     "Over {images:.0f} images, the true pose has a see-through share of at most {right:.2%}, and "
-    "its quarter turn at least {wrong:.1%}. The condition matters: in an image whose depths are "
-    "{off:.0%} too long, the true pose (not the fitted one, which moves with the image) has "
-    "{scaled:.0%}, and with a principal point that is {pixels:.0f} pixels off up to {shifted:.0%}. "
+    "its quarter turn at least {wrong:.1%}. The conditions matter: if a shiny part mirrors the "
+    "table in {shiny:.0%} of its pixels, which then appear deeper, the true pose has "
+    "{mirrored:.0%}. In an image whose depths are {off:.0%} too long, the true pose (not the "
+    "fitted one, which moves with the image) has {scaled:.0%}, and with a principal point that is "
+    "{pixels:.0f} pixels off up to {shifted:.0%}. "
     "And a nearly square box cannot be distinguished from its quarter turn "
     "({square:.1%}); it is reported as ambiguous.",
 )
 def looked_through_is_wrong(result):
-    from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by
-    from course.perception import locate, see_through, shape
+    from course.charts.perception.poses import BOX, EYE, SENSOR, TABLE, turned_by
+    from course.perception import locate, render, see_through, shape
 
     def through(part, turn, scale=1.0, eye=EYE):
         shares = []
@@ -216,10 +218,19 @@ def looked_through_is_wrong(result):
     shifted = result.measure("shifted", through(BOX, 0.0, eye=wide)[0], 0.2)
     depths = [image_of(square, 0.0, yaw, result.rng)[0] for yaw in (-2, 0.3, 1)]
     text = [locate(depth, EYE, SENSOR, square)[0].status for depth in depths]
+    # A shiny part: some of its pixels show the table, as if the part was not there.
+    shiny, mirrored = result.input("shiny", 0.2), []
+    for yaw in result.rng.uniform(-3, 3, images):
+        depth, pose = image_of(BOX, 0.0, yaw, result.rng)
+        bare, _ = render(shape("plane").moved(TABLE), EYE)
+        false = (bare - depth > 0.01) & (result.rng.random(depth.shape) < shiny)
+        mirrored.append(see_through(np.where(false, bare, depth), EYE, SENSOR, BOX.moved(pose)))
+    result.measure("mirrored", np.mean(mirrored), 0.05)
     result.statement = "Twenty pictures each of a box on a table, and of a nearly square one."
     result.statement_holds(10 * right < wrong)
     result.correction_holds(
         scaled > 0.5,
+        min(mirrored) > 10 * max(right, 0.01),
         shifted > 10 * max(right, 0.01),
         same < 0.1 < wrong,
         all(word == "ambiguous" for word in text),

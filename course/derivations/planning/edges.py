@@ -98,8 +98,9 @@ def edge_by_ten_points(result):
     "wall is enough, except for corners, which an edge can cut off at any spacing. A test in "
     "closed form misses neither.",
     ask=Ask(
-        "Check points along an edge are s apart. It crosses a wall of thickness w < s head on, "
-        "anywhere. What is the probability that no point lies in the wall?",
+        "Check points along an edge are s apart. The edge crosses a wall of thickness w < s head "
+        "on, and where the points fall is random. What is the probability that no point lies in "
+        "the wall?",
         "P = 1 - w/s",
         {
             "w/s": "That is the probability that a point lies in the wall.",

@@ -398,13 +398,15 @@ def shortcut_leaves_corners(result):
 
 @claim(
     "A motion that respects its limits at every point of a fine grid respects them in between.",
-    "On a line or a parabola q'' is constant between two grid points, so the joint acceleration is "
-    "linear in s there, and largest at an end. If both ends are constrained, its largest ratio to "
-    "the limit over {times:.0f} times is {both:.4f}. A test at the first points alone leaves the "
-    "other ends free: with {coarse:.0f} intervals per rounded corner the acceleration exceeds its "
-    "limit by {over:.0%}, with {fine:.0f} by {over_fine:.1%}. On a circular arc q'' turns: with "
+    "On a line, or a parabola in its own parameter s, q'' is constant between two grid points, so "
+    "the joint acceleration is linear in s there, and largest at an end. If both ends are "
+    "constrained, its largest ratio to the limit over {times:.0f} times is {both:.4f}. A test at "
+    "the first points alone leaves the other ends free: with {coarse:.0f} intervals per rounded "
+    "corner the acceleration exceeds its limit by {over:.0%}, with {fine:.0f} by "
+    "{over_fine:.1%}. On a circular arc q'' turns: with "
     "{few:.0f} intervals per quarter circle, both ends constrained, the limit is exceeded by up to "
-    "{over_arc:.1%}.",
+    "{over_arc:.1%}. And if s is the arc length, q'' is not constant on a parabola either: at even "
+    "speed, across a vertex where it turns by a right angle, the excess is {over_even:.0%}.",
     source="Pham and Pham, A new approach to time-optimal path parameterization (TOPP-RA), 2018",
 )
 def limits_between_grid_points(result):
@@ -469,20 +471,35 @@ def limits_between_grid_points(result):
     steps = result.input("few", 4)
     arcs = [on_arc(0.5 * np.pi / steps, x) for x in np.linspace(0.0, 0.5 * np.pi, 91)]
     result.measure("over_arc", max(arcs) - 1, 0.01)
+
+    def on_parabola(reach):
+        """Return the largest acceleration on y = x^2 from -reach to reach at even speed.
+
+        The limit is 1 at both ends. The derivatives by arc length are -4 x / k^2 and 2 / k^2 with
+        k = 1 + 4 x^2.
+        """
+        x = np.linspace(-reach, reach, 1001)
+        push = np.abs([-4.0 * x, 2.0 * np.ones_like(x)]) / (1.0 + 4.0 * x**2) ** 2
+        return push.max() / push[:, [0, -1]].max()
+
+    by_length = on_parabola(0.5)  # its tangent turns from -45 to 45 degrees
+    result.measure("over_even", by_length - 1, 0.01)
     result.statement = (
-        "Two joints, three rounded corners, ten random paths, arcs at even speed; limits at both "
-        "ends of an interval, compared with those in between."
+        "Two joints, three rounded corners, ten random paths; arcs and a parabola at even speed; "
+        "limits at both ends of an interval, compared with those in between."
     )
     result.statement_holds(
         fine[1] < 1 + 1e-6,
-        only_if="both ends of each interval are constrained, and the path between them is a line "
-        "or a parabola",
+        only_if="both ends of each interval are constrained, and the path between them is a line, "
+        "or a parabola in its own parameter",
         inside=[both_ends(corners) for corners in result.rng.integers(1, 5, 10)],
-        outside=[x < 1 + 1e-9 for x in (coarse[1], fine[1], *arcs)],
+        outside=[x < 1 + 1e-9 for x in (coarse[1], fine[1], *arcs, by_length)],
     )
     result.correction_holds(
         max(coarse[0], fine[0]) < 1 + 1e-9,
         1 < fine[1] < coarse[1],
         # The farthest that an arc's acceleration turns between its ends is half its angle.
         abs(max(arcs) - 1 / np.cos(0.25 * np.pi / steps)) < 1e-6,
+        # In the middle 2, at the ends 2 / 4.
+        abs(by_length - 4.0) < 1e-9,
     )

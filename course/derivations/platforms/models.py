@@ -153,7 +153,7 @@ def damping_realism(result):
 
 
 @claim(
-    "Real joints have position servos, so a position actuator makes the model real.",
+    "Real joints have position servos, so MuJoCo's default position actuator models them well.",
     "The model gets a spring, not the robot's servo. By small angles it holds a link out {formula} "
     "too low: with a gain of {stiff:.0f} it hung {droop:.2f} degrees below level, and "
     "{default:.0f} with {kp:.0f}, the default.",

@@ -206,10 +206,10 @@ SCENARIO = Scenario(
     prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. "
     "A brake and friction should damp the small motion that it has at the start. "
     "Instead the motion grows, and after about a thousand steps the slide is lost. "
-    "Each run of a probe ends after about three times that time. A slide that is not lost by "
-    "then gets this time instead, so a ratio of times is at most about three. You can read the "
-    "program, but not the parameters of the machine; you can only run the probes below. What is "
-    "the cause, and what do you change?",
+    "Each run of a probe ends after about three times that time. If the slide survives, "
+    "the end of the run counts as its time, so no ratio of times exceeds about three. You can "
+    "read the program, but not the parameters of the machine; you can only run the probes below. "
+    "What is the cause, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,

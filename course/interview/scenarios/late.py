@@ -153,7 +153,7 @@ SCENARIO = Scenario(
     name="late",
     title="The tool lags behind the target",
     prompt="A camera observes parts on a moving belt, and a tool follows them. At this belt speed "
-    "the tool should lag by less than twenty millimeters, which the gripper tolerates. It lags by "
+    "the tool should lag by less than twenty millimetres, which the gripper tolerates. It lags by "
     "about forty. You can read the program, but not the parameters of the line, which are on its "
     "controller; you can only run the probes below. What causes the lag, and what do you change?",
     symptom_words="lag of the tool",

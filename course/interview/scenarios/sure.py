@@ -210,7 +210,7 @@ SCENARIO = Scenario(
     title="The perception stage is confident and wrong",
     prompt="A camera on the hand observes a box while the hand moves. The perception stage fits a "
     "model of the box to the image and reports a confidence close to one. Yet the gripper misses "
-    "the grasp point by more than two centimeters in every attempt. You can read the program, but "
+    "the grasp point by more than two centimetres in every attempt. You can read the program, but "
     "not the parameters of the stage, which are on the robot; you can only run the probes below. "
     "What is the cause, and what do you change?",
     symptom_words="distance from the grasp point",

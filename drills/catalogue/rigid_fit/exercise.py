@@ -102,21 +102,21 @@ def brought(figure: Any, shown: Shown) -> None:
     axes.legend()
 
 
-_KEPT = "R = U @ np.diag([1.0, 1.0, handed]) @ Vt"
+_KEPT = "R = Vt.T @ np.diag([1.0, 1.0, handed]) @ U.T"
 _SHIFT = "return R, end - R @ start"
-_SPREAD = "spread = (b - end[:, None]) * w @ (a - start[:, None]).T"
+_SPREAD = "spread = (a - start[:, None]) * w @ (b - end[:, None]).T"
 _MEANS = "start, end = a @ w, b @ w"
 
 SLIPS = slips(
     mirror_image=(
         _KEPT,
-        "R = U @ Vt",
+        "R = Vt.T @ U.T",
         "R may be a mirror image: nobody looks at the determinant. Flat or noisy points then come "
         "out turned inside out.",
     ),
     all_signs_changed=(
         _KEPT,
-        "R = handed * (U @ Vt)",
+        "R = handed * (Vt.T @ U.T)",
         "A mirror is mended by the sign of all of R. That is a rotation, and not the best: only "
         "the direction of the smallest singular value is to be turned back.",
     ),
@@ -128,7 +128,7 @@ SLIPS = slips(
     ),
     transposed=(
         _KEPT,
-        "R = (U @ np.diag([1.0, 1.0, handed]) @ Vt).T",
+        "R = (Vt.T @ np.diag([1.0, 1.0, handed]) @ U.T).T",
         "R is transposed: it turns the target's way back, while the shift is meant for the way "
         "there.",
     ),
@@ -139,7 +139,7 @@ SLIPS = slips(
     ),
     not_centred=(
         _SPREAD,
-        "spread = b * w @ a.T",
+        "spread = a * w @ b.T",
         "The means are still in the products: far from the origin the place decides about R. Take "
         "the means off first.",
     ),
