@@ -7,6 +7,9 @@ are at right angles, also find its eigenvectors.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import void
 from numba.extending import register_jitable
@@ -55,7 +58,7 @@ def _sums(a, out):
         out[i] = total
 
 
-_SIGNATURES = {
+_SIGNATURES: dict[Callable[..., Any], Any] = {
     _eigen: void(MATRIX, VECTOR, MATRIX),
     _across: void(MATRIX, MATRIX, MATRIX),
     _sums: void(MATRIX, VECTOR),

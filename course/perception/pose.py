@@ -553,7 +553,7 @@ def settle(z, camera, sensor, part, cluster, table, on_table, mobile, starts, po
         if k < first:
             start = poses[k].copy()
         else:
-            best = scores[:first].argmax()
+            best = int(scores[:first].argmax())
             if not laid[best]:
                 return _nowhere()
             # A part that is nearly the same after a quarter turn: that too has to be worse.
@@ -567,12 +567,12 @@ def settle(z, camera, sensor, part, cluster, table, on_table, mobile, starts, po
             if again:
                 continue
         fit = register(some, spread, NO_TREE, part, start, wide, mobile, 1, False, 40, 1e-5)
-        if fit.count < 3 and fit.steps == 0:  # nothing within the gate
+        if fit.matches < 3 and fit.steps == 0:  # nothing within the gate
             continue
         tried[k, :3], tried[k, 3:], laid[k] = fit.p, from_matrix(fit.R), True
         through[k], _, scores[k], _ = judge(z, camera, sensor, moved_to(part, tried[k]), cluster)
         matched[k] = np.count_nonzero(fit.flags > 0) / fit.flags.size
-    best = scores.argmax()
+    best = int(scores.argmax())
     pose = tried[best].copy()
     # All that the pose covers, also what is too near the table to be told from it.
     exact, _ = view(moved_to(part, pose), camera)

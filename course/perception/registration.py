@@ -331,11 +331,11 @@ def icp(
         finite("tolerance", tolerance, 0.0, unit="m"),
     )
     H = made.information
-    if made.count < 3 and made.steps == 0:
-        raise invalid("start", begin, f"a pose with 3 points within the gate (here {made.count})")
+    if made.matches < 3 and made.steps == 0:
+        raise invalid("start", begin, f"a pose with 3 points within the gate (here {made.matches})")
     # Without given deviations the residual's own variance scales the information.
     if sigma is None:
-        H *= max(made.count - mobile.sum(), 1.0) / max(made.weighted, 1e-300)
+        H *= max(made.matches - mobile.sum(), 1.0) / max(made.weighted, 1e-300)
     return Fit(
         made.R,
         made.p,
@@ -354,7 +354,7 @@ class Registered(NamedTuple):
     Attributes:
         R, p: of the target in the frame of the points, (3, 3) and (3,) [m].
         flags: of each point 1 matched, 2 rejected by its ray, 0 neither, (N,).
-        count: matched points.
+        matches: number of matched points.
         weighted: sum of the weighted squares.
         residual: root mean square of the matched distances, infinite if they are fewer than 3 [m].
         steps: that were made.
@@ -365,7 +365,7 @@ class Registered(NamedTuple):
     R: Array
     p: Array
     flags: NDArray[np.int64]
-    count: int
+    matches: int
     weighted: float
     residual: float
     steps: int
