@@ -56,12 +56,12 @@ from course.perception.outline import border, refine, rows
 from course.perception.outline import information as outline_information
 from course.perception.registration import (
     DIRECTIONS,
-    NO_TREE,
     covariance_of,
     icp,
     known,
     register,
 )
+from course.perception.tree import NO_TREE
 from course.rigid_body.quaternion import (
     conjugate,
     exp,

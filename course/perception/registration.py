@@ -25,10 +25,11 @@ from numpy.typing import ArrayLike, NDArray
 from course.check import count, finite, invalid, one_of, vector
 from course.compiled import MATRIX, VECTOR, compiled, loop
 from course.contact.shapes import poses as checked_poses
-from course.kinematics.inverse import decompose
 from course.perception import camera
 from course.perception.camera import CYLINDER, PLANE, SPHERE, STILL, Shapes, Solids, numbers
 from course.perception.linear import eigen, times_transposed
+from course.perception.rigid import rotation
+from course.perception.tree import NO_CLOUD, Cloud, nearest_row
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
 
 Array = NDArray[np.float64]
@@ -36,7 +37,6 @@ Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "turn x", "turn y", "turn z")
 METHODS = ("point", "plane")
 
-_LEAF = 16  # points in a leaf of the tree
 _LEAST_COSINE = 0.1  # of ray and normal, for a weight: what grazes is not known ever better
 _EDGE = 0.5  # standard deviations of depth: a ray that passes an edge nearer counts for no face
 _BLIND = 1e-6  # an eigenvalue below this, where each direction alone has 1, is not observed
@@ -45,88 +45,6 @@ _UNSEEN = 1e-9  # a motion with less than this share of the largest information 
 _INDICES = types.Array(int64, 1, "C")
 _FLAGS = types.Array(numba.boolean, 1, "C")
 _CUBE = types.Array(float64, 3, "C")
-
-
-@dataclass(frozen=True, eq=False)
-class Cloud:
-    """Points in a k-d tree (Bentley, 1975): cut at the median across the widest side.
-
-    Made by `Cloud.of`. In the order of the tree: `points` (N, 3) [m], `normals` (N, 3) or (0, 3),
-    `order` (N,) each point's number; `axes`, `cuts` (2^k - 1,) of inner nodes, breadth first.
-    """
-
-    points: Array
-    normals: Array
-    order: NDArray[np.int64]
-    axes: NDArray[np.int64]
-    cuts: Array
-
-    @classmethod
-    def of(cls, points: ArrayLike, normals: ArrayLike | None = None) -> Cloud:
-        """Return a cloud to register to, or to ask for nearest points.
-
-        Args:
-            points: shape (3, N), at least one [m].
-            normals: shape (3, N), of unit length; needed for point-to-plane only.
-
-        Raises:
-            ValueError: for no point, a NaN, or normals of another shape or length.
-        """
-        rows = vector("points", points, (3, None), unit="m").T.copy()
-        if not len(rows):
-            raise invalid("points.shape", (3, 0), "at least one point")
-        order, axes, cuts = tree_of(rows)
-        turned = np.zeros((0, 3))
-        if normals is not None:
-            given = vector("normals", normals, (3, len(rows)))
-            length = np.linalg.norm(given, axis=0)
-            if np.abs(length - 1.0).max() > 1e-6:
-                raise invalid("normals", length, "vectors of unit length")
-            turned = np.ascontiguousarray(given.T[order])
-        return cls(rows, turned, order, axes, cuts)
-
-    def nearest(self, queries: ArrayLike, within: float = np.inf) -> tuple[Array, Any]:
-        """Return the nearest point to each query, shape (3, n) [m].
-
-        Returns:
-            Distances (n,) [m] and numbers of the points (n,); infinite and -1 where none is nearer
-            than `within`.
-        """
-        q = np.ascontiguousarray(vector("queries", queries, (3, None), unit="m").T)
-        tree = self.points, self.order, self.axes, self.cuts
-        return nearest_in(tree, q, float(within))
-
-
-@register_jitable
-def tree_of(rows):
-    """Put the rows of points (N, 3) into the order of a k-d tree.
-
-    Returns:
-        order, axes and cuts, as of `Cloud`.
-    """
-    # Levels of a balanced tree with at most _LEAF points in each leaf.
-    leaves = 1
-    while leaves * _LEAF < len(rows):
-        leaves *= 2
-    order = np.arange(len(rows))
-    axes, cuts = np.zeros(leaves - 1, dtype=np.int64), np.zeros(leaves - 1)
-    _build_loop(rows, order, axes, cuts)
-    return order, axes, cuts
-
-
-@register_jitable
-def nearest_in(tree, queries, within):
-    """Return distances and numbers of the nearest points, as `Cloud.nearest`.
-
-    Args:
-        tree: points, order, axes and cuts, as of `Cloud`.
-        queries: shape (n, 3) [m].
-        within: largest distance [m].
-    """
-    points, order, axes, cuts = tree
-    distance, index = np.empty(len(queries)), np.empty(len(queries), dtype=np.int64)
-    _query_loop(queries, points, axes, cuts, within, distance, index)
-    return distance, np.where(index < 0, -1, order[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,38 +139,6 @@ def covariance_of(information, mobile):
     return result, blind
 
 
-def rigid_fit(
-    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None
-) -> tuple[Array, Array]:
-    """Return R, p that minimise sum w |R source + p - target|^2 among proper rotations.
-
-    From the singular vectors of the weighted covariance U S V^T: R = V diag(1, 1, d) U^T, where d,
-    the determinant of V U^T, keeps a mirror image out (Kabsch, 1978; Umeyama, 1991).
-
-    Args:
-        source: points, shape (3, N), N at least 3 [m].
-        target: their partners, same shape [m].
-        weights: shape (N,), not negative; None for equal ones.
-
-    Returns:
-        R (3, 3) and p (3,) [m].
-
-    Raises:
-        ValueError: for fewer than three points, points on one line (the turn about it is free), a
-            NaN or a negative weight.
-    """
-    a = vector("source", source, (3, None), unit="m")
-    b = vector("target", target, a.shape, unit="m")
-    w = np.ones(a.shape[1]) if weights is None else vector("weights", weights, a[0].shape, low=0.0)
-    if np.count_nonzero(w) < 3:
-        raise invalid("source.shape", a.shape, "at least three points that have a weight")
-    R, p = np.empty((3, 3)), np.empty(3)
-    rows = (np.ascontiguousarray(x.T) for x in (a, b))
-    if not _rotation_loop(*rows, np.ascontiguousarray(w), R, p):
-        raise invalid("source", a, "points off one line, here and in target")
-    return R, p
-
-
 def icp(
     points: ArrayLike,
     target: Cloud | Shapes,
@@ -313,7 +199,7 @@ def icp(
         raise invalid("free", free, "all six directions for point-to-point")
     begin = checked_poses("start", vector("start", start, (7,)), 3)[:, 0]
     steps = count("iterations", iterations, 1)
-    tree = target if isinstance(target, Cloud) else _NO_CLOUD
+    tree = target if isinstance(target, Cloud) else NO_CLOUD
     if plane and tree is target and not len(tree.normals):
         raise invalid("target.normals", None, "normals, for point-to-plane")
     parts = numbers(target) if isinstance(target, Shapes) else _NO_PARTS
@@ -447,114 +333,10 @@ def solids(parts):
     return parts.kinds, sizes, turns, places
 
 
-_NONE = np.zeros((0, 3)), np.zeros(0, np.int64)
-_NO_CLOUD = Cloud(_NONE[0], _NONE[0], _NONE[1], _NONE[1], np.zeros(0))
-NO_TREE = _NO_CLOUD.points, _NO_CLOUD.normals, _NO_CLOUD.axes, _NO_CLOUD.cuts
-_NO_PARTS = Solids(_NONE[1], np.zeros((3, 0)), np.zeros((7, 0)))
+_NO_PARTS = Solids(np.zeros(0, np.int64), np.zeros((3, 0)), np.zeros((7, 0)))
 
 
 # --- compiled -------------------------------------------------------------------------------------
-
-
-def _build(points, order, axes, cuts):
-    """Put the rows of points into the order of the tree; ranges of nodes are halved by rule."""
-    inner = len(axes)
-    # Breadth-first numbering: the children of node k are 2 k + 1 and 2 k + 2.
-    ranges = np.empty((2 * inner + 1, 2), dtype=np.int64)
-    ranges[0, 0], ranges[0, 1] = 0, len(points)
-    for node in range(inner):
-        low, high = ranges[node]
-        # Split the widest axis at the median: a balanced k-d tree without pointers.
-        axis, widest = 0, -1.0
-        for x in range(3):
-            wide = points[low:high, x].max() - points[low:high, x].min()
-            if wide > widest:
-                axis, widest = x, wide
-        middle = (low + high) // 2
-        i, j = low, high - 1
-        while i < j:  # Hoare's selection of the median
-            pivot = points[(i + j) // 2, axis]
-            a, b = i, j
-            while a <= b:
-                while points[a, axis] < pivot:
-                    a += 1
-                while points[b, axis] > pivot:
-                    b -= 1
-                if a <= b:
-                    for x in range(3):
-                        points[a, x], points[b, x] = points[b, x], points[a, x]
-                    order[a], order[b] = order[b], order[a]
-                    a += 1
-                    b -= 1
-            # Go on in the part that contains the median.
-            if middle <= b:
-                j = b
-            elif middle >= a:
-                i = a
-            else:
-                break
-        axes[node], cuts[node] = axis, points[middle, axis]
-        ranges[2 * node + 1, 0], ranges[2 * node + 1, 1] = low, middle
-        ranges[2 * node + 2, 0], ranges[2 * node + 2, 1] = middle, high
-
-
-@register_jitable
-def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
-    """Return the row of the nearest point within sqrt(best) of q, and the squared distance.
-
-    `best` is the squared distance to beat and `index` the row that it belongs to, or -1 for a mere
-    bound; both come back unchanged if no point is nearer. The points are in the order of `_build`;
-    nodes and offsets are work space. A branch is skipped when its cuts alone are farther away than
-    the best (Arya and Mount, 1993).
-    """
-    inner, top = len(axes), 1
-    # Stack: a node and its range of rows; the squared offsets of its cell from q along each axis,
-    # and their sum.
-    nodes[0, 0], nodes[0, 1], nodes[0, 2] = 0, 0, len(points)
-    offsets[0] = 0.0
-    while top > 0:
-        top -= 1
-        # Prune: the cell is farther away than the best point so far.
-        s = offsets[top, 3]
-        if s >= best:
-            continue
-        node, low, high = nodes[top, 0], nodes[top, 1], nodes[top, 2]
-        o0, o1, o2 = offsets[top, 0], offsets[top, 1], offsets[top, 2]
-        while node < inner:
-            axis = axes[node]
-            deviation, middle = q[axis] - cuts[node], (low + high) // 2
-            old = o0 if axis == 0 else (o1 if axis == 1 else o2)
-            # Squared distance to the other half's cell, updated in one axis (Arya and Mount, 1993).
-            far = s - old + deviation * deviation
-            if deviation < 0.0:
-                other, other_low, other_high = 2 * node + 2, middle, high
-                node, high = 2 * node + 1, middle
-            else:
-                other, other_low, other_high = 2 * node + 1, low, middle
-                node, low = 2 * node + 2, middle
-            # The other half waits, with the offset along this axis replaced.
-            if far < best:
-                nodes[top, 0], nodes[top, 1], nodes[top, 2] = other, other_low, other_high
-                offsets[top, 0], offsets[top, 1], offsets[top, 2] = o0, o1, o2
-                offsets[top, axis], offsets[top, 3] = deviation * deviation, far
-                top += 1
-        # Leaf: compare all its points.
-        for i in range(low, high):
-            x, y, z = points[i, 0] - q[0], points[i, 1] - q[1], points[i, 2] - q[2]
-            square = x * x + y * y + z * z
-            if square < best:
-                best, index = square, i
-    return index, best
-
-
-def _query(queries, points, axes, cuts, within, distance, index):
-    """Find the nearest point of each query."""
-    nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
-    for k in range(len(queries)):
-        index[k], square = _nearest(
-            queries[k], points, axes, cuts, within * within, -1, nodes, offsets
-        )
-        distance[k] = np.sqrt(square) if index[k] >= 0 else np.inf
 
 
 @register_jitable
@@ -615,55 +397,6 @@ def _meets(kind, size, o, d):
     if kind == CYLINDER:
         return camera.through_cylinder(size, o, d)
     return camera.through_box(size, o, d)
-
-
-@register_jitable
-def _rotation(a, b, w, R, p):
-    """Return kabsch's rotation and shift from rows a to rows b; False where they lie on a line."""
-    # Weighted centroids, then the cross-covariance of the centred points.
-    total, ca, cb = 0.0, np.zeros(3), np.zeros(3)
-    for i in range(len(a)):
-        total += w[i]
-        for x in range(3):
-            ca[x] += w[i] * a[i, x]
-            cb[x] += w[i] * b[i, x]
-    for x in range(3):
-        ca[x] /= total
-        cb[x] /= total
-    S = np.zeros((3, 3))
-    for i in range(len(a)):
-        if w[i] > 0.0:
-            for x in range(3):
-                for y in range(3):
-                    S[x, y] += w[i] * (b[i, x] - cb[x]) * (a[i, y] - ca[y])
-    A, U = np.empty((3, 3)), np.empty((3, 3))
-    # Singular value decomposition by one-sided Jacobi.
-    decompose(S, A, U)
-    # Numbers of the largest (i), the middle (j) and the smallest (k) singular value.
-    s, k, i = np.empty(3), 0, 0
-    for r in range(3):
-        s[r] = np.sqrt(A[r, 0] ** 2 + A[r, 1] ** 2 + A[r, 2] ** 2)
-        k, i = (r if s[r] < s[k] else k), (r if s[r] >= s[i] else i)
-    j = 3 - i - k
-    # Only one singular value: the points lie on a line, and the turn about it is free.
-    if s[j] <= 1e-9 * s[i] or s[i] <= 0.0:
-        return False
-    for x in range(3):
-        A[i, x] /= s[i]
-        A[j, x] /= s[j]
-    # Two pairs of singular vectors fix a rotation. The third pair is what completes both to right
-    # hands, which is V diag(1, 1, d) U^T whatever sign the smallest singular value asks for.
-    for x in range(3):
-        y, z = (x + 1) % 3, (x + 2) % 3
-        A[k, x] = A[i, y] * A[j, z] - A[i, z] * A[j, y]
-        U[x, k] = U[y, i] * U[z, j] - U[z, i] * U[y, j]
-    for x in range(3):
-        for y in range(3):
-            R[x, y] = U[x, i] * A[i, y] + U[x, j] * A[j, y] + U[x, k] * A[k, y]
-    # The shift maps the one centroid onto the other.
-    for x in range(3):
-        p[x] = cb[x] - R[x, 0] * ca[0] - R[x, 1] * ca[1] - R[x, 2] * ca[2]
-    return True
 
 
 @register_jitable
@@ -758,7 +491,9 @@ def _icp(
                         last[i] = -1
                     else:
                         square = now
-                last[i], square = _nearest(m, points, axes, cuts, square, last[i], nodes, offsets)
+                last[i], square = nearest_row(
+                    m, points, axes, cuts, square, last[i], nodes, offsets
+                )
                 at = last[i]
                 if at < 0:
                     continue
@@ -870,7 +605,7 @@ def _icp(
                     R[x, y] = 0.0
                     for z in range(3):
                         R[x, y] += old[x, z] * turn[z, y]
-        elif not _rotation(closest, source, weights, R, p):
+        elif not rotation(closest, source, weights, R, p):
             return
         # Size of the step. A small turn by t changes the matrix by 2 t^2, summed over its squared
         # entries.
@@ -905,14 +640,9 @@ _RESULTS = (MATRIX, VECTOR, _INDICES, MATRIX, VECTOR)
 # The signatures are explicit, so that the machine code is stored for the next process
 # (`course.compiled`). The first two arguments of `_icp` are the points and their deviations.
 _SIGNATURES: dict[Callable[..., Any], Any] = {
-    _build: types.void(MATRIX, _INDICES, _INDICES, VECTOR),
-    _query: types.void(MATRIX, MATRIX, _INDICES, VECTOR, float64, VECTOR, _INDICES),
-    _rotation: numba.boolean(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR),
     _icp: types.void(MATRIX, VECTOR, *_TREE, *_PARTS, *_RULES, *_RESULTS),
 }
-_build_loop, _query_loop, _rotation_loop, _icp_loop = (
-    loop(function, signature) for function, signature in _SIGNATURES.items()
-)
+_icp_loop = (loop(function, signature) for function, signature in _SIGNATURES.items())
 
 
 def warm() -> None:

@@ -24,7 +24,8 @@ from course.perception.cloud import (
 )
 from course.perception.linear import apply
 from course.perception.pose import NONE, STANDING, STATUS, apart, settle, some_of
-from course.perception.registration import DIRECTIONS, nearest_in, tree_of
+from course.perception.registration import DIRECTIONS
+from course.perception.tree import nearest_in, tree_of
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
 from course.simulations import pen as draw
 from course.simulations import splitmix
