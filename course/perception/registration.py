@@ -12,9 +12,8 @@ two shifts and a turn of a face (Besl and McKay, 1992; Chen and Medioni, 1991; C
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -453,7 +452,7 @@ def _icp(
     """Run ICP on R and p in place; for each point: closest, weight, flag 1 matched, 2 rejected.
 
     out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
-    `_SIGNATURES` says what the arguments are.
+    `_SIGNATURE` says what the arguments are.
     """
     steps, tolerance, edge = len(gates) - 1, limits[0], limits[1]
     nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
@@ -637,15 +636,12 @@ _PARTS = (_INDICES, MATRIX, _CUBE, MATRIX)
 _RULES = (MATRIX, VECTOR, VECTOR, VECTOR, _FLAGS, int64)
 # Filled for each point: match (N, 3), weight, flag. Then H (6, 6) and the six figures of `out`.
 _RESULTS = (MATRIX, VECTOR, _INDICES, MATRIX, VECTOR)
-# The signatures are explicit, so that the machine code is stored for the next process
-# (`course.compiled`). The first two arguments of `_icp` are the points and their deviations.
-_SIGNATURES: dict[Callable[..., Any], Any] = {
-    _icp: types.void(MATRIX, VECTOR, *_TREE, *_PARTS, *_RULES, *_RESULTS),
-}
-_icp_loop = (loop(function, signature) for function, signature in _SIGNATURES.items())
+# The signature is explicit, so that the machine code is stored for the next process
+# (`course.compiled`). The first two arguments are the points and their deviations.
+_SIGNATURE = types.void(MATRIX, VECTOR, *_TREE, *_PARTS, *_RULES, *_RESULTS)
+_icp_loop = loop(_icp, _SIGNATURE)
 
 
 def warm() -> None:
-    """Compile the loops of this file."""
-    for function, signature in _SIGNATURES.items():
-        compiled(function, signature)
+    """Compile the loop of this file."""
+    compiled(_icp, _SIGNATURE)
