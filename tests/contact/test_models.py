@@ -121,7 +121,7 @@ def test_sweeps_reach_what_newton_does(seed: int) -> None:
         assert again.converged
         assert np.allclose(again.velocity, swept.velocity, atol=1e-8)
     convex = solve("pgs", problem, law="convex", sweeps=20000)
-    # Contacts that act on nearly the same motion slow the sweeps down; then there is no end to compare.
+    # Contacts that act on nearly the same motion slow the sweeps down: no end to compare.
     if convex.converged:
         assert np.allclose(convex.velocity, solve("convex", problem).velocity, atol=1e-7)
 
