@@ -215,9 +215,13 @@ plt.show()
 # because moving away from it is an improvement. The thick arrow on top, the average of all votes, points towards the
 # best action.
 #
+# <details><summary>A worked example</summary>
+#
 # **A worked example.** Let $\mu = 0$ and $\sigma = 1$. The action 0.5 had an advantage of +2, so it votes
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
 # mean to the right.
+#
+# </details>
 #
 # A **neural network** is a function with many adjustable numbers, its **weights**. "Two layers of 16 units" means that
 # two intermediate results (*hidden layers*) with 16 numbers each lie between input and output.
@@ -646,8 +650,7 @@ simulation("cloning_drift")
 #
 # Let the cost be the sum of $|x|$ over all steps. If $|a| < 1$ old errors die out, and the cost grows in proportion
 # to time. If $a = 1$ they add up: if $e$ is constant, the cost grows like $T^2$; if the errors are random and
-# independent, like $T^{1.5}$. If $|a| > 1$ the loop amplifies them exponentially. (In the counting model above a step
-# costs at most 1. Here it may cost any amount.)
+# independent, like $T^{1.5}$. If $|a| > 1$ the loop amplifies them exponentially.
 #
 # A clone's error also depends on $x$. If it is $c\,x + e$, the loop becomes $x' = (a + c)\,x + e$. So a clone can make
 # the loop unstable although the expert's loop is stable.
