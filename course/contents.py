@@ -58,10 +58,11 @@ def moving() -> str:
 
     names = declaration.names()
     recorded = [name for name in names if name in declaration.RECORDED]
+    others = "The others are" if len(recorded) > 1 else "The other one is"
     lines = [
         f"{len(names) - len(recorded)} of the {len(names)} simulations are *live* on the site: the "
         "page computes them while you move a slider.",
-        "The others are *recorded*, one short film for each preset:",
+        f"{others} *recorded*, one short film for each preset:",
         "",
     ]
     for name in recorded:

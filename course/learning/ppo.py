@@ -38,8 +38,8 @@ from course.pytorch import one_thread
 
 Array = NDArray[np.float64]
 
-# A divergence of the policy in one iteration [nats] above which the update has gone wrong: learners
-# that make progress move by about 0.01, and at 1000 a mean action is 45 standard deviations off.
+# An update has gone wrong if it moves the policy by a KL divergence above this [nats]. Progress
+# takes about 0.01 in an iteration, and at 1000 a mean action is 45 standard deviations off.
 RUNAWAY = 1e3
 
 
@@ -55,7 +55,7 @@ class Settings:
         clip: the ratio of probabilities counts between 1 - clip and 1 + clip; infinite: off.
         entropy, value_weight: of the two losses beside the objective.
         longest_gradient: a longer one is cut to this length; infinite: off.
-        most_kl: mean divergence after which no further epoch is begun; infinite: off.
+        most_kl: mean KL divergence [nats] after which no further epoch is begun; infinite: off.
         hidden: sizes of the layers, of the actor's and of the critic's network.
         spread: standard deviation of the first actions.
         normalise_observations, normalise_advantages, scale_rewards: to a deviation of 1.
@@ -244,9 +244,10 @@ class Iteration:
         policy: as it is now; later iterations change it (`policy.copy()`).
         returns, lengths, terminated: of the episodes that ended, (e,): sums of rewards, steps, and
             whether the end was a termination.
-        kl: mean divergence of the policy from the one that acted.
-        clipped: share of the actions whose ratio ended beyond the clip.
-        value_loss: mean squared error of the critic, in its own units, before the update.
+        kl: mean KL divergence of the policy that acted from the policy as it is now [nats].
+        clipped: share of the actions whose ratio ended outside of 1 - clip to 1 + clip.
+        value_loss: mean squared error of the critic, in its own units, before the update; NaN if
+            the batch had only steps that reset.
         spread: mean standard deviation of the actions.
     """
 
@@ -447,55 +448,81 @@ def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
 def improve(
     policy: ActorCritic, table: Table, optimiser: Any, rng: np.random.Generator, settings: Settings
 ) -> tuple[float, float]:
-    """Run the epochs of an iteration; return the policy's KL divergence and the share clipped.
+    """Run the epochs of an iteration (Schulman et al., 2017, algorithm 1) and update the policy.
+
+    Args:
+        policy: the one that acted; its weights are changed in place.
+        table: the rows of the batch, with advantages and targets of the critic.
+        optimiser: of `policy.flat`.
+        rng: shuffles the rows, once an epoch.
+        settings: epochs, minibatches, clip and limits. A table with fewer rows than `minibatches`,
+            since steps that reset were dropped, is split into single rows; without any row there
+            is no update.
+
+    Returns:
+        KL(old || new), the divergence of the policy that acted from the updated one, averaged over
+        the rows [nats]; and the share of the actions whose probability ratio ended outside of
+        1 - clip to 1 + clip.
 
     Raises:
-        Diverged: for a loss that is not finite, and for a policy that moved too far.
+        Diverged: for a loss that is not finite, and for a KL divergence above `RUNAWAY`. The policy
+            then has the weights again with which it acted.
     """
+    rows = len(table.observations)
+    if not rows:
+        return 0.0, 0.0
+    # A view: `slopes` fills it, and clipping it in place clips what the optimiser uses.
     torch, gradient = pytorch(), policy.flat.grad.numpy()
-    # `gradient` is a view: `slopes` fills it, and what changes it is what the optimiser uses.
-    # The last good weights, and the policy that acted, to measure how far the new one moves.
-    good, old_log_std = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
+    weights = policy.flat.detach().clone()
+    # The policy that acted, from which the KL divergence is measured.
     old_mean = policy(table.observations, scaled=True)
+    old_log_std = policy.log_std.detach().numpy().copy()
     # Advantages are normalised over the batch, once, not by minibatch.
     if settings.normalise_advantages:
-        level, spread = table.advantages.mean(), table.advantages.std()
-        table = table._replace(advantages=(table.advantages - level) / (spread + 1e-8))
+        mean, std = table.advantages.mean(), table.advantages.std()
+        table = table._replace(advantages=(table.advantages - mean) / (std + 1e-8))
     for epoch in range(settings.epochs):
-        # Shuffle once an epoch; minibatches are then slices.
-        order = rng.permutation(len(table.observations))
-        shuffled = (np.array_split(x[order], settings.minibatches) for x in table)
+        # Shuffle once an epoch; minibatches are then slices, none of them empty.
+        order = rng.permutation(rows)
+        parts = min(settings.minibatches, rows)
+        shuffled = (np.array_split(x[order], parts) for x in table)
         for part in zip(*shuffled, strict=True):
             loss = slopes(policy, Table(*part), settings)
-            size = length(gradient)
-            # Divergence is caught before the optimiser takes the step.
-            if not math.isfinite(loss + size):
+            gradient_norm = length(gradient)
+            # A loss that is not finite is noticed before the optimiser spoils the weights.
+            if not math.isfinite(loss + gradient_norm):
                 with torch.no_grad():
-                    policy.flat.copy_(good)
-                raise Diverged(f"the loss is {loss}, its gradient {size} long: lower the rate")
-            # Clip the gradient's length (Pascanu, Mikolov and Bengio, 2013).
-            if size > settings.longest_gradient:
-                gradient *= settings.longest_gradient / size
+                    policy.flat.copy_(weights)
+                raise Diverged(
+                    f"the loss is {loss}, its gradient {gradient_norm} long: lower the rate"
+                )
+            # Clip the gradient's norm (Pascanu, Mikolov and Bengio, 2013).
+            if gradient_norm > settings.longest_gradient:
+                gradient *= settings.longest_gradient / gradient_norm
             optimiser.step()
-        # The divergence costs a pass over the batch: it is measured only where it is needed.
+        # The KL divergence costs a pass over the batch, so it is computed only where it is needed:
+        # after each epoch if it may stop the iteration, and after the last one in any case.
         if epoch == settings.epochs - 1 or settings.most_kl < math.inf:
-            mean = policy(table.observations, scaled=True)
-            log_std = policy.log_std.detach().numpy()
-            # KL divergence between Gaussians in closed form, old from new.
-            second_moment = (old_mean - mean) ** 2 + np.exp(2.0 * old_log_std)
-            ratio = second_moment * np.exp(-2.0 * log_std)
-            kl = float((log_std - old_log_std + 0.5 * ratio - 0.5).sum(axis=1).mean())
+            new_mean = policy(table.observations, scaled=True)
+            new_log_std = policy.log_std.detach().numpy()
+            # KL(old || new) between Gaussians in closed form. `ratio` is the mean square of the old
+            # actions around the new mean, over the new variance: 1 for an unchanged policy.
+            second_moment = (old_mean - new_mean) ** 2 + np.exp(2.0 * old_log_std)
+            ratio = second_moment * np.exp(-2.0 * new_log_std)
+            kl = float((new_log_std - old_log_std + 0.5 * ratio - 0.5).sum(axis=1).mean())
             if not kl < RUNAWAY:
                 with torch.no_grad():
-                    policy.flat.copy_(good)
+                    policy.flat.copy_(weights)
                 cure = "lower the rate, raise the spread, or set most_kl"
-                raise Diverged(f"an iteration moved the policy by a divergence of {kl:.3g}: {cure}")
+                raise Diverged(
+                    f"an iteration moved the policy by a KL divergence of {kl:.3g}: {cure}"
+                )
             # Early stopping: the policy has moved as far as its data are good for.
             if kl > settings.most_kl:
                 break
-    # Share of the actions whose ratio ended beyond the clip.
-    deviation = (table.actions - mean) * np.exp(-log_std)
-    ratio = np.exp(log_density(deviation, log_std) - table.log_prob)
+    # Ratios of the updated policy to the one that acted, on the actions of the batch.
+    deviation = (table.actions - new_mean) * np.exp(-new_log_std)
+    ratio = np.exp(log_density(deviation, new_log_std) - table.log_prob)
     return kl, float(np.mean(np.abs(ratio - 1.0) > settings.clip))
 
 
@@ -520,7 +547,7 @@ def ppo(
             reward that is not finite (the message names environment and step), an observation that
             never changes.
         Diverged: for a loss or an action that is not finite, and for an iteration that moves the
-            policy by a divergence above `RUNAWAY`; the policy that was yielded last has the last
+            policy by a KL divergence above `RUNAWAY`; the policy that was yielded last has the last
             good weights.
     """
     torch, settings = pytorch(), settings or Settings()
@@ -568,6 +595,6 @@ def ppo(
             columns[2] > 0.0,
             kl,
             clipped,
-            float(np.mean(error**2)),
+            float(np.mean(error**2)) if error.size else math.nan,
             float(policy.log_std.detach().exp().mean()),
         )

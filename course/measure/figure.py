@@ -265,7 +265,8 @@ class Series:
         marker: None for the key's own, "" for none.
         hollow: markers drawn empty and large, so that others show through.
         width, size: of the line and the markers [points]; size 0 for the usual.
-        tags: a word beside each point.
+        tags: words beside the points, in their order: at most one for each point, "" for a point
+            without one.
         failed: how many runs failed: crosses at the upper edge, where a cost is infinite.
         extra: not among the six curves that a panel shows before others are switched on.
     """
@@ -293,6 +294,8 @@ class Series:
             raise invalid("key", self.key, f"one of {', '.join(KEYS)}")
         if len(self.x) != len(self.y):
             raise invalid("len(y)", len(self.y), f"that of x, {len(self.x)}")
+        if len(self.tags) > len(self.x):
+            raise invalid("len(tags)", len(self.tags), f"at most that of x, {len(self.x)}")
 
     @property
     def counts(self) -> bool:
@@ -659,7 +662,8 @@ def _name_ends(
 
 def _add_notes(words: Words, series: Series) -> None:
     for word, x, y in zip(series.tags, series.x, series.y, strict=False):
-        if math.isfinite(x) and math.isfinite(y):
+        # An empty note would still take a free place from the others.
+        if word and math.isfinite(x) and math.isfinite(y):
             words.note(word, x, y)
 
 
@@ -755,6 +759,8 @@ def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:
         ends = np.maximum(ends, high)
     # A word stands to the right of its bar and of its error bar.
     for word, name, length in zip(series.tags, names, ends, strict=False):
+        if not word:
+            continue
         # On a log axis nothing has length 0: its word stands at the axis.
         where = ("data", "data") if length > 0.0 else ("axes fraction", "data")
         ax.annotate(

@@ -103,6 +103,12 @@ class Group:
     reentrant: bool = False
 
 
+# Executors run callbacks outside of the bus's lock, so one thread may set an answer while another
+# begins to wait for it. This lock makes "is it there? else append" a single step; it is shared by
+# all answers, and never held while a callback runs.
+_SETTING = threading.Lock()
+
+
 class Future:
     """An answer that is still to come, and the callbacks that have to run before it is there.
 
@@ -120,16 +126,19 @@ class Future:
         self._then: list[Callable[[Any], Any]] = []
 
     def then(self, call: Callable[[Any], Any]) -> None:
-        """Call with the value as soon as it is there."""
-        if self.done:
-            call(self.value)
-        else:
-            self._then.append(call)
+        """Call with the value as soon as it is there: at once if it is, else from `set`."""
+        with _SETTING:
+            if not self.done:
+                self._then.append(call)
+                return
+        call(self.value)
 
     def set(self, value: Any) -> None:
         """Set the answer, and call everyone who waits for it."""
-        self.done, self.value, self.needs = True, value, []
-        for call in self._then:
+        with _SETTING:
+            self.done, self.value, self.needs = True, value, []
+            waiting, self._then = self._then, []
+        for call in waiting:
             call(value)
 
 
@@ -166,40 +175,61 @@ def drive(
     blocked: Callable[[Future | None], None] | None = None,
     value: Any = None,
 ) -> None:
-    """Let a generator run on the bus's time up to its end.
+    """Run a generator to its next wait; the bus, or the answer, resumes it until it ends.
+
+    Returns at the first wait. What follows runs from an event of the bus, or from `Future.set`.
 
     Args:
         bus: the bus on whose clock it waits.
-        steps: the generator that is run.
-        finish: called with what it returned.
-        blocked: called with the answer that it waits for, and with None when it continues.
-        value: the result of its last wait.
+        steps: yields either seconds to wait, or a `Future` whose answer is to be sent back.
+        finish: called with what the generator returned, or with None if it raised an error. The
+            error is then raised to the caller.
+        blocked: called with the future that it waits for, and with None when it continues.
+        value: the result of its last wait, which is sent into the generator; None to start.
+
+    Raises:
+        ValueError: if it yields a wait that is not a non-negative finite number. The error is
+            raised inside the generator, at its `yield`, and comes here if it is not handled there.
     """
+    error: ValueError | None = None
     while True:
         try:
-            wish = steps.send(value)
+            request = steps.send(value) if error is None else steps.throw(error)
         except StopIteration as stop:
             if finish:
                 finish(stop.value)
             return
-        # The generator asks for time: resume it after a wait on the bus.
-        if not isinstance(wish, Future):
-            bus.after(wish, drive, bus, steps, finish, blocked)
+        except Exception:
+            # Its executor would otherwise wait for ever for the end of this run.
+            if finish:
+                finish(None)
+            raise
+        error = None
+        if not isinstance(request, Future):
+            # The generator asks for time: an event of the bus resumes it.
+            try:
+                name = getattr(steps, "__name__", "a generator")
+                wait = finite(f"the wait yielded by {name}", request, 0.0, unit="s")
+            except ValueError as rejected:
+                error = rejected
+                continue
+            bus.after(wait, drive, bus, steps, finish, blocked)
             return
-        # It asks for an answer: resume it once the answer is there.
-        if not wish.done:
-
+        if not request.done:
+            # It asks for an answer: `Future.set` calls `resume` directly, so nobody polls for it.
             def resume(answer: Any) -> None:
                 if blocked:
                     blocked(None)
                 drive(bus, steps, finish, blocked, answer)
 
-            # Resumed from whoever sets the answer, so that no thread polls for it.
-            wish.then(resume)
+            # In this order, because another thread may set the answer at any moment: `blocked` is
+            # called with the future before `resume` calls it with None.
             if blocked:
-                blocked(wish)
+                blocked(request)
+            request.then(resume)
             return
-        value = wish.value
+        # The answer is already there: send it at once, without a wait.
+        value = request.value
 
 
 class Direct:
@@ -683,12 +713,21 @@ class Node:
             key, value = request
             goal = goals[key] = Goal(value, Future(), lambda x: news.publish((key, x)))
 
+            # A goal whose generator raises an error is aborted, as in ROS 2.
+            def run() -> Generator:
+                try:
+                    return (yield from execute(goal))
+                except Exception:
+                    goal.status = "aborted"
+                    raise
+
             # A canceled goal returns a result too: its generator decides how to end.
             def finish(result: Any) -> None:
-                goal.status = "canceled" if goal.status == "canceling" else "succeeded"
+                if goal.status != "aborted":
+                    goal.status = "canceled" if goal.status == "canceling" else "succeeded"
                 goal.end.set((goal.status, result))
 
-            drive(self.bus, execute(goal), finish)
+            drive(self.bus, run(), finish)
             return True
 
         def cancel(key: Any) -> bool:
@@ -745,7 +784,14 @@ class Client:
 
 @dataclass
 class Goal:
-    """A goal at its server. status: "executing", "canceling", "canceled" or "succeeded"."""
+    """A goal at its server.
+
+    Attributes:
+        value: what the client sent.
+        end: a future of (status, result).
+        feedback: sends a message to the client.
+        status: "executing", "canceling", "canceled", "succeeded" or "aborted".
+    """
 
     value: Any
     end: Future

@@ -187,22 +187,22 @@ class Executor:
             steps, value = run.callback.function(*given), None
             while type(steps) is GeneratorType:
                 try:
-                    wish = steps.send(value)
+                    request = steps.send(value)
                 except StopIteration:
                     break
                 # A thread that waits for an answer does no other work: this is how executors
                 # deadlock.
-                if isinstance(wish, Future):
+                if isinstance(request, Future):
                     with bus.lock:
-                        self._block(run, wish)
-                        while bus.real and not wish.done:
+                        self._block(run, request)
+                        while bus.real and not request.done:
                             bus.changed.wait()
-                        if not wish.done:
+                        if not request.done:
                             return
                         self._block(run, None)
-                    value = wish.value
+                    value = request.value
                 else:
-                    time.sleep(wish)
+                    time.sleep(request)
                     value = None
             with bus.lock:
                 self._finish(run)

@@ -258,6 +258,26 @@ def verdicts(pairs: Sequence[tuple[QoS, QoS]]) -> list[Verdict]:
     return result
 
 
+def own_messages(count: int, ignores: bool) -> int:
+    """Return how many of so many messages a reader gets from a writer of its own participant.
+
+    Args:
+        count: messages that are written.
+        ignores: whether the reader ignores the writers of its participant (ROS 2:
+            `ignore_local_publications`).
+    """
+    with participant() as member:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.sub import DataReader
+
+        topic, rest = Topic(member), policies(QoS())
+        if ignores:
+            rest = Qos(Policy.IgnoreLocal.Participant, base=rest)
+        reader = DataReader(member, topic.topic, rest)
+        topic.write(topic.writer(QoS()), *range(count))
+        return len(take(reader))
+
+
 # --- Between two processes ------------------------------------------------------------------------
 
 

@@ -10,10 +10,10 @@ The chapter's algorithms, and the functions of their steps:
   refits.
 - DBSCAN (Ester, Kriegel, Sander and Xu, 1996): `cloud._dbscan`: core points, joined cells, border
   points; `_near` lists the neighbouring cells.
-- ICP (Besl and McKay, 1992; Chen and Medioni, 1992): `registration._icp` matches with `_nearest` or
-  `_onto`, and moves with `_rotation` (point to point) or `_solve` (point to plane).
-- Absolute orientation (Kabsch, 1978; Umeyama, 1991): `registration.rigid_fit`, whose core is
-  `_rotation`.
+- ICP (Besl and McKay, 1992; Chen and Medioni, 1992): `registration._icp` matches with
+  `tree.nearest_row` or `_onto`, and moves with `rigid.rotation` (point to point) or `_solve` (point
+  to plane).
+- Absolute orientation (Kabsch, 1978; Umeyama, 1991): `rigid.rigid_fit`, whose core is `rotation`.
 - Hand-eye calibration (Park and Martin, 1994): `calibrate.hand_eye`.
 
 Examples:
@@ -46,8 +46,10 @@ from course.perception.cloud import (
     voxel_mean,
 )
 from course.perception.pose import Estimate, locate, pose_distance, see_through, stand_in
-from course.perception.registration import Cloud, Fit, icp, known, rigid_fit
+from course.perception.registration import Fit, icp, known
+from course.perception.rigid import rigid_fit
 from course.perception.track import Tracker, averaged_error, steady_gains
+from course.perception.tree import Cloud
 
 __all__ = [
     "STEREO",
@@ -91,8 +93,7 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.perception import camera, cloud, registration
+    from course.perception import camera, cloud, linear, outline, pose, registration, rigid, tree
 
-    camera.warm()
-    cloud.warm()
-    registration.warm()
+    for module in (camera, linear, cloud, tree, rigid, registration, outline, pose):
+        module.warm()

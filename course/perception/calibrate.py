@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from course.check import finite, invalid, vector
 from course.perception.camera import Array
-from course.perception.registration import rigid_fit
+from course.perception.rigid import rigid_fit
 from course.rigid_body.quaternion import from_matrix, log, to_matrix, unit_quaternion
 
 

@@ -8,10 +8,10 @@ picture is an array (H, W) of depths along z [m]; 0 is no measurement. A pose is
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import float64, int64, types, void
@@ -19,7 +19,7 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, one_of, positive, vector
-from course.compiled import MATRIX, VECTOR, compiled
+from course.compiled import MATRIX, VECTOR, compiled, loop
 from course.contact.shapes import poses as checked_poses
 from course.kinematics.chain import compose
 from course.rigid_body.quaternion import to_matrix
@@ -141,8 +141,7 @@ class Camera:
 
     def rays(self) -> tuple[Array, Array]:
         """Return x / z of each column, shape (W,), and y / z of each row, shape (H,)."""
-        x = (np.arange(self.width, dtype=float) - self.cx) / self.fx
-        return x, (np.arange(self.height, dtype=float) - self.cy) / self.fy
+        return rays_of(self)
 
     def project(self, points: ArrayLike) -> Array:
         """Return the pixel coordinates u and v, (2, N), of points (3, N) before the camera [m]."""
@@ -177,6 +176,77 @@ class Camera:
             report = f"up to {_FARTHEST:g} m; these look like millimetres: divide by 1000"
             raise invalid("depth", f"about {np.median(z[z > 0.0]):g}", report)
         return z
+
+
+# --- Cameras, sensors and shapes as numbers -------------------------------------------------------
+
+# Compiled code takes none of the classes above. The functions below that it calls read attributes
+# of these tuples, which have the names of the attributes of `Camera` and of `Sensor`: Python may
+# call them with either.
+
+
+class Lens(NamedTuple):
+    """A `Camera` as numbers, with its attributes."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+class Noise(NamedTuple):
+    """What compiled code needs of a `Sensor`, with its attributes."""
+
+    baseline: float
+    noise: float
+    window: int
+    step: float = 0.0
+    unit: float = 0.0
+    near: float = 0.1
+    far: float = 10.0
+
+
+class Solids(NamedTuple):
+    """Shapes as numbers.
+
+    Attributes:
+        kinds: numbers in the order of `KINDS`, shape (n,).
+        sizes: as of `Shapes`, shape (3, n) [m].
+        poses: as of `Shapes`, shape (7, n).
+    """
+
+    kinds: Ids
+    sizes: Array
+    poses: Array
+
+
+def numbers(shapes: Shapes) -> Solids:
+    """Return shapes as numbers."""
+    kinds = np.array([tuple(KINDS).index(kind) for kind in shapes.kinds], np.int64)
+    return Solids(kinds, shapes.sizes, np.ascontiguousarray(shapes.poses))
+
+
+@register_jitable
+def moved_to(solids, pose):
+    """Return solids that are given in the frame of a pose (7,) in that pose's parent frame."""
+    return Solids(solids.kinds, solids.sizes, compose(pose, solids.poses))
+
+
+@register_jitable
+def rays_of(camera):
+    """Return x / z of each column, shape (W,), and y / z of each row, shape (H,)."""
+    x = (np.arange(camera.width) - camera.cx) / camera.fx
+    return x, (np.arange(camera.height) - camera.cy) / camera.fy
+
+
+@register_jitable
+def depth_deviation(z, camera, sensor):
+    """Return the standard deviation of a measured depth, of any shape [m]; see `Sensor.sigma`."""
+    disparity = math.hypot(sensor.noise, sensor.step / math.sqrt(12.0))
+    of_disparity = z * z / (camera.fx * sensor.baseline) * disparity
+    return np.sqrt(of_disparity * of_disparity + sensor.unit * sensor.unit / 12.0)
 
 
 # --- The exact picture ----------------------------------------------------------------------------
@@ -336,11 +406,23 @@ def _render(kinds, sizes, frames, poses, x, y, depth, ids):
             depth[v, u] = depth[v, u] if depth[v, u] < math.inf else 0.0
 
 
-@functools.cache
-def _kernel():
-    ids, kinds = types.Array(int64, 2, "C"), types.Array(int64, 1, "C")
-    frames = types.Array(float64, 3, "C")
-    return compiled(_render, void(kinds, MATRIX, frames, MATRIX, VECTOR, VECTOR, MATRIX, ids))
+_IDS, _KINDS = types.Array(int64, 2, "C"), types.Array(int64, 1, "C")
+_SIGNATURE = void(
+    _KINDS, MATRIX, types.Array(float64, 3, "C"), MATRIX, VECTOR, VECTOR, MATRIX, _IDS
+)
+_cast = loop(_render, _SIGNATURE)
+
+
+@register_jitable
+def view(solids, camera):
+    """Return depth and numbers of the shapes that are seen, as `render`, of shapes as numbers."""
+    x, y = rays_of(camera)
+    depth, ids = np.empty((y.size, x.size)), np.empty((y.size, x.size), np.int64)
+    frames = np.empty((solids.kinds.size, 3, 3))
+    for i in range(solids.kinds.size):
+        frames[i] = to_matrix(solids.poses[3:, i])
+    _cast(solids.kinds, solids.sizes, frames, solids.poses, x, y, depth, ids)
+    return depth, ids
 
 
 def render(shapes: Shapes, camera: Camera) -> tuple[Array, Ids]:
@@ -356,12 +438,7 @@ def render(shapes: Shapes, camera: Camera) -> tuple[Array, Ids]:
         Depth along z, shape (H, W) [m], 0 where nothing is; the number of the shape that is seen,
         shape (H, W), -1 where nothing is.
     """
-    x, y = camera.rays()
-    depth, ids = np.empty((y.size, x.size)), np.empty((y.size, x.size), np.int64)
-    kinds = np.array([tuple(KINDS).index(kind) for kind in shapes.kinds], np.int64)
-    frames = np.ascontiguousarray(np.moveaxis(to_matrix(shapes.poses[3:]), 2, 0))
-    _kernel()(kinds, shapes.sizes, frames, shapes.poses, x, y, depth, ids)
-    return depth, ids
+    return view(numbers(shapes), camera)
 
 
 # --- The sensor's picture -------------------------------------------------------------------------
@@ -412,25 +489,62 @@ class Sensor:
         It grows with the square of the depth. A step, and a unit, leaves an error that is taken as
         evenly spread, so that its variance is a twelfth of its square.
         """
-        z = np.asarray(depth, dtype=float)
-        disparity = math.hypot(self.noise, self.step / math.sqrt(12.0))
-        of_disparity = z * z / (camera.fx * self.baseline) * disparity
-        return np.hypot(of_disparity, self.unit / math.sqrt(12.0))
+        return depth_deviation(np.asarray(depth, dtype=float), camera, self)
 
 
 # A sensor of the kind that hangs above a table, with everything that this model has.
 STEREO = Sensor(0.05, 0.1, 5, 1 / 32, 1e-4, 0.01, math.radians(80.0), 0.1, 4.0)
 
 
-def _shared_noise(shape: tuple[int, int], window: int, rng: np.random.Generator) -> Array:
-    """Return numbers of variance 1 whose neighbours share: sums over a square, over its side."""
-    noise = rng.standard_normal((shape[0] + window - 1, shape[1] + window - 1))
+@register_jitable
+def shared_noise(noise, window):
+    """Return numbers of variance 1 whose neighbours share: sums over a square, over its side.
+
+    Args:
+        noise: independent numbers of variance 1, shape (H + window - 1, W + window - 1).
+        window: side of the square [pixels].
+
+    Returns:
+        Shape (H, W).
+    """
     if window == 1:
         return noise
     # A separable box filter: sums along columns, then along rows. Dividing by the side makes the
     # variance 1.
-    rows = np.sum([noise[k : k + shape[0]] for k in range(window)], axis=0)
-    return np.sum([rows[:, k : k + shape[1]] for k in range(window)], axis=0) / window
+    height, width = noise.shape[0] - window + 1, noise.shape[1] - window + 1
+    rows = noise[:height].copy()
+    for k in range(1, window):
+        rows += noise[k : k + height]
+    sums = rows[:, :width].copy()
+    for k in range(1, window):
+        sums += rows[:, k : k + width]
+    return sums / window
+
+
+@register_jitable
+def measure(exact, noise, camera, sensor):
+    """Return the depths that a sensor measures, 0 where none is within its range, shape (H, W) [m].
+
+    Args:
+        exact: the exact picture, shape (H, W) [m].
+        noise: of the disparities, of variance 1, shape (H, W).
+        camera: intrinsics of the image.
+        sensor: noise, resolution and range.
+    """
+    # Disparity is this product over depth.
+    reach = camera.fx * sensor.baseline
+    observed = exact > 0.0
+    # Noise acts on the disparity, before it is rounded to the sensor's steps.
+    disparity = reach / np.where(observed, exact, 1.0) + sensor.noise * noise
+    if sensor.step > 0.0:
+        disparity = np.rint(disparity / sensor.step) * sensor.step
+    observed = observed & (disparity > 0.0)
+    measured = reach / np.where(observed, disparity, 1.0)
+    # The depth is stored in units, such as millimetres.
+    if sensor.unit > 0.0:
+        measured = np.rint(measured / sensor.unit) * sensor.unit
+    observed = observed & (measured >= sensor.near) & (measured <= sensor.far)
+    return np.where(observed, measured, 0.0)
 
 
 def incidence(depth: Array, camera: Camera) -> Array:
@@ -482,28 +596,20 @@ def sense(depth: ArrayLike, camera: Camera, sensor: Sensor, rng: np.random.Gener
         ValueError: as for `Camera.picture`.
     """
     exact = camera.picture(depth)
-    # Disparity is this product over depth.
-    reach = camera.fx * sensor.baseline
-    observed = exact > 0.0
-    if sensor.grazing < 0.5 * math.pi:
-        observed &= incidence(exact, camera) <= sensor.grazing
-    disparity = reach / np.where(observed, exact, 1.0)
-    # Noise acts on the disparity, before it is rounded to the sensor's steps.
+    noise = np.zeros(exact.shape)
     if sensor.noise:
-        disparity += sensor.noise * _shared_noise(exact.shape, sensor.window, rng)
-    if sensor.step:
-        disparity = np.rint(disparity / sensor.step) * sensor.step
-    observed &= disparity > 0.0
-    measured = reach / np.where(observed, disparity, 1.0)
-    # The depth is stored in units, such as millimetres.
-    if sensor.unit:
-        measured = np.rint(measured / sensor.unit) * sensor.unit
-    observed &= (measured >= sensor.near) & (measured <= sensor.far)
+        more = sensor.window - 1
+        noise = shared_noise(
+            rng.standard_normal((exact.shape[0] + more, exact.shape[1] + more)), sensor.window
+        )
+    measured = measure(exact, noise, camera, sensor)
+    if sensor.grazing < 0.5 * math.pi:
+        measured[~(incidence(exact, camera) <= sensor.grazing)] = 0.0
     if sensor.dropout:
-        observed &= rng.random(exact.shape) >= sensor.dropout
-    return np.where(observed, measured, 0.0)
+        measured[rng.random(exact.shape) < sensor.dropout] = 0.0
+    return measured
 
 
 def warm() -> None:
     """Compile the loop of this file."""
-    _kernel()
+    compiled(_render, _SIGNATURE)

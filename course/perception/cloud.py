@@ -10,7 +10,6 @@ A plane is (nx, ny, nz, d): n . p + d is the height of a point above it, towards
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -21,12 +20,14 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, finite, invalid, vector
-from course.compiled import MATRIX, VECTOR, compiled
-from course.perception.camera import Array, Camera, Ids
+from course.compiled import MATRIX, VECTOR, compiled, loop
+from course.perception.camera import Array, Camera, Ids, rays_of
+from course.perception.linear import eigen, row_sums, times_transposed
 
 _INDICES = types.Array(int64, 1, "C")
 _WHOLE = types.Array(int64, 2, "C")
 _FLAGS = types.Array(boolean, 1, "C")
+_MASK = types.Array(boolean, 2, "C")
 _BITS = 21  # of a key for each index of a cell
 
 
@@ -63,10 +64,16 @@ def back_project(depth: ArrayLike, camera: Camera) -> tuple[Array, Ids]:
     Raises:
         ValueError: as for `Camera.picture`.
     """
-    z = camera.picture(depth)
+    return unproject(camera.picture(depth), camera)
+
+
+@register_jitable
+def unproject(z, camera):
+    """Return points and pixels as `back_project`, of a depth image that is checked."""
     n = np.count_nonzero(z)
     points, pixels = np.empty((3, n)), np.empty(n, np.int64)
-    _kernel(_back_project)(z, *camera.rays(), points, pixels)
+    x, y = rays_of(camera)
+    _back_project_loop(z, x, y, points, pixels)
     return points, pixels
 
 
@@ -90,8 +97,13 @@ def _keys(name: str, points: Array, cell: float, origin: Array, high: Array) -> 
     if not ((high - origin) / cell).max() < 2**_BITS - 4:
         message = f"a larger length: of this one the points span more than {2**_BITS - 8}"
         raise invalid(name, cell, message)
+    return _keys_of(points, cell, origin)
+
+
+@register_jitable
+def _keys_of(points, cell, origin):
     keys = np.empty(points.shape[1], np.int64)
-    _kernel(_cells)(points, origin, cell, keys)
+    _cells_loop(points, origin, cell, keys)
     return keys
 
 
@@ -129,13 +141,30 @@ def voxel_mean(
     base = low - 0.5 * edge if origin is None else vector("origin", origin, (3,), unit="m")
     if not np.all(base <= low):
         raise invalid("origin", base, "a corner below all points")
-    keys = _keys("voxel", given, edge, base, high)
+    return _means(given, _keys("voxel", given, edge, base, high))
+
+
+@register_jitable
+def means_in_cells(points, edge):
+    """Return means and counts as `voxel_mean` with its usual origin, of points that are checked."""
+    low = np.array([points[0].min(), points[1].min(), points[2].min()])
+    return _means(points, _keys_of(points, edge, low - 0.5 * edge))
+
+
+@register_jitable
+def _means(points, keys):
     # A power of two, so that a mask replaces the modulo, and more than twice the points, so that
     # probing stays short.
-    table = np.full((2, 1 << (2 * keys.size).bit_length()), -1)
+    size = 1
+    while size <= 2 * keys.size:
+        size *= 2
+    table = np.full((2, size), -1)
     sums, counts = np.zeros((keys.size, 3)), np.zeros(keys.size, np.int64)
-    cells = _kernel(_sums)(given, keys, table, sums, counts)
-    return np.ascontiguousarray((sums[:cells] / counts[:cells, None]).T), counts[:cells].copy()
+    cells = _sums_loop(points, keys, table, sums, counts)
+    means = np.empty((3, cells))
+    for axis in range(3):
+        means[axis] = sums[:cells, axis] / counts[:cells]
+    return means, counts[:cells].copy()
 
 
 def _sums(points, keys, table, sums, counts):
@@ -162,11 +191,21 @@ def _sums(points, keys, table, sums, counts):
 
 def _sorted(name: str, points: Array, cell: float, low: Array, high: Array) -> tuple[Any, ...]:
     """Return points sorted by cell, where each cell begins, its key, and the order."""
-    keys = _keys(name, points, cell, low - 2.0 * cell, high)  # no neighbour has a key below 0
-    order = np.argsort(keys, kind="stable")
-    first = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    inner = np.ascontiguousarray(points[:, order])
-    return inner, np.append(first, keys.size), keys[order[first]], order
+    # No neighbour has a key below 0.
+    return _in_order(points, _keys(name, points, cell, low - 2.0 * cell, high))
+
+
+@register_jitable
+def _in_order(points, keys):
+    order = np.argsort(keys, kind="mergesort")  # equal keys stay in their order
+    ordered = keys[order]
+    new = np.ones(keys.size, np.bool_)
+    new[1:] = ordered[1:] != ordered[:-1]
+    first = np.flatnonzero(new)
+    inner = np.empty(points.shape)
+    for axis in range(3):
+        inner[axis] = points[axis][order]
+    return inner, np.append(first, keys.size), ordered[first], order
 
 
 def _rows(reach: int) -> Ids:
@@ -175,6 +214,9 @@ def _rows(reach: int) -> Ids:
         np.ndindex(2 * reach + 1, 2 * reach + 1), key=lambda c: sum((i - reach) ** 2 for i in c)
     )
     return np.array([(i - reach << 2 * _BITS) + (j - reach << _BITS) for i, j in near])
+
+
+_ROWS = _rows(2)
 
 
 @register_jitable
@@ -213,11 +255,11 @@ def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple
     end[~near] = begin[~near]
     first, result = np.zeros(own.size + 1, np.int64), np.empty(0, np.int64)
     # Two passes: the first counts, the second writes into an array of the right size.
-    _kernel(_within)(inner, requested, reach * reach, begin, end, first, result)  # counts
+    _within_loop(inner, requested, reach * reach, begin, end, first, result)  # counts
     first = np.cumsum(first)
     result = np.empty(first[-1], np.int64)
     if result.size:
-        _kernel(_within)(inner, requested, reach * reach, begin, end, first, result)
+        _within_loop(inner, requested, reach * reach, begin, end, first, result)
     return first, order[result]
 
 
@@ -269,11 +311,27 @@ def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.b
     """
     given, low, high = _checked(points)
     reach, needed = _length("eps", eps, low, high), count("least", least, 1)
-    # A hair less, so that rounding puts no two points in a cell that are farther apart.
-    cell = reach / math.sqrt(3.0) * (1.0 - 1e-9)
-    inner, start, keys, order = _sorted("eps", given, cell, low, high)
+    return _clusters(_sorted("eps", given, _SMALLER * reach, low, high), reach, needed)
+
+
+# The edge of a cell over eps. A hair less than 1 / sqrt(3), so that rounding puts no two points in
+# a cell that are farther apart.
+_SMALLER = (1.0 - 1e-9) / math.sqrt(3.0)
+
+
+@register_jitable
+def dense_clusters(points, eps, least):
+    """Return clusters and core points as `dbscan`, of points that are checked."""
+    cell = _SMALLER * eps
+    low = np.array([points[0].min(), points[1].min(), points[2].min()])
+    return _clusters(_in_order(points, _keys_of(points, cell, low - 2.0 * cell)), eps, least)
+
+
+@register_jitable
+def _clusters(cells, eps, least):
+    inner, start, keys, order = cells
     labels, core = np.full(order.size, -1), np.zeros(order.size, np.bool_)
-    _kernel(_dbscan)(inner, start, keys, order, _rows(2), reach * reach, needed, labels, core)
+    _dbscan_loop(inner, start, keys, order, _ROWS, eps * eps, least, labels, core)
     return labels, core
 
 
@@ -385,9 +443,14 @@ def components(depth: ArrayLike, camera: Camera, step: float) -> Ids:
     Raises:
         ValueError: as for `Camera.picture`, and for a step that is not positive.
     """
-    z = camera.picture(depth)
+    return connected(camera.picture(depth), finite("step", step, POSITIVE, unit="m"))
+
+
+@register_jitable
+def connected(z, step):
+    """Return clusters of pixels as `components`, of a depth image that is checked."""
     labels = np.empty(z.shape, np.int64)
-    _kernel(_components)(z, finite("step", step, POSITIVE, unit="m"), labels)
+    _components_loop(z, step, labels)
     return labels
 
 
@@ -430,19 +493,36 @@ def fit_plane(points: ArrayLike) -> Array:
         ValueError: for fewer than 3 points, a NaN, or points in one line (within a millionth).
     """
     given, _, _ = _checked(points, 3)
-    middle = given.mean(axis=1)
-    # The normal is the direction of the least variance.
-    offsets = given - middle[:, None]
-    values, axes = np.linalg.eigh(offsets @ offsets.T)
-    if values[1] <= 1e-12 * values[2]:
-        # Two vanishing variances: the points lie on a line, which has no plane of its own.
+    plane, spans = least_squares_plane(given)
+    if not spans:
         raise invalid("points", given, "points that are not all in one line")
-    return facing(np.append(axes[:, 0], -axes[:, 0] @ middle))
+    return plane
 
 
+@register_jitable
+def least_squares_plane(points):
+    """Return the plane of `fit_plane` and whether the points span one."""
+    middle = row_sums(points) / points.shape[1]
+    # The normal is the direction of the least variance.
+    offsets = points - middle.reshape(3, 1)
+    values, axes = eigen(times_transposed(offsets, offsets))
+    plane = np.empty(4)
+    plane[:3] = axes[:, 0]
+    plane[3] = -(plane[0] * middle[0] + plane[1] * middle[1] + plane[2] * middle[2])
+    # Two vanishing variances: the points lie on a line, which has no plane of its own.
+    return facing(plane), values[1] > 1e-12 * values[2]
+
+
+@register_jitable
 def facing(plane: Array) -> Array:
     """Return a plane, shape (4,), with its normal towards the camera."""
     return -plane if plane[3] < 0.0 else plane
+
+
+@register_jitable
+def heights(plane: Array, points: Array) -> Array:
+    """Return the heights of points (3, N) above a plane (4,), shape (N,) [m]."""
+    return plane[0] * points[0] + plane[1] * points[1] + plane[2] * points[2] + plane[3]
 
 
 def inverse_depth_plane(
@@ -462,19 +542,50 @@ def inverse_depth_plane(
         ValueError: as for `Camera.picture`, and for fewer than 3 pixels or pixels in one line.
     """
     z = camera.picture(depth)
-    used = z > 0.0 if mask is None else (z > 0.0) & np.asarray(mask, bool)
-    inverse = np.divide(1.0, z, out=np.zeros_like(z), where=used)
-    x, y = camera.rays()
-    # Sums over the pixels, by columns and rows.
-    down, across, n = used.sum(axis=0), used.sum(axis=1), np.count_nonzero(used)
-    xx, yy, xy, sx, sy = x * x @ down, y * y @ across, y @ (used @ x), x @ down, y @ across
-    normal = np.array([[xx, xy, sx], [xy, yy, sy], [sx, sy, n]])
-    if n < 3 or np.linalg.cond(normal) > 1e12:
+    used = np.ascontiguousarray((z > 0.0) if mask is None else (z > 0.0) & np.asarray(mask, bool))
+    plane, n = plane_of_pixels(z, camera, used)
+    if not plane.any():
         raise invalid("mask", f"{n} pixels", "3 or more that are not all in one line")
-    right = np.array([x @ inverse.sum(axis=0), y @ inverse.sum(axis=1), inverse.sum()])
-    slope = np.linalg.solve(normal, right)
+    return plane
+
+
+@register_jitable
+def plane_of_pixels(z, camera, used):
+    """Return the plane of `inverse_depth_plane`, zeros if there is none, and the number of pixels.
+
+    Args:
+        z: depths, shape (H, W) [m].
+        camera: whose image it is.
+        used: the pixels that count, all with a measurement, shape (H, W).
+    """
+    x, y = rays_of(camera)
+    normal, right, plane = np.zeros((3, 3)), np.zeros(3), np.zeros(4)
+    n = _inverse_depth_loop(z, x, y, used, normal, right)
+    values, axes = eigen(normal)
+    if n < 3 or not values[0] > 1e-12 * values[2]:
+        return plane, n
+    slope = np.zeros(3)
+    for k in range(3):
+        a = axes[:, k]
+        slope += a * ((a[0] * right[0] + a[1] * right[1] + a[2] * right[2]) / values[k])
     # On the plane (a, b, c) . p = 1, so the camera at the origin is on its positive side.
-    return facing(np.append(-slope, 1.0) / np.linalg.norm(slope))
+    plane[:3], plane[3] = -slope, 1.0
+    return plane / np.sqrt(np.sum(slope * slope)), n
+
+
+def _inverse_depth(z, x, y, used, normal, right):
+    # Normal equations of 1 / z = a x + b y + c.
+    n = 0
+    for v in range(y.size):
+        for u in range(x.size):
+            if used[v, u]:
+                n += 1
+                row = (x[u], y[v], 1.0)
+                for i in range(3):
+                    right[i] += row[i] / z[v, u]
+                    for j in range(3):
+                        normal[i, j] += row[i] * row[j]
+    return n
 
 
 def draws_needed(share: float, confidence: float, sample: int = 3) -> float:
@@ -525,15 +636,36 @@ def ransac_plane(
     triples = rng.integers(0, given.shape[1], (count("at_most", at_most, 1), 3))
     sure = finite("confidence", confidence, 0.0, 1.0)
     missed = math.log1p(-sure) if sure < 1.0 else -math.inf
-    plane = np.empty(4)
-    tried = _kernel(_ransac)(given, near, triples, missed, plane)
+    plane, tried = best_plane(given, near, triples, missed, count("refits", refits))
     if not plane.any():
         raise invalid("points", given, "points that are not all in one line")
+    return plane, np.abs(heights(plane, given)) <= near, tried
+
+
+@register_jitable
+def best_plane(points, tolerance, triples, missed, refits):
+    """Return the plane of `ransac_plane`, zeros if there is none, and how many were tried.
+
+    Args:
+        points: shape (3, N) [m].
+        tolerance: largest distance of a point that counts [m].
+        triples: the sampled points, shape (n, 3).
+        missed: logarithm of the probability that no triple had inliers only; -inf for all triples.
+        refits: by least squares.
+    """
+    plane = np.zeros(4)
+    tried = _ransac_loop(points, tolerance, triples, missed, plane)
     # Least squares over the consensus set, which is then determined again.
-    for _ in range(count("refits", refits)):
-        inner = given[:, np.abs(plane[:3] @ given + plane[3]) <= near]
-        plane = fit_plane(inner)
-    return facing(plane), np.abs(plane[:3] @ given + plane[3]) <= near, tried
+    for _ in range(refits):
+        near = np.flatnonzero(np.abs(heights(plane, points)) <= tolerance)
+        inner = np.empty((3, near.size))
+        for axis in range(3):
+            inner[axis] = points[axis][near]
+        if plane.any():
+            plane, spans = least_squares_plane(inner)
+            if not spans:
+                plane = np.zeros(4)
+    return facing(plane), tried
 
 
 def _ransac(points, tolerance, triples, missed, plane):
@@ -576,16 +708,22 @@ _KERNELS: dict[Callable[..., Any], Any] = {
     _within: void(MATRIX, MATRIX, float64, _WHOLE, _WHOLE, _INDICES, _INDICES),
     _dbscan: void(MATRIX, _INDICES, _INDICES, _INDICES, _INDICES, float64, int64, _INDICES, _FLAGS),
     _components: void(MATRIX, float64, _WHOLE),
+    _inverse_depth: int64(MATRIX, VECTOR, VECTOR, _MASK, MATRIX, VECTOR),
     _ransac: int64(MATRIX, float64, _WHOLE, float64, VECTOR),
 }
-
-
-@functools.cache
-def _kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    return compiled(function, _KERNELS[function])
+(
+    _back_project_loop,
+    _cells_loop,
+    _sums_loop,
+    _within_loop,
+    _dbscan_loop,
+    _components_loop,
+    _inverse_depth_loop,
+    _ransac_loop,
+) = (loop(function, signature) for function, signature in _KERNELS.items())
 
 
 def warm() -> None:
     """Compile every loop of this file."""
-    for function in _KERNELS:
-        _kernel(function)
+    for function, signature in _KERNELS.items():
+        compiled(function, signature)

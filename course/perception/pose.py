@@ -14,23 +14,54 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numba import boolean, int64, types, void
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, invalid, vector
-from course.kinematics.chain import turn_to
-from course.perception.camera import Array, Camera, Sensor, Shapes, render, sense, shape, together
+from course.compiled import MATRIX, compiled, loop
+from course.kinematics.chain import shortest_turn
+from course.perception.camera import (
+    BOX,
+    CYLINDER,
+    SPHERE,
+    STILL,
+    Array,
+    Camera,
+    Sensor,
+    Shapes,
+    depth_deviation,
+    moved_to,
+    numbers,
+    render,
+    sense,
+    shape,
+    together,
+    view,
+)
 from course.perception.cloud import (
     back_project,
     components,
     facing,
+    heights,
     inverse_depth_plane,
     ransac_plane,
+    unproject,
 )
+from course.perception.linear import times_transposed
 from course.perception.outline import border, refine, rows
 from course.perception.outline import information as outline_information
-from course.perception.registration import DIRECTIONS, Fit, icp, known
+from course.perception.registration import (
+    DIRECTIONS,
+    covariance_of,
+    icp,
+    known,
+    register,
+)
+from course.perception.tree import NO_TREE
 from course.rigid_body.quaternion import (
     conjugate,
     exp,
@@ -42,6 +73,8 @@ from course.rigid_body.quaternion import (
 )
 
 STATUS = ("found", "ambiguous", "cut", "refuted")
+FOUND, AMBIGUOUS, CUT, REFUTED = range(4)
+NONE = -1  # no start converged
 STANDING = ("x", "y", "turn z")
 
 _SIGMAS = 4.0  # of a depth: what is farther off is another thing
@@ -117,22 +150,36 @@ def pose_distance(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, floa
     Returns:
         Distance of the origins [m] and least angle [rad].
     """
-    a, b = vector("a", a, (7,)), vector("b", b, (7,))
-    shift, turn = float(np.linalg.norm(a[:3] - b[:3])), product(conjugate(a[3:]), b[3:])
-    kind = part.kinds[0] if len(part.kinds) == 1 else "several"
-    if kind == "sphere":
-        return shift, 0.0
-    if kind == "cylinder":
+    return apart(numbers(part), vector("a", a, (7,)), vector("b", b, (7,)))
+
+
+@register_jitable
+def apart(part, a, b):
+    """Return distance and angle of two poses (7,) as `pose_distance`, of a part as numbers."""
+    shift = b[:3] - a[:3]
+    far = math.sqrt(np.sum(shift * shift))
+    turn = product(conjugate(a[3:]), b[3:])
+    kind = part.kinds[0] if part.kinds.size == 1 else -1
+    if kind == SPHERE:
+        return far, 0.0
+    if kind == CYLINDER:
         # Only the tilt of the axis counts, in either direction.
         axis = rotate(turn, np.array([0.0, 0.0, 1.0]))
-        return shift, math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2]))
-    if kind == "box":
+        return far, math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2]))
+    turns = turn.reshape(4, 1)
+    if kind == BOX:
         # Rotations of the cube that map the box onto itself are its symmetries.
         half = part.sizes[:, 0]
-        same = np.abs(np.abs(_CUBE) @ half - half).max(axis=1) < 1e-9 * half.max()
-        turn = product(_TURNS[:, same], turn)  # as far as the turn followed by it
+        off = np.abs((np.abs(_CUBE) * half).sum(axis=2) - half)
+        off = np.maximum(np.maximum(off[:, 0], off[:, 1]), off[:, 2])
+        same = np.flatnonzero(off < 1e-9 * half.max())
+        chosen = np.empty((4, same.size))
+        for x in range(4):
+            chosen[x] = _TURNS[x][same]
+        turns = product(chosen, turn)  # as far as the turn followed by it
     # Angle of a quaternion; the absolute value takes the nearer of q and -q.
-    return shift, float(2.0 * np.arctan2(np.linalg.norm(turn[1:], axis=0), np.abs(turn[0])).min())
+    sine = np.sqrt(turns[1] * turns[1] + turns[2] * turns[2] + turns[3] * turns[3])
+    return far, 2.0 * np.arctan2(sine, np.abs(turns[0])).min()
 
 
 # --- What the picture says to a pose --------------------------------------------------------------
@@ -142,17 +189,37 @@ def verdict(
     z: Array, camera: Camera, sensor: Sensor, shapes: Shapes, cluster: NDArray[np.bool_]
 ) -> tuple[float, float, float, NDArray[np.bool_]]:
     """Return the share looked through, the share that agrees, both combined, and the mask."""
-    exact, _ = render(shapes, camera)
-    mask = exact > 0.0
-    here = mask & (z > 0.0)
-    deviation = z[here] - exact[here]
+    through, agree, score, exact = judge(z, camera, sensor, numbers(shapes), cluster)
+    return through, agree, score, exact > 0.0
+
+
+@register_jitable
+def judge(z, camera, sensor, shapes, cluster):
+    """Return the shares of `verdict`, of shapes as numbers, and their exact image (H, W) [m]."""
+    exact, _ = view(shapes, camera)
     # A pixel disagrees if it is off by more than the noise allows: farther means that the sensor
     # looks through the supposed part, nearer that something hides it.
-    allowed = _SIGMAS * sensor.sigma(exact[here], camera) + 1e-3
-    through, hidden = np.count_nonzero(deviation > allowed), np.count_nonzero(deviation < -allowed)
-    agree, both = deviation.size - through - hidden, np.count_nonzero(cluster & ~mask)
-    shown, visible = float(deviation.size or 1), float(deviation.size - hidden + both or 1)
-    return through / shown, agree / shown, agree / visible, mask
+    allowed = _SIGMAS * depth_deviation(exact, camera, sensor) + 1e-3
+    counts = np.zeros(4, np.int64)
+    _compare_loop(z, exact, allowed, cluster, counts)
+    pixels, through, hidden, both = counts[0], counts[1], counts[2], counts[3]
+    shown, visible = max(1.0 * pixels, 1.0), 1.0 * (pixels - hidden + both)
+    agree = 1.0 * (pixels - through - hidden)
+    return through / shown, agree / shown, agree / (visible if visible > 0.0 else 1.0), exact
+
+
+def _compare(z, exact, allowed, cluster, counts):
+    """Count pixels with shape and depth, those seen through, hidden, and of the cluster only."""
+    for v in range(z.shape[0]):
+        for u in range(z.shape[1]):
+            if exact[v, u] > 0.0:
+                if z[v, u] > 0.0:
+                    deviation = z[v, u] - exact[v, u]
+                    counts[0] += 1
+                    counts[1] += deviation > allowed[v, u]
+                    counts[2] += deviation < -allowed[v, u]
+            elif cluster[v, u]:
+                counts[3] += 1
 
 
 def see_through(depth: ArrayLike, camera: Camera, sensor: Sensor, shapes: Shapes) -> float:
@@ -166,8 +233,9 @@ def see_through(depth: ArrayLike, camera: Camera, sensor: Sensor, shapes: Shapes
     return float(through) if through + agree > 0.0 else 1.0
 
 
-def _at_edge(mask: NDArray[np.bool_]) -> bool:
-    return bool(mask[[0, -1]].any() or mask[:, [0, -1]].any())
+@register_jitable
+def _at_edge(mask):
+    return mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any()
 
 
 # --- The chain ------------------------------------------------------------------------------------
@@ -175,61 +243,81 @@ def _at_edge(mask: NDArray[np.bool_]) -> bool:
 
 def _extent(part: Shapes) -> tuple[Array, Array]:
     """Return the least and greatest coordinates of a part in its own frame [m]."""
+    if "plane" in part.kinds:
+        raise invalid("part.kinds", part.kinds, "a thing with an end: no plane")
+    return extent_of(numbers(part))
+
+
+@register_jitable
+def extent_of(part):
+    """Return least and greatest coordinates of a part as numbers, in its own frame [m]."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for i, kind in enumerate(part.kinds):
-        size, pose = part.sizes[:, i], part.poses[:, i]
-        if kind == "plane":
-            raise invalid("part.kinds", part.kinds, "a thing with an end: no plane")
-        turn = to_matrix(pose[3:])
+    for i in range(part.kinds.size):
+        size, place, turn = part.sizes[:, i], part.poses[:3, i], to_matrix(part.poses[3:, i])
+        reach = np.full(3, size[0])
         # Support in the direction of each axis: a turned box reaches |R| times its half sides, a
         # cylinder's discs add the part of their radius across the axis, a sphere does not turn.
-        if kind == "box":
-            reach = np.abs(turn) @ size
-        elif kind == "cylinder":
+        if part.kinds[i] == BOX:
+            reach = (np.abs(turn) * size).sum(axis=1)
+        elif part.kinds[i] == CYLINDER:
             axis = turn[:, 2]
             across = np.sqrt(np.maximum(1.0 - axis * axis, 0.0))
             reach = size[1] * np.abs(axis) + size[0] * across
-        else:
-            reach = np.full(3, size[0])
-        low, high = np.minimum(low, pose[:3] - reach), np.maximum(high, pose[:3] + reach)
+        low, high = np.minimum(low, place - reach), np.maximum(high, place + reach)
     return low, high
 
 
-def _yaws(part: Shapes, starts: int) -> Array:
+@register_jitable
+def yaws(part, starts):
     """Return turns about z to start from: evenly over what is not the same by symmetry [rad]."""
-    period = 2.0 * math.pi
-    still = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     # A part that a turn by one degree leaves the same is round: any turn does.
     for n in (360, 4, 2):
-        turned = np.concatenate((still[:3], exp(np.array([0.0, 0.0, 2.0 * math.pi / n]))))
-        if pose_distance(part, still, turned)[1] < 1e-9:
-            period = 2.0 * math.pi / n
-            break
-    return period / starts * np.arange(1.0 if period < 0.1 else starts)
+        turned = STILL.copy()
+        turned[3:] = exp(np.array([0.0, 0.0, 2.0 * math.pi / n]))
+        if apart(part, STILL, turned)[1] < 1e-9:
+            return 2.0 * math.pi / n / starts * np.arange(1 if n == 360 else starts)
+    return 2.0 * math.pi / starts * np.arange(starts)
 
 
 def standing_starts(part: Shapes, points: Array, table: Array, starts: int) -> list[Array]:
     """Return poses on the table at turns evenly over what is not the same by symmetry."""
-    return standing_at(part, points, table, _yaws(part, starts))
+    return standing_at(part, points, table, yaws(numbers(part), starts))
 
 
 def standing_at(part: Shapes, points: Array, table: Array, yaws: Array) -> list[Array]:
     """Return poses on the table: for each turn the middle of the box around the points."""
-    low, high = _extent(part)
-    up = turn_to(table[:3])
+    return list(stand(numbers(part), points, table, np.asarray(yaws, dtype=float)))
+
+
+@register_jitable
+def stand(part, points, table, turns):
+    """Return as `standing_at`, of a part as numbers, shape (n, 7)."""
+    low, high = extent_of(part)
+    up = shortest_turn(table[:3])
     # The point of the table below the camera is the origin of the table's frame.
     foot = -table[3] * table[:3]
-    flat = rotate(conjugate(up), points - foot[:, None])
-    poses = []
-    for yaw in yaws:
-        q = exp(np.array([0.0, 0.0, yaw]))
+    flat = rotate(conjugate(up), points - foot.reshape(3, 1))
+    poses = np.empty((turns.size, 7))
+    for k in range(turns.size):
+        q = exp(np.array([0.0, 0.0, turns[k]]))
         inside = rotate(conjugate(q), flat)
+        middle = -0.5 * (low + high)
         # Percentiles instead of extremes: a few stray points do not move the box.
-        middle = np.percentile(inside, (2.0, 98.0), axis=1).mean(axis=0) - 0.5 * (low + high)
+        for x in range(2):
+            row = np.sort(inside[x])
+            middle[x] += 0.5 * (_between(row, 0.02) + _between(row, 0.98))
         middle[2] = -low[2]
-        turn = product(up, q)
-        poses.append(np.concatenate((foot + rotate(up, rotate(q, middle)), turn)))
+        poses[k, :3] = foot + rotate(up, rotate(q, middle))
+        poses[k, 3:] = product(up, q)
     return poses
+
+
+@register_jitable
+def _between(row, share):
+    """Return the number below which a share of a sorted row lies, between its two neighbours."""
+    place = share * (row.size - 1)
+    k = int(place)
+    return row[k] + (place - k) * (row[min(k + 1, row.size - 1)] - row[k])
 
 
 def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
@@ -251,14 +339,17 @@ def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
     return poses
 
 
-def _of_table(points: Array, sigma: Array, table: Array, pose: Array) -> Array:
+@register_jitable
+def _of_table(points, sigma, table, pose):
     """Return what the table tells about a part that stands on it: height and two tilts, (6, 6)."""
-    x, y, _ = rotate(conjugate(pose[3:]), points - pose[:3, None])
+    local = rotate(conjugate(pose[3:]), points - pose[:3].reshape(3, 1))
     # An error along the ray shows in the height by this factor.
-    slope = np.abs(table[:3] @ points) / points[2]
+    slope = np.abs(heights(table, points) - table[3]) / points[2]
     # Jacobian of the height above the table by the six directions, divided by its deviation.
-    J = np.stack((0.0 * x, 0.0 * x, np.ones_like(x), y, -x, 0.0 * x)) / (sigma * slope)
-    return J @ J.T
+    J = np.zeros((6, sigma.size))
+    J[2] = 1.0 / (sigma * slope)
+    J[3], J[4] = local[1] * J[2], -local[0] * J[2]
+    return times_transposed(J, J)
 
 
 def locate(
@@ -339,10 +430,12 @@ def locate(
     return sorted(result, key=lambda one: (one.status == "refuted", -one.agrees))
 
 
+@register_jitable
 def some_of(points: Array, sigma: Array, at_most: int = 2000) -> tuple[Array, Array]:
     """Return every n-th point, and deviations with which these tell as much as all do [m]."""
     n = max(1, sigma.size // at_most)
-    return points[:, ::n], sigma[::n] * math.sqrt(sigma[::n].size / max(1, sigma.size))
+    some = sigma[::n]
+    return points[:, ::n], some * math.sqrt(some.size / max(1, sigma.size))
 
 
 def pose_of(
@@ -372,100 +465,155 @@ def pose_of(
         table: the plane, shape (4,).
         on_table: points of it, (3, N), and the deviations of their depths, (N,) [m].
     """
-    points, _ = back_project(np.where(cluster, z, 0.0), camera)
-    sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
-    low, high = _extent(part)
-    last = _SIGMAS * float(np.median(sigma)) + 1e-3
-    # Graduated gate: at first a quarter of the part's diagonal, in the end the noise.
-    gate = (max(last, 0.25 * float(np.linalg.norm(high - low))), last)
-    some = slice(None, None, max(1, points.shape[1] // _SAMPLE))
-    free = STANDING if standing else DIRECTIONS
-    if standing:
-        poses = standing_starts(part, points, table, starts)
-    else:
-        poses = floating_starts(part, points, starts)
-    tried: list[tuple[tuple[float, float, float, NDArray[np.bool_]], Fit]] = []
-
-    def lay(poses: list[Array]) -> None:
-        for pose in poses:
-            try:
-                fit = icp(
-                    points[:, some],
-                    part,
-                    pose,
-                    gate=gate,
-                    sigma=sigma[some],
-                    free=free,
-                    rays=False,
-                    iterations=40,
-                    tolerance=1e-5,
-                )
-            except ValueError:  # nothing within the gate
-                continue
-            tried.append((verdict(z, camera, sensor, part.moved(fit.pose), cluster), fit))
-        tried.sort(key=lambda one: -one[0][2])
-
-    # Coarse registration from all starts, ranked by how well the whole picture agrees.
-    lay(poses)
-    if not tried:
+    first = np.empty((0, 7))
+    if not standing:
+        points, _ = back_project(np.where(cluster, z, 0.0), camera)
+        first = np.array(floating_starts(part, points, starts))
+    mobile = np.isin(DIRECTIONS, STANDING if standing else DIRECTIONS)
+    one = settle(z, camera, sensor, numbers(part), cluster, table, on_table, mobile, starts, first)
+    if one.status == NONE:
         return None
-    # A part that is nearly the same after a quarter turn: that too has to be worse.
-    best = tried[0][1].pose
-    turns = [exp(np.array([0.0, 0.0, 0.5 * math.pi * k])) for k in (1, 2, 3)]
-    turned = [np.append(best[:3], product(best[3:], turn)) for turn in turns]
-    lay(
-        [
-            q
-            for q in turned
-            if all(pose_distance(part, q, f.pose)[1] > 0.2 * _DISTINCT for _, f in tried)
-        ]
-    )
-    (_, _, score, mask), first = tried[0]
-    # All that the pose covers, also what is too near the table to be told from it.
-    covered, _ = back_project(np.where(mask | cluster, z, 0.0), camera)
-    # Fine registration of all covered points from the best start.
-    spread = np.maximum(sensor.sigma(covered[2], camera), 1e-7)
-    fit = first
-    # What the faces do not show, the outline does: x and y of a part that is seen from above.
-    at, weight, off = border(z, camera, sensor, cluster), 1.0 / sensor.window**2, 0.0
-    of_outline = np.zeros((6, 6))
-    for _ in range(2):  # points near an edge are chosen again once the edge is known
-        fit = icp(covered, part, fit.pose, gate=last, sigma=spread, free=free)
-        if not np.isfinite(fit.residual):
-            return None
-        fit, of_outline, off = refine(part, fit, fit.information * weight, camera, sensor, at)
-    through, agree, score, mask = verdict(z, camera, sensor, part.moved(fit.pose), cluster)
-    # A different pose that explains the picture about as well makes the answer ambiguous.
-    rival = any(
-        other[2] > tried[0][0][2] - _RIVAL
-        and other[0] <= _SEES_THROUGH
-        and max(np.divide(pose_distance(part, fit.pose, one.pose), (2.0 * last, _DISTINCT))) > 1.0
-        for other, one in tried[1:]
-    )
-    also = _of_table(*on_table, table, fit.pose) if standing else np.zeros((6, 6))
-    if set(part.kinds) == {"sphere"}:  # it touches the table in a point, whatever its turn
-        also[3:], also[:, 3:] = 0.0, 0.0
-    # Neighbouring pixels of a stereo window share their noise: fewer independent points.
-    covariance, unobserved = known((fit.information + also) * weight + of_outline)
-    left_over = score < 1.0 - _SEES_THROUGH or off > _OFF_OUTLINE
-    blind = {"x", "y", "z"} & set(unobserved)
-    status = "ambiguous" if rival or left_over or blind else "found"
-    # The worse finding overrules: cut before ambiguous, refuted before all.
-    if _at_edge(mask) or _at_edge(cluster):
-        status = "cut"
-    if through > _SEES_THROUGH or agree < _AGREES:
-        status = "refuted"
     return Estimate(
-        R=fit.R,
-        p=fit.p,
-        covariance=covariance,
-        matched=float(first.matched.mean()),
-        residual=fit.residual,
-        see_through=float(through),
-        agrees=float(score),
-        unobserved=unobserved,
-        status=status,
+        R=one.R,
+        p=one.p,
+        covariance=one.covariance,
+        matched=one.matched,
+        residual=one.residual,
+        see_through=one.through,
+        agrees=one.agrees,
+        unobserved=tuple(str(name) for name in np.array(DIRECTIONS)[one.blind]),
+        status=STATUS[one.status],
     )
+
+
+class Settled(NamedTuple):
+    """What `settle` found, as numbers; see `Estimate`.
+
+    Attributes:
+        R, p, covariance, matched, residual, agrees: as of `Estimate`.
+        through: as its `see_through`.
+        blind: the directions that are not observed, (6,).
+        status: number in `STATUS`, or `NONE`.
+    """
+
+    R: Array
+    p: Array
+    covariance: Array
+    matched: float
+    residual: float
+    through: float
+    agrees: float
+    blind: NDArray[np.bool_]
+    status: int
+
+
+@register_jitable
+def _nowhere():
+    blind = np.zeros(6, np.bool_)
+    return Settled(np.eye(3), np.zeros(3), np.zeros((6, 6)), 0.0, 0.0, 0.0, 0.0, blind, NONE)
+
+
+@register_jitable
+def settle(z, camera, sensor, part, cluster, table, on_table, mobile, starts, poses):
+    """Return as `pose_of`, of a part as numbers.
+
+    Args:
+        z: as for `pose_of`.
+        camera: as for `locate`.
+        sensor: as for `locate`.
+        part: as numbers.
+        cluster: as for `pose_of`.
+        table: as for `pose_of`.
+        on_table: as for `pose_of`.
+        mobile: the directions that are free, (6,); those of `STANDING` for a part that stands.
+        starts: turns to start from, for a part that stands.
+        poses: where another part starts, shape (n, 7).
+    """
+    standing = not mobile[2]
+    points, _ = unproject(np.where(cluster, z, 0.0), camera)
+    if points.shape[1] < 3:
+        return _nowhere()
+    sigma = np.maximum(depth_deviation(points[2], camera, sensor), 1e-7)
+    low, high = extent_of(part)
+    last = _SIGMAS * _between(np.sort(sigma), 0.5) + 1e-3
+    # Graduated gate: at first a quarter of the part's diagonal, in the end the noise.
+    size = high - low
+    wide = (max(last, 0.25 * math.sqrt(np.sum(size * size))), last)
+    each = max(1, points.shape[1] // _SAMPLE)
+    some, spread = points[:, ::each].T.copy(), sigma[::each].copy()
+    if standing:
+        poses = stand(part, points, table, yaws(part, starts))
+    # Coarse registration from all starts, then from three turns of the best of them; ranked by how
+    # well the whole picture agrees.
+    first = poses.shape[0]
+    tried, laid = np.empty((first + 3, 7)), np.zeros(first + 3, np.bool_)
+    through, scores, matched = np.zeros(first + 3), np.full(first + 3, -1.0), np.zeros(first + 3)
+    best = 0
+    for k in range(first + 3):
+        if k < first:
+            start = poses[k].copy()
+        else:
+            best = int(scores[:first].argmax())
+            if not laid[best]:
+                return _nowhere()
+            # A part that is nearly the same after a quarter turn: that too has to be worse.
+            quarter = 0.5 * math.pi * (k - first + 1)
+            start = tried[best].copy()
+            start[3:] = product(start[3:], exp(np.array([0.0, 0.0, quarter])))
+            again = False
+            for other in range(first):
+                if laid[other] and apart(part, start, tried[other])[1] <= 0.2 * _DISTINCT:
+                    again = True
+            if again:
+                continue
+        fit = register(some, spread, NO_TREE, part, start, wide, mobile, 1, False, 40, 1e-5)
+        if fit.matches < 3 and fit.steps == 0:  # nothing within the gate
+            continue
+        tried[k, :3], tried[k, 3:], laid[k] = fit.p, from_matrix(fit.R), True
+        through[k], _, scores[k], _ = judge(z, camera, sensor, moved_to(part, tried[k]), cluster)
+        matched[k] = np.count_nonzero(fit.flags > 0) / fit.flags.size
+    best = int(scores.argmax())
+    pose = tried[best].copy()
+    # All that the pose covers, also what is too near the table to be told from it.
+    exact, _ = view(moved_to(part, pose), camera)
+    covered, _ = unproject(np.where((exact > 0.0) | cluster, z, 0.0), camera)
+    # Fine registration of all covered points from the best start.
+    spread = np.maximum(depth_deviation(covered[2], camera, sensor), 1e-7)
+    source = covered.T.copy()
+    # What the faces do not show, the outline does: x and y of a part that is seen from above.
+    at, weight, off, residual = border(z, camera, sensor, cluster), 1.0 / sensor.window**2, 0.0, 0.0
+    of_points, of_outline = np.zeros((6, 6)), np.zeros((6, 6))
+    for _ in range(2):  # points near an edge are chosen again once the edge is known
+        fit = register(source, spread, NO_TREE, part, pose, (last, last), mobile, 1, True, 50, 1e-8)
+        if not math.isfinite(fit.residual):
+            return _nowhere()
+        of_points, residual = fit.information, fit.residual
+        pose[:3], pose[3:] = fit.p, from_matrix(fit.R)
+        pose, of_outline, off = refine(part, pose, mobile, of_points * weight, camera, sensor, at)
+    seen, agree, score, exact = judge(z, camera, sensor, moved_to(part, pose), cluster)
+    # A different pose that explains the picture about as well makes the answer ambiguous.
+    rival = False
+    for k in range(first + 3):
+        if k != best and laid[k] and scores[k] > scores[best] - _RIVAL:
+            shift, turn = apart(part, pose, tried[k])
+            different = max(shift / (2.0 * last), turn / _DISTINCT) > 1.0
+            rival = rival or (different and through[k] <= _SEES_THROUGH)
+    if standing:
+        also = _of_table(on_table[0], on_table[1], table, pose)
+        if np.all(part.kinds == SPHERE):  # it touches the table in a point, whatever its turn
+            also[3:], also[:, 3:] = 0.0, 0.0
+        of_points = of_points + also
+    # Neighbouring pixels of a stereo window share their noise: fewer independent points.
+    covariance, blind = covariance_of(of_points * weight + of_outline, np.ones(6, np.bool_))
+    left_over = score < 1.0 - _SEES_THROUGH or off > _OFF_OUTLINE
+    status = AMBIGUOUS if rival or left_over or blind[:3].any() else FOUND
+    # The worse finding overrules: cut before ambiguous, refuted before all.
+    if _at_edge(exact > 0.0) or _at_edge(cluster):
+        status = CUT
+    if seen > _SEES_THROUGH or agree < _AGREES:
+        status = REFUTED
+    R, p = to_matrix(pose[3:]), pose[:3].copy()
+    return Settled(R, p, covariance, matched[best], residual, seen, score, blind, status)
 
 
 def stand_in(
@@ -531,3 +679,18 @@ def stand_in(
         share = np.where(np.outer(finite, finite), covariance[:, :, i], 0.0) @ of_points
         bias[:, i] = share @ offset
     return bias, covariance
+
+
+_SIGNATURE = void(
+    MATRIX,
+    MATRIX,
+    MATRIX,
+    types.Array(boolean, 2, "C"),
+    types.Array(int64, 1, "C"),
+)
+_compare_loop = loop(_compare, _SIGNATURE)
+
+
+def warm() -> None:
+    """Compile the loop of this file."""
+    compiled(_compare, _SIGNATURE)

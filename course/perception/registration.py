@@ -11,9 +11,9 @@ two shifts and a turn of a face (Besl and McKay, 1992; Chen and Medioni, 1991; C
 
 from __future__ import annotations
 
-import functools
+import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -22,11 +22,13 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, one_of, vector
-from course.compiled import MATRIX, VECTOR, compiled
+from course.compiled import MATRIX, VECTOR, compiled, loop
 from course.contact.shapes import poses as checked_poses
-from course.kinematics.inverse import decompose
 from course.perception import camera
-from course.perception.camera import CYLINDER, KINDS, PLANE, SPHERE, STILL, Shapes
+from course.perception.camera import CYLINDER, PLANE, SPHERE, STILL, Shapes, Solids, numbers
+from course.perception.linear import eigen, times_transposed
+from course.perception.rigid import rotation
+from course.perception.tree import NO_CLOUD, Cloud, nearest_row
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
 
 Array = NDArray[np.float64]
@@ -34,70 +36,14 @@ Array = NDArray[np.float64]
 DIRECTIONS = ("x", "y", "z", "turn x", "turn y", "turn z")
 METHODS = ("point", "plane")
 
-_LEAF = 16  # points in a leaf of the tree
 _LEAST_COSINE = 0.1  # of ray and normal, for a weight: what grazes is not known ever better
 _EDGE = 0.5  # standard deviations of depth: a ray that passes an edge nearer counts for no face
 _BLIND = 1e-6  # an eigenvalue below this, where each direction alone has 1, is not observed
 _ROUNDING = 1e-15  # a direction with less than this share of the largest information has none
-_DAMPING = 1e-9  # share of the largest diagonal: a direction without information does not move
+_UNSEEN = 1e-9  # a motion with less than this share of the largest information gets no step
 _INDICES = types.Array(int64, 1, "C")
 _FLAGS = types.Array(numba.boolean, 1, "C")
 _CUBE = types.Array(float64, 3, "C")
-
-
-@dataclass(frozen=True, eq=False)
-class Cloud:
-    """Points in a k-d tree (Bentley, 1975): cut at the median across the widest side.
-
-    Made by `Cloud.of`. In the order of the tree: `points` (N, 3) [m], `normals` (N, 3) or (0, 3),
-    `order` (N,) each point's number; `axes`, `cuts` (2^k - 1,) of inner nodes, breadth first.
-    """
-
-    points: Array
-    normals: Array
-    order: NDArray[np.int64]
-    axes: NDArray[np.int64]
-    cuts: Array
-
-    @classmethod
-    def of(cls, points: ArrayLike, normals: ArrayLike | None = None) -> Cloud:
-        """Return a cloud to register to, or to ask for nearest points.
-
-        Args:
-            points: shape (3, N), at least one [m].
-            normals: shape (3, N), of unit length; needed for point-to-plane only.
-
-        Raises:
-            ValueError: for no point, a NaN, or normals of another shape or length.
-        """
-        rows = vector("points", points, (3, None), unit="m").T.copy()
-        if not len(rows):
-            raise invalid("points.shape", (3, 0), "at least one point")
-        # Levels of a balanced tree with at most _LEAF points in each leaf.
-        levels = max(0, int(np.ceil(np.log2(len(rows) / _LEAF))))
-        order = np.arange(len(rows))
-        axes, cuts = np.zeros(2**levels - 1, dtype=np.int64), np.zeros(2**levels - 1)
-        _kernels().build(rows, order, axes, cuts)
-        turned = np.zeros((0, 3))
-        if normals is not None:
-            given = vector("normals", normals, (3, len(rows)))
-            length = np.linalg.norm(given, axis=0)
-            if np.abs(length - 1.0).max() > 1e-6:
-                raise invalid("normals", length, "vectors of unit length")
-            turned = np.ascontiguousarray(given.T[order])
-        return cls(rows, turned, order, axes, cuts)
-
-    def nearest(self, queries: ArrayLike, within: float = np.inf) -> tuple[Array, Any]:
-        """Return the nearest point to each query, shape (3, n) [m].
-
-        Returns:
-            Distances (n,) [m] and numbers of the points (n,); infinite and -1 where none is nearer
-            than `within`.
-        """
-        q = np.ascontiguousarray(vector("queries", queries, (3, None), unit="m").T)
-        distance, index = np.empty(len(q)), np.empty(len(q), dtype=np.int64)
-        _kernels().query(q, self.points, self.axes, self.cuts, float(within), distance, index)
-        return distance, np.where(index < 0, -1, self.order[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,55 +102,40 @@ def known(
     Returns:
         Covariance (6, 6) and the names of the directions of infinite variance.
     """
-    retained = np.isin(DIRECTIONS, free)
-    H = vector("information", information, (6, 6)) * np.outer(retained, retained)
+    H = vector("information", information, (6, 6))
+    covariance, blind = covariance_of(H, np.isin(DIRECTIONS, free))
+    return covariance, tuple(str(name) for name in np.array(DIRECTIONS)[blind])
+
+
+@register_jitable
+def covariance_of(information, mobile):
+    """Return the covariance of `known` and which directions are blind, (6,).
+
+    Args:
+        information: shape (6, 6).
+        mobile: the directions that are not known beforehand, (6,).
+    """
+    H = information * np.outer(1.0 * mobile, 1.0 * mobile)
     alone = np.diag(H)
     # Unit diagonal first: the eigenvalues then say how independent the directions are, whatever
     # their units.
     scale = np.sqrt(np.where(alone > _ROUNDING * alone.max(), alone, np.inf))
-    values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
+    values, vectors = eigen(H / np.outer(scale, scale))
     # An eigenvalue near 0 belongs to a motion that no point resists.
     observed = values > _BLIND
-    blind = retained & (np.sum(vectors[:, ~observed] ** 2, axis=1) > _BLIND)
+    blind = mobile & (np.where(observed, 0.0, vectors * vectors).sum(axis=1) > _BLIND)
     # Pseudoinverse on the observed motions, with the scaling undone.
-    part = vectors[:, observed] / scale[:, None]
-    result = (part / values[observed]) @ part.T
-    result[blind] = 0.0
-    result[:, blind] = 0.0
-    result[blind, blind] = np.inf
-    return result, tuple(str(name) for name in np.array(DIRECTIONS)[blind])
-
-
-def rigid_fit(
-    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None
-) -> tuple[Array, Array]:
-    """Return R, p that minimise sum w |R source + p - target|^2 among proper rotations.
-
-    From the singular vectors of the weighted covariance U S V^T: R = V diag(1, 1, d) U^T, where d,
-    the determinant of V U^T, keeps a mirror image out (Kabsch, 1978; Umeyama, 1991).
-
-    Args:
-        source: points, shape (3, N), N at least 3 [m].
-        target: their partners, same shape [m].
-        weights: shape (N,), not negative; None for equal ones.
-
-    Returns:
-        R (3, 3) and p (3,) [m].
-
-    Raises:
-        ValueError: for fewer than three points, points on one line (the turn about it is free), a
-            NaN or a negative weight.
-    """
-    a = vector("source", source, (3, None), unit="m")
-    b = vector("target", target, a.shape, unit="m")
-    w = np.ones(a.shape[1]) if weights is None else vector("weights", weights, a[0].shape, low=0.0)
-    if np.count_nonzero(w) < 3:
-        raise invalid("source.shape", a.shape, "at least three points that have a weight")
-    R, p = np.empty((3, 3)), np.empty(3)
-    rows = (np.ascontiguousarray(x.T) for x in (a, b))
-    if not _kernels().rotation(*rows, np.ascontiguousarray(w), R, p):
-        raise invalid("source", a, "points off one line, here and in target")
-    return R, p
+    inverse = np.where(observed, 1.0 / np.where(observed, values, 1.0), 0.0)
+    part = vectors / scale.reshape(6, 1)
+    result = times_transposed(part * inverse, part)
+    for x in range(6):
+        if blind[x]:
+            result[x, :] = 0.0
+            result[:, x] = 0.0
+    for x in range(6):
+        if blind[x]:
+            result[x, x] = np.inf
+    return result, blind
 
 
 def icp(
@@ -266,155 +197,145 @@ def icp(
     if not plane and not mobile.all():
         raise invalid("free", free, "all six directions for point-to-point")
     begin = checked_poses("start", vector("start", start, (7,)), 3)[:, 0]
-    R, p = to_matrix(begin[3:]), begin[:3].copy()
     steps = count("iterations", iterations, 1)
-    # Graduated gate: wide at first, to catch far matches, and narrower each iteration.
-    gates = np.array([max(last, first * (2 / 3) ** k) for k in range(steps + 1)])
-    tree = target if isinstance(target, Cloud) else _NO_CLOUD
+    tree = target if isinstance(target, Cloud) else NO_CLOUD
     if plane and tree is target and not len(tree.normals):
         raise invalid("target.normals", None, "normals, for point-to-plane")
-    parts = solids(target) if isinstance(target, Shapes) else _NO_PARTS
-    limits = np.array([finite("tolerance", tolerance, 0.0, unit="m"), _EDGE if rays else -1.0])
-    H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(len(source), np.int64)
-    room = (np.zeros(source.shape), np.zeros(len(source)), flags)
-    where = (tree.points, tree.normals, tree.axes, tree.cuts, *parts)
-    _kernels().icp(source, spread, *where, R, p, gates, limits, mobile, plane, *room, H, out)
-    # The loop fills the lower triangle only.
-    H += np.tril(H, -1).T
-    result, weighted, squares, made, converged = out[:5].tolist()
-    if result < 3 and made == 0:
-        raise invalid("start", begin, f"a pose with 3 points within the gate (here {result:.0f})")
+    parts = numbers(target) if isinstance(target, Shapes) else _NO_PARTS
+    made = register(
+        source,
+        spread,
+        (tree.points, tree.normals, tree.axes, tree.cuts),
+        parts,
+        begin,
+        (float(first), float(last)),
+        mobile,
+        plane,
+        rays,
+        steps,
+        finite("tolerance", tolerance, 0.0, unit="m"),
+    )
+    H = made.information
+    if made.matches < 3 and made.steps == 0:
+        raise invalid("start", begin, f"a pose with 3 points within the gate (here {made.matches})")
     # Without given deviations the residual's own variance scales the information.
     if sigma is None:
-        H *= max(result - mobile.sum(), 1.0) / max(weighted, 1e-300)
-    lost = result < 3
+        H *= max(made.matches - mobile.sum(), 1.0) / max(made.weighted, 1e-300)
     return Fit(
-        R,
-        p,
-        matched=flags > 0,
-        residual=np.inf if lost else float(np.sqrt(squares / result)),
-        iterations=int(made),
-        converged=bool(converged) and not lost,
+        made.R,
+        made.p,
+        matched=made.flags > 0,
+        residual=made.residual,
+        iterations=made.steps,
+        converged=made.converged,
         information=H,
         free=free,
     )
 
 
-def solids(shapes: Shapes) -> tuple[NDArray[Any], ...]:
-    """Return kinds (n,), sizes (n, 3), rotations (n, 3, 3) and places (n, 3) for the loop."""
-    kinds = np.array([tuple(KINDS).index(kind) for kind in shapes.kinds], np.int64)
-    turns = np.ascontiguousarray(np.moveaxis(to_matrix(shapes.poses[3:]), 2, 0))
-    rows = (np.ascontiguousarray(x.T) for x in (shapes.sizes, shapes.poses[:3]))
-    return kinds, next(rows), turns, next(rows)
+class Registered(NamedTuple):
+    """What `register` found, as numbers; see `Fit`.
 
+    Attributes:
+        R, p: of the target in the frame of the points, (3, 3) and (3,) [m].
+        flags: of each point 1 matched, 2 rejected by its ray, 0 neither, (N,).
+        matches: number of matched points.
+        weighted: sum of the weighted squares.
+        residual: root mean square of the matched distances, infinite if they are fewer than 3 [m].
+        steps: that were made.
+        converged: as of `Fit`.
+        information: of the six directions, (6, 6), with the weights of the points.
+    """
 
-_NONE = np.zeros((0, 3)), np.zeros(0, np.int64)
-_NO_CLOUD = Cloud(_NONE[0], _NONE[0], _NONE[1], _NONE[1], np.zeros(0))
-_NO_PARTS = _NONE[1], _NONE[0], np.zeros((0, 3, 3)), _NONE[0]
-
-
-# --- compiled -------------------------------------------------------------------------------------
-
-
-def _build(points, order, axes, cuts):
-    """Put the rows of points into the order of the tree; ranges of nodes are halved by rule."""
-    inner = len(axes)
-    # Breadth-first numbering: the children of node k are 2 k + 1 and 2 k + 2.
-    ranges = np.empty((2 * inner + 1, 2), dtype=np.int64)
-    ranges[0, 0], ranges[0, 1] = 0, len(points)
-    for node in range(inner):
-        low, high = ranges[node]
-        # Split the widest axis at the median: a balanced k-d tree without pointers.
-        axis, widest = 0, -1.0
-        for x in range(3):
-            wide = points[low:high, x].max() - points[low:high, x].min()
-            if wide > widest:
-                axis, widest = x, wide
-        middle = (low + high) // 2
-        i, j = low, high - 1
-        while i < j:  # Hoare's selection of the median
-            pivot = points[(i + j) // 2, axis]
-            a, b = i, j
-            while a <= b:
-                while points[a, axis] < pivot:
-                    a += 1
-                while points[b, axis] > pivot:
-                    b -= 1
-                if a <= b:
-                    for x in range(3):
-                        points[a, x], points[b, x] = points[b, x], points[a, x]
-                    order[a], order[b] = order[b], order[a]
-                    a += 1
-                    b -= 1
-            # Go on in the part that contains the median.
-            if middle <= b:
-                j = b
-            elif middle >= a:
-                i = a
-            else:
-                break
-        axes[node], cuts[node] = axis, points[middle, axis]
-        ranges[2 * node + 1, 0], ranges[2 * node + 1, 1] = low, middle
-        ranges[2 * node + 2, 0], ranges[2 * node + 2, 1] = middle, high
+    R: Array
+    p: Array
+    flags: NDArray[np.int64]
+    matches: int
+    weighted: float
+    residual: float
+    steps: int
+    converged: bool
+    information: Array
 
 
 @register_jitable
-def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
-    """Return the row of the nearest point within sqrt(best) of q, and the squared distance.
+def register(source, spread, tree, parts, start, gate, mobile, plane, rays, steps, tolerance):
+    """Return `icp`'s result for arguments that are checked.
 
-    `best` is the squared distance to beat and `index` the row that it belongs to, or -1 for a mere
-    bound; both come back unchanged if no point is nearer. The points are in the order of `_build`;
-    nodes and offsets are work space. A branch is skipped when its cuts alone are farther away than
-    the best (Arya and Mount, 1993).
+    Args:
+        source: points, shape (N, 3) [m].
+        spread: standard deviations of their depths, 0 for equal weights, shape (N,) [m].
+        tree: points, normals, axes and cuts of a `Cloud`, empty beside shapes.
+        parts: shapes as numbers, none beside a cloud.
+        start: pose, shape (7,).
+        gate: the first and the last [m].
+        mobile: the directions that may change, (6,).
+        plane: 1 for point-to-plane.
+        rays: whether the last steps follow the rays.
+        steps: limit on the number of iterations.
+        tolerance: a step that moves the part by less is the last [m].
     """
-    inner, top = len(axes), 1
-    # Stack: a node and its range of rows; the squared offsets of its cell from q along each axis,
-    # and their sum.
-    nodes[0, 0], nodes[0, 1], nodes[0, 2] = 0, 0, len(points)
-    offsets[0] = 0.0
-    while top > 0:
-        top -= 1
-        # Prune: the cell is farther away than the best point so far.
-        s = offsets[top, 3]
-        if s >= best:
-            continue
-        node, low, high = nodes[top, 0], nodes[top, 1], nodes[top, 2]
-        o0, o1, o2 = offsets[top, 0], offsets[top, 1], offsets[top, 2]
-        while node < inner:
-            axis = axes[node]
-            deviation, middle = q[axis] - cuts[node], (low + high) // 2
-            old = o0 if axis == 0 else (o1 if axis == 1 else o2)
-            # Squared distance to the other half's cell, updated in one axis (Arya and Mount, 1993).
-            far = s - old + deviation * deviation
-            if deviation < 0.0:
-                other, other_low, other_high = 2 * node + 2, middle, high
-                node, high = 2 * node + 1, middle
-            else:
-                other, other_low, other_high = 2 * node + 1, low, middle
-                node, low = 2 * node + 2, middle
-            # The other half waits, with the offset along this axis replaced.
-            if far < best:
-                nodes[top, 0], nodes[top, 1], nodes[top, 2] = other, other_low, other_high
-                offsets[top, 0], offsets[top, 1], offsets[top, 2] = o0, o1, o2
-                offsets[top, axis], offsets[top, 3] = deviation * deviation, far
-                top += 1
-        # Leaf: compare all its points.
-        for i in range(low, high):
-            x, y, z = points[i, 0] - q[0], points[i, 1] - q[1], points[i, 2] - q[2]
-            square = x * x + y * y + z * z
-            if square < best:
-                best, index = square, i
-    return index, best
+    R, p = to_matrix(start[3:]), start[:3].copy()
+    # Graduated gate: wide at first, to catch far matches, and narrower each iteration.
+    gates = np.empty(steps + 1)
+    wide = gate[0]
+    for k in range(steps + 1):
+        gates[k] = max(gate[1], wide)
+        wide *= 2.0 / 3.0
+    limits = np.array([tolerance, _EDGE if rays else -1.0])
+    n = source.shape[0]
+    H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(n, np.int64)
+    points, normals, axes, cuts = tree
+    kinds, sizes, turns, places = solids(parts)
+    closest, weights = np.zeros((n, 3)), np.zeros(n)
+    _icp_loop(
+        source,
+        spread,
+        points,
+        normals,
+        axes,
+        cuts,
+        kinds,
+        sizes,
+        turns,
+        places,
+        R,
+        p,
+        gates,
+        limits,
+        mobile,
+        plane,
+        closest,
+        weights,
+        flags,
+        H,
+        out,
+    )
+    # The loop fills the lower triangle only.
+    for x in range(6):
+        for y in range(x):
+            H[y, x] = H[x, y]
+    matched, enough = int(out[0]), out[0] >= 3.0
+    residual = math.sqrt(out[2] / out[0]) if enough else math.inf
+    converged = enough and out[4] > 0.0
+    return Registered(R, p, flags, matched, out[1], residual, int(out[3]), converged, H)
 
 
-def _query(queries, points, axes, cuts, within, distance, index):
-    """Find the nearest point of each query."""
-    nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
-    for k in range(len(queries)):
-        index[k], square = _nearest(
-            queries[k], points, axes, cuts, within * within, -1, nodes, offsets
-        )
-        distance[k] = np.sqrt(square) if index[k] >= 0 else np.inf
+@register_jitable
+def solids(parts):
+    """Return kinds (n,), sizes (n, 3), rotations (n, 3, 3) and places (n, 3) for the loop."""
+    n = parts.kinds.size
+    sizes, turns, places = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
+    for i in range(n):
+        sizes[i], places[i] = parts.sizes[:, i], parts.poses[:3, i]
+        turns[i] = to_matrix(parts.poses[3:, i])
+    return parts.kinds, sizes, turns, places
+
+
+_NO_PARTS = Solids(np.zeros(0, np.int64), np.zeros((3, 0)), np.zeros((7, 0)))
+
+
+# --- compiled -------------------------------------------------------------------------------------
 
 
 @register_jitable
@@ -478,82 +399,31 @@ def _meets(kind, size, o, d):
 
 
 @register_jitable
-def _rotation(a, b, w, R, p):
-    """Return kabsch's rotation and shift from rows a to rows b; False where they lie on a line."""
-    # Weighted centroids, then the cross-covariance of the centred points.
-    total, ca, cb = 0.0, np.zeros(3), np.zeros(3)
-    for i in range(len(a)):
-        total += w[i]
-        for x in range(3):
-            ca[x] += w[i] * a[i, x]
-            cb[x] += w[i] * b[i, x]
-    for x in range(3):
-        ca[x] /= total
-        cb[x] /= total
-    S = np.zeros((3, 3))
-    for i in range(len(a)):
-        if w[i] > 0.0:
-            for x in range(3):
-                for y in range(3):
-                    S[x, y] += w[i] * (b[i, x] - cb[x]) * (a[i, y] - ca[y])
-    A, U = np.empty((3, 3)), np.empty((3, 3))
-    # Singular value decomposition by one-sided Jacobi.
-    decompose(S, A, U)
-    # Numbers of the largest (i), the middle (j) and the smallest (k) singular value.
-    s, k, i = np.empty(3), 0, 0
-    for r in range(3):
-        s[r] = np.sqrt(A[r, 0] ** 2 + A[r, 1] ** 2 + A[r, 2] ** 2)
-        k, i = (r if s[r] < s[k] else k), (r if s[r] >= s[i] else i)
-    j = 3 - i - k
-    # Only one singular value: the points lie on a line, and the turn about it is free.
-    if s[j] <= 1e-9 * s[i] or s[i] <= 0.0:
-        return False
-    for x in range(3):
-        A[i, x] /= s[i]
-        A[j, x] /= s[j]
-    # Two pairs of singular vectors fix a rotation. The third pair is what completes both to right
-    # hands, which is V diag(1, 1, d) U^T whatever sign the smallest singular value asks for.
-    for x in range(3):
-        y, z = (x + 1) % 3, (x + 2) % 3
-        A[k, x] = A[i, y] * A[j, z] - A[i, z] * A[j, y]
-        U[x, k] = U[y, i] * U[z, j] - U[z, i] * U[y, j]
-    for x in range(3):
-        for y in range(3):
-            R[x, y] = U[x, i] * A[i, y] + U[x, j] * A[j, y] + U[x, k] * A[k, y]
-    # The shift maps the one centroid onto the other.
-    for x in range(3):
-        p[x] = cb[x] - R[x, 0] * ca[0] - R[x, 1] * ca[1] - R[x, 2] * ca[2]
-    return True
-
-
-@register_jitable
 def _solve(H, g, mobile, length, step):
-    """H step = g, turns in units of 1 / length, hardly damped, in the directions that may move."""
-    A, scale, damping = np.zeros((6, 6)), np.empty(6), 1e-300
-    # A direction that may not move has scale 0: only the damping is left in its row, so it stays.
+    """Write the smallest step with H step = g, turns in units of 1 / length.
+
+    Only directions that may move do. A motion that the points hardly resist gets no step: dividing
+    by its information, which is only rounding, would let rounding decide where the part goes.
+    """
+    A, scale = np.zeros((6, 6)), np.zeros(6)
     for x in range(6):
-        scale[x] = 0.0 if not mobile[x] else (1.0 if x < 3 else 1.0 / length)
+        if mobile[x]:
+            scale[x] = 1.0 if x < 3 else 1.0 / length
         for y in range(x + 1):
             A[x, y] = H[x, y] * scale[x] * scale[y]
-        damping = max(damping, _DAMPING * A[x, x])
+            A[y, x] = A[x, y]
+    # Pseudoinverse, by eigenvectors: the independent motions and the information about each.
+    values, vectors = eigen(A)
     for x in range(6):
-        A[x, x] += damping
-        step[x] = g[x] * scale[x]
-        for y in range(x + 1):  # Cholesky's factor, and the first substitution along the way
-            for k in range(y):
-                A[x, y] -= A[x, k] * A[y, k]
-            A[x, y] = np.sqrt(A[x, x]) if x == y else A[x, y] / A[y, y]
-        for k in range(x):
-            step[x] -= A[x, k] * step[k]
-        step[x] /= A[x, x]
-    # Back substitution.
-    for x in range(5, -1, -1):
-        for k in range(x + 1, 6):
-            step[x] -= A[k, x] * step[k]
-        step[x] /= A[x, x]
-    # Back from the scaled unknowns to metres and radians.
-    for x in range(6):
-        step[x] *= scale[x]
+        step[x] = 0.0
+    for k in range(6):
+        if values[k] > _UNSEEN * values[5]:
+            along = 0.0
+            for x in range(6):
+                along += vectors[x, k] * g[x] * scale[x]
+            # Back from the scaled unknowns to metres and radians.
+            for x in range(6):
+                step[x] += vectors[x, k] * along / values[k] * scale[x]
 
 
 def _icp(
@@ -582,7 +452,7 @@ def _icp(
     """Run ICP on R and p in place; for each point: closest, weight, flag 1 matched, 2 rejected.
 
     out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
-    `_kernels` says what the arguments are.
+    `_SIGNATURE` says what the arguments are.
     """
     steps, tolerance, edge = len(gates) - 1, limits[0], limits[1]
     nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
@@ -620,7 +490,9 @@ def _icp(
                         last[i] = -1
                     else:
                         square = now
-                last[i], square = _nearest(m, points, axes, cuts, square, last[i], nodes, offsets)
+                last[i], square = nearest_row(
+                    m, points, axes, cuts, square, last[i], nodes, offsets
+                )
                 at = last[i]
                 if at < 0:
                     continue
@@ -732,7 +604,7 @@ def _icp(
                     R[x, y] = 0.0
                     for z in range(3):
                         R[x, y] += old[x, z] * turn[z, y]
-        elif not _rotation(closest, source, weights, R, p):
+        elif not rotation(closest, source, weights, R, p):
             return
         # Size of the step. A small turn by t changes the matrix by 2 t^2, summed over its squared
         # entries.
@@ -751,54 +623,25 @@ def _icp(
             stage = 1
 
 
-class _Kernels(NamedTuple):
-    """The compiled loops of this file.
-
-    Attributes:
-        build: `_build`, sorts points into a k-d tree in place.
-        query: `_query`, fills in distance and number of the nearest point to each query.
-        rotation: `_rotation`, the best rigid motion of weighted pairs; False where none is unique.
-        icp: `_icp`, the whole registration from a start.
-    """
-
-    build: Any
-    query: Any
-    rotation: Any
-    icp: Any
-
-
-@functools.cache
-def _kernels() -> _Kernels:
-    """Return the loops compiled, once a process.
-
-    The signatures are explicit, so that the machine code is stored for the next process
-    (`course.compiled`). All arrays are C-contiguous, with one point a row.
-    """
-    # A k-d tree as the loops take it: points (N, 3) in its order, normals (N, 3) or (0, 3), and of
-    # its inner nodes the axis and the coordinate of the cut.
-    tree = (MATRIX, MATRIX, _INDICES, VECTOR)
-    # Shapes: kind, sizes (n, 3), rotation (n, 3, 3) and position (n, 3) of each; no row beside a
-    # cloud, as the tree has none beside shapes.
-    parts = (_INDICES, MATRIX, _CUBE, MATRIX)
-    # The pose, which starts as the guess and ends as the result: R (3, 3) and p (3,).
-    pose = (MATRIX, VECTOR)
-    # Gate of each step; tolerance and the width of a blind edge; which of the six directions may
-    # move; 1 for point-to-plane.
-    rules = (VECTOR, VECTOR, _FLAGS, int64)
-    # Filled for each point: match (N, 3), weight, flag. Then H (6, 6) and the six figures of `out`.
-    results = (MATRIX, VECTOR, _INDICES, MATRIX, VECTOR)
-    # The first two arguments of `_icp` are the points and their standard deviations.
-    measured = (MATRIX, VECTOR)
-    return _Kernels(
-        build=compiled(_build, types.void(MATRIX, _INDICES, _INDICES, VECTOR)),
-        query=compiled(
-            _query, types.void(MATRIX, MATRIX, _INDICES, VECTOR, float64, VECTOR, _INDICES)
-        ),
-        rotation=compiled(_rotation, numba.boolean(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)),
-        icp=compiled(_icp, types.void(*measured, *tree, *parts, *pose, *rules, *results)),
-    )
+# A k-d tree as the loops take it: points (N, 3) in its order, normals (N, 3) or (0, 3), and of its
+# inner nodes the axis and the coordinate of the cut. All arrays are C-contiguous, with one point a
+# row.
+_TREE = (MATRIX, MATRIX, _INDICES, VECTOR)
+# Shapes: kind, sizes (n, 3), rotation (n, 3, 3) and position (n, 3) of each; no row beside a cloud,
+# as the tree has none beside shapes.
+_PARTS = (_INDICES, MATRIX, _CUBE, MATRIX)
+# The pose, which starts as the guess and ends as the result: R (3, 3) and p (3,). Then the gate of
+# each step; tolerance and the width of a blind edge; which of the six directions may move; 1 for
+# point-to-plane.
+_RULES = (MATRIX, VECTOR, VECTOR, VECTOR, _FLAGS, int64)
+# Filled for each point: match (N, 3), weight, flag. Then H (6, 6) and the six figures of `out`.
+_RESULTS = (MATRIX, VECTOR, _INDICES, MATRIX, VECTOR)
+# The signature is explicit, so that the machine code is stored for the next process
+# (`course.compiled`). The first two arguments are the points and their deviations.
+_SIGNATURE = types.void(MATRIX, VECTOR, *_TREE, *_PARTS, *_RULES, *_RESULTS)
+_icp_loop = loop(_icp, _SIGNATURE)
 
 
 def warm() -> None:
-    """Compile the loops of this file."""
-    _kernels()
+    """Compile the loop of this file."""
+    compiled(_icp, _SIGNATURE)

@@ -1,10 +1,11 @@
 """The judge of paths: exact where the geometry allows it, and none of the planners' code.
 
-Every path of every planner, chart and exercise goes through `check_path`. It works all out anew and
-by other ways: a segment is cut where it meets the sides of a polygon and the middle of each piece
-is tried by its winding number; an arm's edge is halved until no point of the arm can have moved as
-far as it is free. A path that goes less than `TOLERANCE` deep passes: a planner's test may be wrong
-by rounding.
+Every path of every planner, chart and exercise goes through `check_path`, which uses other methods
+than the planners do. In the plane it cuts a segment where it meets the sides of a polygon, and
+tests the middle of each piece by its winding number. An arm's edge is halved until no point of the
+arm can travel as far as its clearance within a part (`prove`). Rounding may make a planner's own
+test wrong by a little, so a collision up to `TOLERANCE` deep passes; of an arm, one up to
+`TOLERANCE` + `RESOLVED` deep may pass, as its edge is halved no further than that.
 """
 
 from __future__ import annotations
@@ -39,9 +40,11 @@ from course.planning.worlds import DISC, LAST_SIDE, World, function_behind
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-9  # m; deeper is a collision
-RESOLVED = 1e-8  # m; an arm that moves less between two states looked at is not halved further
-UNDECIDED = 100_000  # parts of an edge; more are left only where a link grazes along it
+TOLERANCE = 1e-9  # m; a state that is deeper collides
+RESOLVED = (
+    1e-8  # m; a part of an edge is not halved if the arm moves less from its middle to its ends
+)
+UNDECIDED = 100_000  # parts of an edge; only a link that grazes along an obstacle needs more
 
 
 @dataclass(frozen=True)
@@ -182,24 +185,32 @@ def _judge_plane(world: World, a: Array, b: Array) -> Array | None:
 
 
 def prove(a: Array, b: Array, gaps: Callable[[Array], Array], travels: ArrayLike) -> Array | None:
-    """Return a state on an edge that collides, or None where there is none.
+    """Return a state on an edge that collides, or None if the edge is proved free.
 
-    Adaptive bisection (Schwarzer, Saha and Latombe, 2005): the edge is halved until, in the middle
-    of each part, every link is freer than it can move to the part's ends, or moves less than
-    `RESOLVED`. So no state that passes is deeper than `TOLERANCE` and `RESOLVED` together. An edge
-    along which a link grazes something for long leaves more than `UNDECIDED` parts, and is refused.
+    Adaptive bisection of the edge (Schwarzer, Saha and Latombe, Adaptive dynamic collision checking
+    for single and multiple articulated robots in complex environments, 2005). A part is free if, at
+    its middle, every link has at least the clearance that it can travel to the ends of the part.
+    The other parts are halved, until the arm moves less than `RESOLVED` from a middle to the ends
+    of its part. So every state of an edge that passes is at most `TOLERANCE` + `RESOLVED` deep.
 
     Args:
         a: first end of the edge, shape (n,).
         b: other end of the edge, shape (n,).
-        gaps: states (n, m) -> clearance of each link, shape (links, m) [m].
+        gaps: states (n, m) -> clearance of each link, shape (links, m) [m]; negative where the link
+            penetrates an obstacle. NaN counts as a collision.
         travels: upper bound on the distance that a point of each link moves from a to b, shape
             (links,) [m].
+
+    Returns:
+        The state, shape (n,), or None. An edge is rejected as well where more than `UNDECIDED`
+        parts are undecided, because a link grazes along an obstacle: the state is then the middle
+        with the least clearance.
     """
+    # Middles of the parts and half their length, as shares of the edge from 0 to 1.
     middles, half = np.array([0.5]), 0.5
     ends = np.array([0.0, 1.0])
     travel = np.asarray(travels, dtype=float)[:, None]
-    # The ends first: an end that collides ends the proof. A clearance that is no number collides.
+    # The ends of the edge first. Written with `not`, so that a clearance that is NaN collides.
     least = gaps(a[:, None] + ends * (b - a)[:, None]).min(axis=0)
     if not least.min() >= -TOLERANCE:
         return np.asarray(a + ends[least.argmin()] * (b - a))
@@ -230,7 +241,7 @@ def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
     )
     # Parameters of the lines' intersection, by Cramer's rule. Parallel lines give an infinity or
     # NaN and do not count as crossing; where they overlap, an end is on the other segment and
-    # `apart` is 0.
+    # `distance` is 0.
     along, side = q - p, v - u
     with np.errstate(all="ignore"):
         area = (along * np.conj(side)).imag

@@ -58,7 +58,6 @@ LIVE_TAG = "live"
 
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
-    "perception": "each image takes NumPy and SciPy about 0.1 s, most of it for the poses",
     "pipeline": "each change runs the whole pipeline more than 20 times, which takes 0.2 s",
 }
 

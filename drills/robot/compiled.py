@@ -30,9 +30,9 @@ from course.control.tracking import two_link_torque
 from course.kinematics import TwoLink
 from course.kinematics.inverse import METHODS, step
 from course.kinematics.two_link import accelerations
-from course.perception.cloud import _kernel, _ransac
-from course.perception.registration import _NO_PARTS as NO_PARTS
-from course.perception.registration import _kernels as icp_loop
+from course.perception.cloud import _ransac_loop as ransac_loop
+from course.perception.registration import _NO_PARTS, solids
+from course.perception.registration import _icp_loop as icp_loop
 from course.pipeline.theory import look_limit, look_noise
 from course.planning import worlds
 from course.rigid_body.integrators import velocity_verlet
@@ -360,7 +360,7 @@ def plane_ransac(
     """Return the plane with most inliers with chapter 7's loop, on the triples given."""
     plane = np.empty(4)
     cloud = np.ascontiguousarray(points)
-    tried = _kernel(_ransac)(
+    tried = ransac_loop(
         cloud, tolerance, np.ascontiguousarray(triples), math.log1p(-confidence), plane
     )
     inner = cloud[:, np.abs(plane[:3] @ cloud + plane[3]) <= tolerance]
@@ -389,9 +389,9 @@ def point_to_plane_step(points: Array, model: Array, normals: Array) -> tuple[Ar
     tree, n = _model(model.tobytes(), normals.tobytes()), points.shape[1]
     R, p = np.eye(3), np.zeros(3)
     room = np.zeros((n, 3)), np.zeros(n), np.zeros(n, np.int64), np.zeros((6, 6)), np.zeros(6)
-    icp_loop()[3](
+    icp_loop(
         np.ascontiguousarray(points.T), np.zeros(n), tree.points, tree.normals, tree.axes,
-        tree.cuts, *NO_PARTS, R, p, _GATES, _LIMITS, _MOBILE, 1, *room,
+        tree.cuts, *solids(_NO_PARTS), R, p, _GATES, _LIMITS, _MOBILE, 1, *room,
     )  # fmt: skip
     # That is the pose of the model in the frame of the points: the points move the other way.
     return R.T, -R.T @ p

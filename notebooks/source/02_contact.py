@@ -318,8 +318,8 @@ show("damping_makes_things_stick")
 # ### How large a step a stiff spring allows
 #
 # Things sink too deep, so you increase the stiffness. Then the simulation explodes. An integrator that computes the
-# force before the step is stable only while its steps are short compared with the period of the spring's oscillation,
-# $2\pi/\omega$.
+# force before the step is stable only while its steps are shorter than a share of the period of the spring's
+# oscillation, $2\pi/\omega$.
 # %%
 predict("hundred_times_stiffer")
 # %% [markdown]
@@ -670,12 +670,12 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 #    one number $a$ for both rows. The larger eigenvalue of their $2\times2$ block of $A$ is a safe choice.
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
-# When the sweeps have converged, steps 2 and 3 change nothing: shortening $p_t - u_t/a$ gives $p_t$ again. Shortening
-# keeps the direction, so at a sliding contact $u_t$ points straight against $p_t$. If each row were divided by its own
-# $A_{ii}$, and these differed, friction would point elsewhere.
+# When the sweeps have converged, steps 2 and 3 change nothing: at a sliding contact, shortening $p_t - u_t/a$ gives
+# $p_t$ again. So both vectors are parallel, and so is their difference: $u_t$ points straight against $p_t$. If each
+# row were divided by its own $A_{ii}$, and these differed, friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
-# the step before, which is called a **warm start**. In code, for contacts without friction:
+# the step before, which is called a **warm start**. In code, without friction:
 # %% tags=["show-code"]
 A, b = step.delassus, step.rows @ step.free  # the stack of two from above
 p = np.zeros(2)
@@ -686,7 +686,7 @@ for sweep in range(1, 9):
     if sweep in (1, 2, 4, 8):
         print(f"after sweep {sweep}: p = {p.round(4)} N s  (solution 0.2943, 0.1962)")
 # %% [markdown]
-# Follow the first sweep by hand. Contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now the lower
+# In the first sweep, contact 1 stops the lower block as if nothing lay on it: $p_1 = 0.0981$. Now the lower
 # block stands still and the upper one still falls, so contact 2 gets $p_2 = 0.0981/1.5 = 0.0654$. That pushes the lower
 # block down again, and contact 1 can correct this only in the next sweep. In this stack the error shrinks by a factor
 # of $2/3$ per sweep. The simulation starts with a mass ratio of 4. Set it to 2 to see the numbers above:
@@ -781,10 +781,10 @@ for dt in (1e-2, 1e-3, 1e-4):
 # $(1-\beta)^n\,\delta$.
 #
 # **ERP and CFM** come from the engine ODE (Open Dynamics Engine). **ERP** (error reduction parameter) is the share
-# $\beta$. **CFM** (constraint force mixing) makes the contact yield: the condition becomes $u_n$ + CFM $\cdot f = 0$,
-# so under a force $f$ the bodies go on approaching. Since $f = p/h$, that adds CFM$/h$ to the diagonal of $A$.
-# Together, ERP and CFM are a spring $k$ and a damper $b$, integrated implicitly. While the contact stays closed and
-# the solver converges, they are stable at every step:
+# $\beta$. **CFM** (constraint force mixing) makes the contact yield: the condition becomes $u_n + \text{CFM}\,f =
+# \text{ERP}\,\delta/h$. Since $f = p/h$, that adds CFM$/h$ to the diagonal of $A$. Solved for the force it reads $f =
+# k\,(\delta - h\,u_n) - b\,u_n$: a spring $k$ that acts on the depth at the end of the step, and a damper $b$. While
+# the contact stays closed and the solver converges, they are stable at every step:
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -898,11 +898,11 @@ show("mujoco_is_convex_and_unique")
 # $$a_{\text{ref}} = -b\,u - k\,d\,r, \qquad f = \frac{a_{\text{ref}} - a}{R}, \qquad
 # R = \frac{1-d}{d}\,\hat A .$$
 #
-# Otherwise the contact slides, and its force lies on the cone. $\hat A$ estimates the row's entry on the diagonal of
-# $A$. MuJoCo computes it once, from the masses in the start position. The **impedance** $d$
-# lies between 0 and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where
-# $a_0$ is the acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the row would follow the
-# reference exactly; MuJoCo limits $d$ to 0.9999. The parameters:
+# Otherwise it slides, with the force on the cone, or opens, with none. $\hat A$ estimates the row's entry on the
+# diagonal of $A$. MuJoCo computes it once, from the masses in the start position. The **impedance** $d$ lies between 0
+# and 1. It blends two accelerations: for a row on its own, $a = (1-d)\,a_0 + d\,a_{\text{ref}}$, where $a_0$ is the
+# acceleration without contact. At $d = 0$ there is no contact. At $d = 1$ the row would follow the reference; MuJoCo
+# limits $d$ to 0.9999. The parameters:
 #
 # * **solref** = (time constant $T$, damping ratio $\zeta$) sets $k = 1/(d_1 T \zeta)^2$ and $b = 2/(d_1 T)$, where
 #   $d_1$ is the largest $d$. The default (0.02 s, 1) gives a critically damped spring that settles in about a tenth
@@ -915,7 +915,7 @@ show("mujoco_is_convex_and_unique")
 # * **condim** is the number of forces and torques of the contact: 1 is the normal force alone, 3 adds two forces of
 #   sliding friction, 4 adds a torque against spinning, 6 adds two torques against rolling.
 #
-# Drag the impedance curve or change solref, and watch how a body of 1 kg lands and how deep it rests:
+# Drag the impedance curve or change solref, and watch how a body of 1 kg lands and rests:
 # %%
 simulation("soft_contact")
 # %% [markdown]
@@ -1035,10 +1035,10 @@ predict("push_that_starts_too_slow")
 # </details>
 #
 # In the right panel a ball flies at a wall and bounces off without loss. The horizontal axis is its initial distance,
-# the vertical one its position after 1 s, counted towards the wall. A ball that starts farther away bounces later, so
-# its true position rises with the distance. If a simulator applies the bounce only at the end of a step, the computed
-# position jumps as the distance changes, and between the jumps it falls: its derivative has the wrong sign. Compare a
-# gradient with finite differences, for several changes of the parameter.
+# the vertical one its position after 1 s: 0 at the wall, negative in front of it. A ball that starts farther away
+# bounces later, so its true position rises with the distance. If a simulator applies the bounce only at the end of a
+# step, the computed position jumps as the distance changes, and between the jumps it falls: its derivative has the
+# wrong sign. Compare a gradient with finite differences, for several changes of the parameter.
 # %%
 more_claims("contact_gradients_vanish", "penalty_is_differentiable")
 # %% [markdown]
@@ -1086,10 +1086,12 @@ plt.show()
 #
 # How do you judge a contact solver that is not your own? Five numbers need only the step itself ($J$, velocities, gaps,
 # $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's** conditions; how far
-# friction lies outside its **cone**; the missing **dissipation**, energy that friction should have taken and did not;
-# and **energy** that appeared from nowhere. The cell prints three of them for one step of a block that slides between
-# two edges of the pyramid (1 kg, $\mu = 0.5$, 1 m/s, a step of 10 ms). The models are `lcp` (pyramid, pivots), `pgs`
-# (cone, sweeps), `coulomb` (cone, Newton) and `convex`:
+# friction lies outside its **cone**; the missing **dissipation**, the most work that friction could do at the final
+# velocity less what it did; and **energy** that appeared from nowhere.
+#
+# The cell prints three of them for one step of a
+# block that slides between two edges of the pyramid (1 kg, $\mu = 0.5$, velocity (0.6, 0.8) m/s, a step of 10 ms). The
+# models are `lcp` (pyramid, pivots), `pgs` (cone, sweeps), `coulomb` (cone, Newton) and `convex`:
 # %% tags=["hide-code"]
 sliding = scenes.block(0.0, 0.5, (0.6, 0.8)).problem(0.01)
 print(f"{'model':<9} {'Signorini':>14} {'outside cone':>14} {'not dissipated':>16}")
@@ -1104,7 +1106,7 @@ more_claims("mujoco_is_velocity_level")
 # %% [markdown]
 # ## 4 · Code: the reference functions
 #
-# Three functions of this chapter are typical interview questions. First, the overlap of two axis-aligned boxes, in any
+# Three functions are typical interview questions. First, the overlap of two axis-aligned boxes, in any
 # dimension:
 # %% tags=["hide-code"]
 source(broad.aabb_overlap)
@@ -1120,7 +1122,7 @@ more_claims("brute_force_pairs")
 # %% tags=["hide-code"]
 source(penalty_force)
 # %% [markdown]
-# In the package, a `Problem` describes one step: masses, Jacobian, velocities, gaps and friction. `solve` returns the
+# A `Problem` describes one step: masses, Jacobian, velocities, gaps and friction. `solve` returns the
 # impulses with one of six models (`lcp`, `pgs`, `coulomb`, `convex`, `penalty`, and `soft`, MuJoCo's soft contact) and
 # reports whether it solved the problem. A block that brakes from 1 m/s with $\mu = 0.5$ should stop after $v^2/(2\mu g)
 # = 0.1019$ m. The second column shows by how much the block leaves the ground on the way. (For `soft` this depends on
@@ -1155,16 +1157,15 @@ simulation("touch", "Stick")
 # %% [markdown]
 # ## 6 · Speed against accuracy
 #
-# We compare the models on four scenes; the last table adds a fifth. *Where is a braking block after 0.24 s*
-# (tolerance 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid? (With the true
-# cone it has stopped by then.) *How far does a block slide* down a slope (tolerance 1 mm)? *How deep does a light
-# body sink* under a heavy one (1 mm)? *How far does a held glass slip* (1 mm)? The fifth: *how deep do the four legs
-# of a table sink* (1 mm)?
+# We compare the models on four scenes; the last table adds a fifth. *Where is a braking block after 0.24 s* (tolerance
+# 2 mm), if it is pushed off at 22.5° to the $x$ axis, between the edges of the pyramid? *How far does a block slide*
+# down a slope (tolerance 1 mm)? *How deep does a light body sink* under a heavy one (1 mm)? *How far does a held glass
+# slip* (1 mm)? The fifth: *how deep do the four legs of a table sink* (1 mm)?
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
-# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross
-# at the upper edge is a failed run; ignore its horizontal position. The *pick*, circled, is the cheapest run within
-# the tolerance (dotted). Drag the tolerance and switch methods on:
+# better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
+# the upper edge is a failed run; ignore its horizontal position. In each panel the circle marks the *pick*, the
+# cheapest run within the tolerance (dotted). Drag the tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1266,9 +1267,10 @@ print("\n".join(line for line in read("contact_table").splitlines() if line in c
 # starts. It is timed in one call for all pairs through Pinocchio, and in one call a pair from Python.
 #
 # A bar that ends left of the dotted line means that Coal is faster. In one call for all it is faster wherever the
-# shapes are apart. For most shapes that are in each other it takes two to three times as long as the course. The
-# lower chart compares error and time for two boxes whose faces are aligned, almost aligned (turned by 1e-8 rad), or
-# turned at random. *Points* means the convex hull of a few points:
+# shapes are apart. Of the shapes that are in each other it is faster for spheres and capsules and for a sphere in a
+# box, and takes up to three times as long as the course for the others. The lower chart compares error and time for two
+# boxes whose faces are aligned, almost aligned (turned by 1e-8 rad), or turned at random. *Points* means the convex
+# hull of a few points:
 #
 # ![Narrow phase: time compared with Coal, and error](../docs/charts/narrow_phase.png)
 #
@@ -1346,11 +1348,11 @@ show("nconmax_helps")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *A grasped object slips.* Does it slide or creep? Print its speed and, for each contact, friction
-# divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a
-# pyramid (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 on all contacts it slides: squeeze
-# more, raise the friction, or use a cone instead of a pyramid. Below 1 on at least one of them it creeps: use elliptic
-# cones and raise impratio, or shorten the time constant. If it moves in jerks, contacts come and go: look at the
-# manifold.
+# divided by the limit of the cone that your solver uses. For a cone that is $\lVert f_t\rVert/(\mu f_n)$, for a pyramid
+# (MuJoCo's default) $(\lvert f_x\rvert + \lvert f_y\rvert)/(\mu f_n)$. At 1 on all contacts it slides: squeeze more,
+# raise the friction, or use a cone instead of a pyramid. Below 1 on at least one of them it creeps: in MuJoCo use
+# elliptic cones and raise impratio, or shorten the time constant. If it moves in jerks, contacts come and go: look at
+# the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">

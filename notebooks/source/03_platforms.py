@@ -354,8 +354,8 @@ show("engines_agree")
 # shipped, PyBullet's error on tumble and arm doesn't depend on the step: its dashed lines are flat.)
 #
 # **A worked example.** At 1 ms the chain is off by 21 mrad, and you may be off by 10. Euler at half the step costs
-# twice as much and just misses; it takes 0.4 ms, at two and a half times the cost. An RK4 step costs four times as
-# much, but may be 8 ms long, so RK4 needs half the force evaluations of Euler at 1 ms:
+# twice as much and just misses; only a step of 0.4 ms is short enough, at two and a half times the cost. An RK4 step
+# evaluates the forces four times, but may be 8 ms long, so RK4 needs half the force evaluations of Euler at 1 ms:
 
 # %%
 for scheme, steps in (("Euler", (1e-3, 5e-4, 4e-4)), ("RK4", (8e-3,))):
@@ -461,11 +461,11 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # points to contact patches.
 #
 # The only bar to the left is the tower's: fair but with the default pyramid, it sinks about sixty times less. (As
-# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The cause is the
-# pyramid's edges. MuJoCo adds a contact force up from forces along these edges, and each of them is mostly normal. So
-# only a stiff edge makes friction stiff, and it stiffens the normal direction with it: at $\mu = 0.5$ about six times
-# as much as an elliptic cone. An `impratio` of 10 stiffens the whole edge, so it adds a factor of ten. With an
-# elliptic cone it acts on friction:
+# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The cause is the pyramid's
+# edges. MuJoCo adds a contact force up from forces along these edges, and each of them is mostly normal. So friction is
+# stiff only if the edges are, and stiff edges also resist sinking: at $\mu = 0.5$ about six times as much as an
+# elliptic (round) cone. With the pyramid, an `impratio` of 10 stiffens the whole edge, another factor of ten. With an
+# elliptic cone it stiffens friction only:
 
 # %%
 for cone in ("elliptic", "pyramidal"):
@@ -604,7 +604,8 @@ for settings in (AS_SHIPPED, FAIR):
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
 # engine reached? They do, up to rounding. Complementarity (`signorini` in the code, after the author of the law), which
-# should be 0, is violated a little, because a soft contact pushes while it overlaps. The cone is not violated.
+# should be 0, is violated by a few mm/s (the force is converted to a velocity), because a soft contact pushes while it
+# overlaps. The cone is not violated.
 #
 # ### Does a better scheme help with contact?
 #
@@ -647,10 +648,10 @@ figures(
 )
 
 # %% [markdown]
-# (Values below 1e-8 are drawn at 1e-8.) Fair settings bring the simulators together in rest, brake and slide. In tower
-# and grasp they still differ more than tenfold. These are errors at the end of each motion. A motion can end well and
-# be wrong in between, so a second table records the largest error during the motion and the share of time without
-# contact (for *brake*, until Coulomb's law stops the block).
+# (Values below 1e-8 are drawn at 1e-8.) (In the printed lines, *they* are the three simulators.) Fair settings bring
+# the simulators together in rest, brake and slide. In tower and grasp they still differ more than tenfold. These are
+# errors at the end of each motion. A motion can end well and be wrong in between, so a second table records the largest
+# error during the motion and the share of time without contact (for *brake*, until Coulomb's law stops the block).
 #
 # ![Largest error on the way and time in the air, by scene and engine](../docs/charts/platform_paths.png)
 
@@ -1066,11 +1067,15 @@ print_figures(
 )
 
 # %% [markdown]
+# (The exponent is that of PyBullet's cost alone, not of the ratio.)
+#
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python. For them the
-# panel shows how much of a step's time is saved if one call makes 100 steps: in our compiled loop, nearly all.
-# PyBullet makes one step per call. For PyBullet the panel shows something else: the time of a step in an *empty*
-# world, divided by that of a full step. With one link this is more than half, and not only Python's share. So a rate
-# that you measure on a small scene says little about the engine's work on bodies.
+# panel shows how much of a step's time is saved if one call makes 100 steps: in our compiled loop, nearly all. PyBullet
+# makes one step per call.
+#
+# For PyBullet the panel shows something else: the time of a step in an *empty* world, divided by that of a full step.
+# With one link this is more than half. It includes Bullet's own fixed work, so it is more than Python's share. So a
+# rate that you measure on a small scene says little about the engine's work on bodies.
 #
 # On these scenes, the measurements suggest four choices. For smooth motion with weak damping, take RK4, in MuJoCo or
 # our code. If bodies may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this.
@@ -1115,7 +1120,7 @@ print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too fa
 # %% [markdown]
 # Along an axis, engines with fair settings lie nearly on one line: how far the block stops short is decided by the
 # scheme alone. (PyBullet leaves the line at the longest step.) Section 1's first claim reports a large difference on a
-# braking block. That was a difference between *errors* of about a millimetre; the stopping places, at 41 cm, agree.
+# braking block. That block was launched between the axes.
 #
 # The large deviations come from defaults. A negative share in the printed lines means too far, at the end of a scene
 # that lasts one and a half times Coulomb's stopping time. PyBullet *multiplies* the coefficients of both bodies, so its
@@ -1123,8 +1128,9 @@ print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too fa
 # it would be further off, as the last line says. The default damping brakes it as well.)
 #
 # Drake as shipped stops far too early. Its two boxes touch in one point, and its contact approximation `lagged` limits
-# friction there with the normal force of the step before. With `sap`, which computes both forces in the same step, the
-# block on one point stops within a few per cent of the true distance.
+# friction there with the normal force of the step before. (Why this stops the block at once, we did not examine.) With
+# `sap`, which computes both forces in the same step, the block on one point stops within 7 % of the true distance at
+# all steps of the chart.
 
 # %%
 show("friction_rules")
@@ -1201,11 +1207,11 @@ for settings in (AS_SHIPPED, FAIR):
 predict("part_that_sinks")
 
 # %% [markdown]
-# In MuJoCo, a soft contact under the tangential load $f_t$ accelerates by $R_t f_t$. Damping takes $b\,v$ away at the
-# slip speed $v$, with $b$ in 1/s. In steady creep the two balance: $v = R_t\,f_t/b$. The compliance $R_t$
-# [1/kg] depends on the **impedance** $d$ of the contact, near 1 for a hard contact, and on the inverse mass $w$ of both
-# bodies. The option `impratio` divides it. **Noslip** is a second pass after the solver that reduces the slip that is
-# left; the chart runs it with 3 iterations.
+# In MuJoCo, a soft contact that carries the tangential load $f_t$ gives way: it lets the surfaces accelerate by $R_t
+# f_t$. Damping takes $b\,v$ away at the slip speed $v$, with $b$ in 1/s. In steady creep the two balance: $v =
+# R_t\,f_t/b$. The compliance $R_t$ [1/kg] depends on the **impedance** $d$ of the contact, near 1 for a hard contact,
+# and on the inverse mass $w$ of both bodies. The option `impratio` divides it. **Noslip** is a second pass after the
+# solver that reduces the slip that is left; the chart runs it with 3 iterations.
 #
 # ![Creep of a block and a part against impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
@@ -1266,7 +1272,8 @@ for name, share in least.items():
 # PyBullet has no threshold at 1 ms. It holds the part, and drops it again when squeezed harder. Its sweeps end with
 # most of the force on one corner of a finger. This satisfies Coulomb's law, since four corners can share a load in many
 # ways. But the part swings about that corner. At 2 ms and more there is a threshold, and as shipped, where PyBullet
-# multiplies two coefficients of 0.5, it drops the part at every squeeze.
+# multiplies two coefficients of 0.5, it drops the part at every squeeze. (The product of 0.25 explains this up to twice
+# the marked force only; we did not look for the cause above.)
 
 # %%
 show("grasp_threshold")

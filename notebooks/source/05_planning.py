@@ -278,9 +278,9 @@ plt.show()
 #
 # A planner is **probabilistically complete** if the probability that it has found an existing path approaches one as
 # the number of samples grows. For RRT it is enough that (1) some path stays at least a small distance, its
-# **clearance**, away from all obstacles, so that samples have a region to hit, and (2) samples fall everywhere, which
-# means a goal bias below 1. The planner of this course also works with a bias of 0, because it tries to connect the
-# goal to every new node within one step of it.
+# **clearance**, away from all obstacles, so that samples have a region to hit, and (2) samples fall everywhere and the
+# goal is tried again and again, which means a goal bias below 1 and above 0. (The planner of this course connects the
+# goal by itself, so it also works with a bias of 0.)
 #
 # This gives no number of samples and says nothing about your deadline. And if there is no path, RRT will not tell you
 # so: it uses up its budget and reports exactly what it reports when it was merely unlucky.
@@ -374,8 +374,9 @@ simulation("growing", "Tunnelling edge check")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A planner is a search around one question: is this edge free? Planning time is mostly the number of
-# edge checks times the cost of one check. How far you can trust the path depends on what the checker means by "free".
+# **Key insight.** A planner is a search around one question: is this edge free? For an arm, planning time is mostly the
+# number of edge checks times the cost of one check. How far you can trust the path depends on what the checker means by
+# "free".
 #
 # </div>
 
@@ -410,7 +411,7 @@ show("near_the_goal")
 # ```
 #
 # It runs. The path that it returns ends at a *neighbour* of the goal, and nobody has checked the last stretch. Its
-# nearest-neighbour search is a loop over a list, so $m$ samples need about $m^2/2$ distances; the planners here use a
+# nearest-neighbour search is a loop over a list, so $m$ samples need up to $m^2/2$ distances; the planners here use a
 # spatial tree once it is faster. The drill `rrt` asks for the repaired version.
 #
 # </details>
@@ -505,11 +506,10 @@ for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
 table(*lines)
 
 # %% [markdown]
-# Read the last two columns together. A narrower gap lengthens the search. It also lengthens the raw path of
+# A narrower gap lengthens the search. It also lengthens the raw path of
 # RRT-Connect. After shortening (section 3) both planners return practically the shortest path, so in this scene path
 # length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap. Other cards give other
-# numbers for the same gap, because they use 150 to 300 seeds, or means instead of medians. Mean and median can differ
-# widely: in a bug trap, a few very long runs raise the mean of RRT-Connect far above its median.
+# numbers for the same gap, because they use 150 to 300 seeds, or means instead of medians.
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -600,7 +600,7 @@ plt.show()
 # over the new node. (In the sketch, the numbers are path lengths from the start, and the dotted circle is the radius.)
 #
 # A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability
-# one. Consider what that takes. A node changes its parent only for a shorter path. With a radius that shrinks too
+# one. A node changes its parent only for a shorter path. With a radius that shrinks too
 # fast, a new node soon finds no neighbours to compare. And if the shortest path needs a gap of zero width, no random
 # sample falls into the gap.
 
@@ -620,11 +620,11 @@ show("rrt_star_converges")
 #
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
-# Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. The circle marks the fastest
-# setting within 5 % of the optimum: RRT-Connect, around the disc without shortening (first point of its curve), at
-# the gap with a few rounds. Around the disc its lead is clear; at the gap Informed RRT\* is close behind. (PRM\*
-# belongs to the next part.) With 10 ms to spend, RRT-Connect with shortcuts gives the shorter path around the disc,
-# and Informed RRT\* at the gap.
+# Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. *Shortcuts* replace parts of a
+# path by straight edges (section 3); each point of that curve stands for a number of attempts. The circle (*pick*)
+# marks the fastest setting within 5 % of the optimum. It is RRT-Connect: around the disc without shortcuts, at the gap
+# with ten attempts. In both scenes PRM\* (next part) comes second and takes about twice as long. With 10 ms to spend,
+# RRT-Connect with shortcuts returns the shorter path around the disc, and Informed RRT\* at the gap.
 
 # %%
 more_claims("informed_rrt_star")
@@ -841,7 +841,7 @@ table(*rows)
 # of each edge.) TrajOpt minimises that cost, moves the path a little, and repeats.
 #
 # **STOMP** (Kalakrishnan and others 2011) needs no gradient: it samples noisy variations of the trajectory and averages
-# them, weighted by their cost.
+# them; the lower the cost of a variation, the larger its weight.
 #
 # All of them start from an **initial guess**, and it decides a lot. If no deformation turns one path into another
 # without crossing an obstacle, the two belong to different **homotopy classes**. In the plane, these are the paths on
@@ -906,9 +906,10 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 #
 # $$\ddot q = q'(s)\,\ddot s + q''(s)\,\dot s^2 .$$
 #
-# The left side is limited for every joint. Fix the path speed $\dot s$ at one point. Then each joint's limits bound
-# the path acceleration $\ddot s$, and together they leave an interval. That turns a problem with many joints into one
-# with a single unknown function, the path speed. Two passes find it:
+# The left side is limited for every joint. Fix the path speed $\dot s$ at one point. Then each joint allows an interval
+# of path accelerations $\ddot s$, and the robot may use those that all joints allow. If the path speed is too high,
+# there are none; so each point has a highest speed (dotted in the left sketch, with dips at two sharp bends). That
+# turns a problem with many joints into one with a single unknown function, the path speed. Two passes find it:
 #
 # 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow down
 #    in time.
@@ -979,10 +980,10 @@ plt.show()
 # </details>
 #
 # In a computer the two passes visit a grid of points along the path. Between two of them the path acceleration $\ddot
-# s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test the joint limits only
+# s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test their limits only
 # at the first point of each interval, others at both ends. (The library TOPP-RA offers both.)
 #
-# The shape of the path counts, too. On a straight line $q''$ is zero, and on a parabola in its own parameter it is
+# On a straight line $q''$ is zero, and on a parabola in its own parameter it is
 # constant. On a circular arc the direction of $q''$ turns. Now look at the formula for $\ddot q$: where between two
 # grid points is it largest? A motor drive may shut down whenever a limit is exceeded.
 
@@ -1047,8 +1048,8 @@ plt.show()
 # As used in section 3, TrajOpt and CHOMP only bend the path.
 #
 # Each level should report *why* it failed, or the level above will try the same again. And by the time a plan is
-# carried out, the scene that it was computed for may be out of date. Keep checking the remaining path against moving
-# objects, at the rate of the camera.
+# carried out, the scene that it was computed for may be out of date. Keep checking the rest of the path at the rate of
+# the camera.
 #
 # How long do the stages take? This cell times the three stages for the arm at the open shelf (the variable
 # `requested`), on your machine. `plan` takes a world, a start and a goal. `time_parameterise` takes the limits, here
@@ -1195,10 +1196,9 @@ table(
 # %% [markdown]
 # What each version contributed:
 #
-# * *1 to 3.* One tree with short steps, then compiled with Numba, then with conservative advancement as the edge
-#   check. Versions 2 and 3 grow the same trees and solve three to six of ten queries; ten are too few to tell "still"
-#   and "moved" apart. With the ball, both have a median in the chart, and that of version 3 is about ten times
-#   shorter.
+# * *1 to 3.* One tree with short steps, then compiled, then with conservative advancement as the edge check. Versions 2
+#   and 3 grow the same trees: three to five of ten queries are solved with the shelf unchanged, and six with the ball.
+#   So with the ball both have a median in the chart; that of version 3 is about ten times shorter.
 # * *4. Longer steps.* One number of version 3 changed, and nearly all queries are solved. The new step size is OMPL's
 #   default, a fifth of the extent of the space.
 # * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
@@ -1206,8 +1206,8 @@ table(
 # * *6. Bridge samples.* They cost more than they find.
 # * *7. A lazy roadmap, built for the query.* Few edge checks, but some queries stay unsolved.
 # * *8 and 9. A stored roadmap.* The median gets somewhat worse than with RRT-Connect. With small trees at start and
-#   goal (9) the slowest query gets faster than with RRT-Connect (5) at both shelves, still and moved; without them (8)
-#   clearly so only at the open shelf.
+#   goal (9), the slowest query is faster than with RRT-Connect (5) at both shelves, still and moved. Without them (8),
+#   it is clearly faster at the open shelf only.
 # * *10. Earlier paths added.* The slowest query takes longer than with version 9, at both shelves, still and moved.
 #
 # <div class="alert alert-block alert-success">
@@ -1268,8 +1268,9 @@ table(
 # them the edge checks. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
 #
 # The last column estimates the time without edge checks. For OMPL it is the time outside the Python calls. For this
-# course it is twice the measured time minus that of a run that checks each edge twice. In the plane the second check
-# costs too little to be measured, so the estimate is no shorter than the measured time. In brackets: a call with one
+# course we time a second run that checks each edge twice. The extra time is that of the edge checks, and we subtract
+# it from the first time. In the plane it is too short to be measured, so the estimate is no shorter than the measured
+# time. In brackets: a call with one
 # sample, mostly its fixed cost. OMPL's times cover only its `solve`, so the column can't show whose search is faster.
 #
 # With a collision check in Python, planning is many times slower. By default OMPL checks points that are 1 % of the
@@ -1336,7 +1337,6 @@ plt.show()
 # The two plots use different colours. On the left the cube ends in four dimensions: in five, no sampled pair saw each
 # other. On the right, tube and cube end in five, where the medians exceed the budget (triangle at the top edge). The
 # bands are quartiles over 100 seeds, and the band of this course's planner overlaps with that of OMPL everywhere.
-# OMPL's medians for the tube are larger; a hundred seeds don't settle whether that is chance.
 #
 # Through the slab two points see each other as often in seven dimensions as in two, and RRT-Connect needs at most about
 # twice the samples. The tube gets harder by a large factor with each dimension. So count the directions in which your
@@ -1648,8 +1648,9 @@ your_robot(5)
 #
 # The test worlds have three walls with one slit each. In the chart below, the first panel shows one of them with the
 # proposed samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The bridge
-# test of section 2 does badly here. It needs two samples in the same wall, one on each side of the slit. Few pairs lie
-# like that, so nearly all of its checks are wasted. The last panel belongs to the diffusion model, which comes next.
+# test of section 2, used for a fifth of the samples, does badly here. It needs two samples in the same wall, one on
+# each side of the slit. Few pairs lie like that, so nearly all of its checks are wasted. The last panel belongs to the
+# diffusion model, which comes next.
 #
 # ![A learned sampler and a diffusion planner, compared with methods without
 # learning](../docs/charts/learned_planners.png)
@@ -1675,11 +1676,11 @@ for name, title in NAMES.items():
 table(*rows)
 
 # %% [markdown]
-# So ask three questions about a learned sampler. What does its *input* cost? A camera delivers the grid for free;
-# filling it with collision checks can cost more than the planning that it saves. What would a *simple* method such as a
-# grid search make of the same input? And how far is your world from those of the training? A bad sampler can't make a
-# path collide, because every edge is still checked. As long as uniform samples are mixed in, it can only make the
-# planner slow.
+# So ask three questions about a learned sampler. What does its *input* cost? A camera delivers the grid for free.
+# Filling it with collision checks costs more than the median query saves; only the hard queries still gain. What would
+# a *simple* method such as a grid search make of the same input? And how far is your world from those of the training?
+# A bad sampler can't make a path collide, because every edge is still checked. As long as uniform samples are mixed in,
+# it can only make the planner slow.
 
 # %%
 more_claims("learned_sampler_speeds_up")

@@ -1302,7 +1302,8 @@ print(
 more_claims("tutorial_runs")
 
 # %% tags=["hide-code"]
-text = "\n\n".join(inspect.getsource(f) for f in (pose.verdict, perception.known))
+shown = (pose.judge, pose._compare, perception.registration.covariance_of)
+text = "\n\n".join(inspect.getsource(f) for f in shown)
 Markdown(
     "<details><summary>The heart of the chapter as it is in the module: what an image says about a "
     f"pose, and what is known</summary>\n\n```python\n{text}```\n\n</details>"

@@ -175,8 +175,6 @@ def diagram(size, boxes, arrows=(), colour="#e8eaf6"):
 # controller is also called a **policy**. A search tunes the gains: it samples sets of gains, runs each on a batch of
 # simulated reaches, retains the best sets, and samples the next generation around them. Using the gains on the robot
 # without any change is called **zero-shot transfer**.
-#
-# In short:
 
 # %% tags=["hide-code"]
 axis = diagram(
@@ -201,9 +199,10 @@ plt.show()
 # Which of these matter? Take the simulator's arm, add *one* of the differences at its full size, and run the gains that
 # know nothing of it.
 #
-# Feedback corrects the error that it *measures*. A little friction or a slightly weaker motor only changes how much
-# torque a given error produces. A heavy load changes how quickly the arm can respond at all. A delay makes feedback act
-# on an old measurement. Feedback can't see an encoder's constant offset: the true angle stays off by it.
+# Feedback corrects the error that it *measures*. Dry friction takes a fixed amount off the torque, a weaker motor a
+# fixed share of it. A slightly larger error makes up for either. A heavy load changes how quickly the arm can respond
+# at all. A delay makes feedback act on an old measurement. Feedback can't see an encoder's constant offset: the true
+# angle stays off by it.
 #
 # Two differences can also interact, in either direction. A light arm rarely needs all of its motor's torque, so a
 # weaker motor hardly matters to it. A heavy arm needs that torque, so load and weak motor cost more together. Friction
@@ -283,7 +282,7 @@ table(*rows)
 #
 # ### Delay and the delay margin
 #
-# Feedback corrects the error that it sees. If the correction arrives late, the joint has already moved on, and the
+# If a correction arrives late, the joint has already moved on, and the
 # correction pushes in a direction that was right a moment ago. With small gains little happens in that time. With
 # large gains the joint overshoots, the next late correction overshoots further, and the loop oscillates.
 #
@@ -306,15 +305,15 @@ _ = axis.set_title("the same reach and gains at three delays", fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Without delay the hand overshoots once and settles. The later the command, the larger the swing.
+# Without delay the hand overshoots once and settles.
 
 # %%
 predict("gains_and_a_late_command")
 
 # %% [markdown]
 # The left panel below scales all gains by one factor and shows the delay at which half of the reaches fail, beside two
-# limits of the linear loop. The upper curve is the delay margin of joint 2 with joint 1 locked. The lower curve is for
-# the whole arm with a typical bend of the elbow. If joint 1 is free, it gives way. Joint 2 then moves a smaller
+# limits of the linear loop. The squares are the delay margin of joint 2 with joint 1 locked. The diamonds are the limit
+# of the whole arm with a typical bend of the elbow. If joint 1 is free, it gives way. Joint 2 then moves a smaller
 # inertia. The same gains accelerate it faster, and a faster loop tolerates less delay. The effect is strongest when the
 # arm is stretched, so stretched reaches fail first.
 #
@@ -426,7 +425,8 @@ plt.show()
 # Three remedies exist. Filter the angles before differentiating, and filter the torques in the same way. Or use the
 # integral (weak) form. Multiply the equation by a **test function** $\phi$, a smooth bump that is zero outside a short
 # window, and integrate over the window. Integration by parts turns $\int\phi\,\ddot q\,dt$ into $\int\ddot\phi\,q\,dt$:
-# you differentiate the known bump, not the noisy angle. Or never differentiate, as follows.
+# you differentiate the known bump, not the noisy angle. (In column $b$ speeds remain, but no acceleration.) Or never
+# differentiate, as follows.
 #
 # ### Output error
 #
@@ -492,9 +492,9 @@ table(
 # ### Fisher information and the Cramér-Rao bound
 #
 # How accurate can any method be? Suppose that every sample has independent normal noise of standard deviation $\sigma$.
-# The **Fisher information** $F$ says how much the log as a whole reveals about the parameters. A method that is right
-# on average (unbiased) can't have a smaller variance than $F^{-1}$ gives, for any combination of the parameters. That
-# is the **Cramér-Rao bound**, and the sign $\succeq$ below stands for "any combination":
+# The **Fisher information** $F$ says how much the log as a whole reveals about the parameters. Take any weighted sum of
+# the parameters. No method that is right on average (unbiased) can estimate this sum with a smaller variance than
+# $F^{-1}$ gives for it. That is the **Cramér-Rao bound**, and the sign $\succeq$ below stands for "any weighted sum":
 #
 # $$F = \frac{1}{\sigma^2}\,J^\mathsf{T}J, \qquad \operatorname{cov}\hat\theta \;\succeq\; F^{-1}
 # = \sigma^2\,(J^\mathsf{T}J)^{-1} .$$
@@ -608,10 +608,11 @@ for name, report in reports[0].items():
 table(*rows)
 
 # %% [markdown]
-# The condition number and the worst error don't rank the plans in the same order. The last column scales all plans to
-# the same rms (root of the mean square) torque: the slow joint was bad mainly because its torque was small. The
-# **standard error**, the standard deviation of an estimate (about half of the 95 % half-width), is what you need in
-# the end; the condition number depends on how the parameters are scaled.
+# The slow joint has a smaller condition number than the steps and yet the larger error: a ratio can't show that its
+# torques are small. For the last column the plans are simulated again at equal rms (root of the mean square) torque.
+# There the slow joint is much better. The steps get slightly worse: the arm is nonlinear, so more torque also changes
+# the form of the motion. What counts is the **standard error**, the standard deviation of an estimate (about
+# half of the 95 % half-width).
 #
 # ### When the fit misleads you
 #
@@ -619,7 +620,7 @@ table(*rows)
 # model lacks something that the robot has, the other parameters absorb the missing effect as well as they can. The fit
 # is then wrong *and sure*.
 #
-# Look at what remains. If the model explains everything except sensor noise, the residual is **white**: no sample is
+# If the model explains everything except sensor noise, the residual is **white**: no sample is
 # correlated with any earlier one. Waves in the residual mean that something is missing. The test of Ljung and Box
 # (1978) adds up the squared correlations over many lags and returns the probability that pure noise would show as much.
 # We record four logs and fit the same five-parameter model to each. Three of the arms have an effect that the model
@@ -702,10 +703,10 @@ print(
 )
 
 # %% [markdown]
-# The size of the residual is easily overlooked; the whiteness test notices the shift. The last line shows how to find
-# the shift. An angle that is late by $\delta$ is wrong by $-\delta\,\dot q$. But the fit has hidden a part of this
-# error in its parameters. So first fit the speed with the columns of $J$ and keep only the rest. Then plot the
-# residual against *minus* this rest. The slope is the lag.
+# The whiteness test notices the shift. The last line shows how to find it. An angle that is late by $\delta$ is wrong
+# by $-\delta\,\dot q$. But the fit has hidden a part of this error in its parameters. So remove from the speed what
+# changed parameters can imitate: fit $\dot q$ by the columns of $J$, with least squares, and subtract this fit. Then
+# plot the residual against *minus* the remaining speed. The slope is the lag.
 
 # %%
 more_claims("one_sample_late")
@@ -756,7 +757,7 @@ plt.show()
 
 # %% [markdown]
 # The picture shows two of the parameters. One set of gains now has to serve the whole cloud. It can be cautious: low
-# gains tolerate any delay in the cloud, but they take longer to reach the target, and a reach has 0.9 s. It can't be
+# gains tolerate a longer delay, but they take longer to reach the target, and a reach has 0.9 s. It can't be
 # strong for a heavy arm and gentle for a light one at the same time, because it doesn't know which arm it is
 # controlling.
 
@@ -854,8 +855,8 @@ rows += [(n, f"{rollouts(there_is, g, tasks(1000, 42)).rate:.3f}") for n, g in s
 table(*rows)
 
 # %% [markdown]
-# The last two rows are nearly equal. People advise: identify what is fixed, randomise what varies. The first half holds
-# here. The second gains nothing here: the mean does as well as the spread, because one fixed set of gains is a
+# Common advice is to identify what is fixed and to randomise what varies. The twin supports the first half. The second
+# gains nothing here: tuning on the mean arm does as well as on the spread, because one fixed set of gains is a
 # compromise either way.
 #
 # <table>
@@ -919,8 +920,8 @@ curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name f
 # %% [markdown]
 # The student extrapolates a little to heavier arms, then fails. Without load, still inside its range, it is far worse
 # than the teacher. On heavy arms the adaptive law follows where the student fails: it corrects what it observes and
-# was not trained on a range. On heavy arms the best fixed gains beat the teacher, whose one gain set has to suit every
-# arm.
+# was not trained on a range. On heavy arms the best gains in hindsight beat the teacher, whose one gain set has to suit
+# every arm.
 
 # %%
 more_claims("best_fixed_gains")
@@ -950,8 +951,8 @@ table(*rows)
 # %% [markdown]
 # ![All partly corrected simulators, and the value of correcting each parameter](../docs/charts/mending.png)
 #
-# The chart shows all 32 combinations of corrections, each rate the mean of two searches. The second line above the
-# table shows how much the rate changes if only the search is repeated. The interval in the table counts only the
+# The chart shows all 32 combinations of corrections, each rate the mean of two searches. The three rates above
+# the table show how much the result changes if only the search is repeated. The interval in the table counts only the
 # trials. So read only the large steps.
 #
 # The first correction makes the robot *worse*. In section 1 the gains were fixed. Here the search runs again after
@@ -1019,7 +1020,7 @@ show("mended_parameter")
 #
 # ### How many trials are enough?
 #
-# Ten trials say little. The width of a confidence interval shrinks with the square root of the number of trials, so
+# The width of a confidence interval shrinks with the square root of the number of trials, so
 # halving it takes four times as many.
 #
 # How many do you need to tell two policies apart? That depends on the **level** of the test, the probability that
@@ -1153,8 +1154,8 @@ for name, n in changed.items():
 # **What about a time limit?** It depends on what the learner does when the clock stops. A learner that *bootstraps*
 # adds the discounted estimated value of the last state, because the task would have continued. For this learner nothing
 # has ended, and the potential of the last state stays as it is. A learner that does *not* bootstrap treats the last
-# state as worth nothing. For it the clock is an end: the potential counts as zero in the last step, whichever state
-# that is. Interfaces such as Gymnasium's report `terminated` and `truncated` separately so that a learner can do the
+# state as worth nothing. For it the clock is an end: set the potential to zero in the last step, whichever state that
+# is. Interfaces such as Gymnasium's report `terminated` and `truncated` separately so that a learner can do the
 # right thing.
 
 # %% tags=["hide-code"]
@@ -1239,8 +1240,7 @@ more_claims("shaping_keeps_the_best", "time_is_an_end")
 # %% [markdown]
 # ## 4 · Design: a pipeline that loops back
 #
-# A transfer project is a loop. You build a simulator, identify what you can, randomise what remains uncertain, train,
-# and test on the robot. Each test on the robot produces new logs, and they go back into identification.
+# A transfer project is a loop. Each test on the robot produces new logs, and they go back into identification.
 
 # %% tags=["hide-code"]
 steps = (
@@ -1412,7 +1412,7 @@ plt.show()
 #
 # </details>
 #
-# Ten trials are few. Here are the intervals that belong to 6, 2 and 0 successes of ten:
+# The intervals that belong to 6, 2 and 0 successes of ten trials:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(5, 1.5), layout="constrained")
@@ -1452,10 +1452,11 @@ plt.show()
 #
 # ![Torque error of three actuator models, and time](../docs/charts/actuator_models.png)
 #
-# As recorded, the network beats a formula with delay, lag and Coulomb friction that was fitted to the same recording.
-# The formula lacks the voltage limit and the larger friction at rest. Outside the recorded motions both get worse.
-# Faster targets multiply the network's error; half the supply voltage multiplies the largest tenth of its errors. So
-# record the motions and the supply that the policy will meet. The right panel shows the price in computing time.
+# The *ideal drive* in the chart produces the commanded torque at once. As recorded, the network beats a formula with
+# delay, lag and Coulomb friction that was fitted to the same recording. The formula lacks the voltage limit and the
+# larger friction at rest. Outside the recorded motions both get worse. Faster targets multiply the network's error;
+# half the supply voltage multiplies the largest tenth of its errors. So record the motions and the supply that the
+# policy will meet. The right panel shows the price in computing time. (Its errors come from fewer recordings.)
 #
 # <details><summary>What about gradients?</summary>
 #
@@ -1782,7 +1783,7 @@ table(*rows)
 #
 # The charts below sweep each fault through its limit. A force is too *small* below the needed force (ratio 1), which
 # depends on the friction: the box slips. A force is too *large* when the closing fingers knock the box out. In newtons
-# this limit hardly differs between the two frictions.
+# this limit hardly differs between friction 0.4 and 0.9.
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -2199,14 +2200,16 @@ your_robot(8)
 #
 # </details>
 #
-# Automatic domain randomisation (OpenAI, arXiv 1910.07113) is small enough to run here. It begins at the simulator's
+# Automatic domain randomisation is small enough to run here. It begins at the simulator's
 # parameters. In some episodes one parameter is set exactly to an end of its range, and the result goes into the buffer
-# of that end. When the buffer is full, the end moves outward if most of those episodes succeeded, and inward if most
-# failed.
+# of that end. When the buffer is full, its success rate is compared with two thresholds. At or above the upper one
+# (90 %) the end moves outward, at or below the lower one (80 %) inward.
 
 # %% tags=["hide-code"]
 rounds, buffer, move = 60, 128, 0.1
-found_ranges = sim_to_real.automatic(0, rounds=rounds, buffer=buffer, step=move)
+found_ranges = sim_to_real.automatic(
+    0, rounds=rounds, buffer=buffer, step=move, thresholds=(0.8, 0.9)
+)
 wide = sim_to_real.around(sim_to_real.nominal(), 1.0).bounds
 figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
 rows = [("parameter", "low end", "high end")]

@@ -261,10 +261,10 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # * **Lifespan**: the age at which a message is discarded.
 #
 # The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
-# liveliness with its lease. (DDS ranks a fifth, the order of delivery; ROS 2 does not use it.) If the writer offers
-# less than the reader requests in any ranked policy, DDS does not connect the two. For times, shorter promises more: a
-# deadline of 50 ms offers more than 100 ms. History, depth and lifespan are not compared, so
-# they never prevent a connection.
+# liveliness with its lease. (DDS ranks three more, such as delivery order; ROS 2 does not use them.) If the
+# writer offers less than the reader requests in any ranked policy, DDS does not connect the two. For times, shorter
+# promises more: a deadline of 50 ms offers more than 100 ms. History, depth and lifespan are not compared, so they
+# never prevent a connection.
 
 # %% tags=["hide-code"]
 local = {"durability": "transient_local"}
@@ -586,7 +586,8 @@ plt.show()
 # within $R_i$. The **blocking** is the longest time for which less urgent tasks can hold this one up, for instance with
 # a lock (next section). The brackets $\lceil\;\rceil$ round up. $R_i$ stands on both sides, so we start with $R_i =
 # C_i$, insert it on the right, and repeat until nothing changes. If the result is at most $T_i$, no run of the task
-# takes longer. If it exceeds $T_i$, the task can miss its deadline, and later runs can take longer still.
+# takes longer. If it exceeds $T_i$, and a blocking of $B_i$ can occur, the task can miss its deadline. Later runs can
+# take longer still.
 #
 # **A worked example**, for the filter: $C = 2$ ms, and the controller takes 0.25 ms of each 1 ms. Start with 2 ms. In
 # this time the controller is released twice, which makes $2 + 2 \cdot 0.25 = 2.5$ ms. In 2.5 ms there are three
@@ -669,8 +670,8 @@ plt.show()
 
 # %% [markdown]
 # This is **priority inversion**: the most urgent task waits for the least urgent one, and here also for every task
-# between them. **Priority inheritance** shortens the wait: while a task holds a lock, it runs at the priority of the
-# most urgent task that waits for this lock. With a **priority ceiling**, the holder's priority is raised as soon as it
+# between them. **Priority inheritance** shortens the wait: while a more urgent task waits for a lock, the holder of the
+# lock runs at the priority of that task. With a **priority ceiling**, the holder's priority is raised as soon as it
 # takes the lock, to that of the most urgent task that ever uses this lock.
 #
 # In the lower panel even the middle task, which needs no lock, waits while the low task runs at the high priority. This
@@ -750,10 +751,11 @@ Markdown(f"```cpp\n{triple.rstrip()}\n```")
 figures(read("handover_waits"), "loaded, triple", "loaded, mutex", "loaded, std")
 
 # %% [markdown]
-# Half of the calls hardly differ; the slowest ones do. With a core each, a reader waits only while the writer copies.
-# But if the writer is interrupted while it holds `std::mutex`, the urgent reader waits until the scheduler lets the
-# writer run again, for many periods. Inheritance ends most of this wait. The triple buffer has no lock to wait for: its
-# slowest calls take as long as those of a plain copy. The writer is interrupted with every method.
+# Half of the calls hardly differ; the slowest ones do. Even with a core each ("alone"), a reader that meets a locked
+# mutex waits much longer than one copy takes, probably because the system puts it to sleep and has to wake it again. If
+# the writer is interrupted while it holds `std::mutex`, the urgent reader waits until the scheduler lets the writer run
+# again, for many periods. Inheritance ends most of this wait. The triple buffer has no lock to wait for: its slowest
+# calls take tens of microseconds, as those of a plain copy do. The writer is interrupted with every method.
 
 # %% [markdown]
 # ### Executors: who waits for a thread
@@ -824,9 +826,9 @@ table(*rows)
 # *The three orders lie on each other; "fifo" means first in, first out.*
 #
 # With one camera, the order of the callbacks does not change the bound, which is the sum of both callbacks. With two
-# cameras the order matters. In a ready set, both cameras may run before control: 25 + 25 + 1 = 51 ms. Control is due
-# every 50 ms, so one earlier run of control may be waiting too: 52 ms. If due timers run first, control waits only for
-# the camera callback that is already running. (A bound always holds; it need not be reached.)
+# cameras the order matters. In a ready set, both cameras may run before control: 25 + 25 + 1 = 51 ms. That is longer
+# than control's period of 50 ms, so an earlier run of control may have to come first: 52 ms. If due timers run first,
+# control waits only for the camera callback that is already running. (A bound always holds; it need not be reached.)
 #
 # A callback can even wait for itself. Below, a node called `hand` offers a service called `grasp`. A timer callback of
 # the same node calls this service and waits for the reply. Timer and service are both in the node's default group. The
@@ -1307,7 +1309,7 @@ table(
         f"9 camera periods of {1e3 * CAMERA:.1f} ms in the queue: {9e3 * CAMERA:.0f} ms"),
     ("Overload", "the loop shares perception's thread", "cycles late and skipped",
         f"late by up to {1e3 * (once + LOOP):.1f} ms: {1e3 * once:.1f} ms of perception ({1e3 * SEEING:.0f} ms of "
-        f"computing; other tasks of its core take the rest) and {1e3 * LOOP:.1f} ms of the loop"),
+        f"computing; other tasks of its core take the rest) and {1e3 * LOOP:.1f} ms of an earlier run of the loop"),
     ("Inversion", "a logger holds a lock that the loop needs; perception, more urgent, interrupts the logger",
         "the loop waits for perception",
         f"{1e3 * HOLD:.0f} ms for the lock and {1e3 * SEEING:.0f} ms for perception; with "
@@ -1394,7 +1396,7 @@ predict("one_in_ten_thousand")
 # A reliable reader repairs this. It sends a **negative acknowledgement**, the list of the fragments that are missing,
 # and the writer sends those again. The first **round** sends all fragments, and each further round only the missing
 # ones. After $k$ rounds a given fragment is still missing with probability $p^k$, so the image needs another round with
-# probability $1 - (1 - p^k)^n$. An image that takes $m$ rounds needs another one $m$ times: after $0, 1, \ldots, m - 1$
+# probability $1 - (1 - p^k)^n$. An image that takes $m$ rounds is incomplete $m$ times: after $0, 1, \ldots, m - 1$
 # rounds. So the sum of these probabilities is the mean number of rounds:
 #
 # $$\sum_{k=0}^{\infty} \left(1 - (1 - p^k)^n\right).$$
@@ -1487,7 +1489,7 @@ more_claims("joint_states_reliable")
 # An ordinary Linux scheduler is fair. It gives every process slices of the processor in turn, also while your
 # controller is due. `SCHED_FIFO` is another scheduling class: its tasks run before all ordinary ones, highest priority
 # first. Such a task runs until it finishes or sleeps, or until a more urgent one is due. `nice -20` only asks the fair
-# scheduler for larger slices.
+# scheduler for a larger share.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(2, 1, figsize=(8, 2.6), layout="constrained", sharex=True)
@@ -1509,8 +1511,8 @@ plt.show()
 #
 # ![Lateness of a loop next to busy processes, and the drift of a relative sleep](../docs/charts/loop_lateness.png)
 #
-# The right panel compares the two loops of section 2 while other programs disturbed both. The line bridges the periods
-# that were skipped. The table counts the skipped periods of the left panel:
+# The right panel compares the two loops of section 2 while other programs disturbed both. Where periods were
+# skipped, the line is drawn straight across. The table counts the skipped periods of the left panel:
 
 # %% tags=["hide-code"]
 row = r"(.+): skipped (\d+) of (\d+) periods; late by ([\d.]+) ms \(half\), ([\d.]+) \(99 %\), ([\d.]+)"
@@ -1549,8 +1551,8 @@ with loop.urgent() as granted:
 #   deadline server reserves time for ordinary tasks instead.
 #
 # A real-time kernel shortens some of these waits, but page faults and garbage collection remain. *PREEMPT_RT* is a
-# configuration of the Linux kernel that makes most of the kernel's own code interruptible. Xenomai's *Cobalt* is a
-# second kernel next to Linux with its own real-time threads (Xenomai 3 documentation).
+# configuration of the Linux kernel with which a more urgent task can preempt most of the kernel's own code. Xenomai's
+# *Cobalt* is a second kernel next to Linux with its own real-time threads (Xenomai 3 documentation).
 
 # %%
 show("fifo_makes_real_time")
@@ -1642,11 +1644,11 @@ plt.show()
 # ![Error of a lookup against look-ahead, and against the time between transforms](../docs/charts/transform_lookups.png)
 #
 # For a look-ahead well above $T$, the bound of the linear continuation grows with its square. So the line loses in the
-# end. Beyond 0.3 of the camera's full period (dotted), the camera has turned back but the line goes on, and holding is
-# better. In the picture above the period is 1 s, so this begins 0.3 s after the last dot. Noise makes the line worse
-# sooner. SciPy's Slerp,
-# with NumPy's interpolation for the position, has the same error as our buffer. (tf2 itself cannot be installed from
-# PyPI, so we compare with its source code and with SciPy.)
+# end. The chart shows the largest error over a whole swing. There the line loses beyond 0.3 of the swing's period
+# (dotted): the camera has turned back, but the line goes on. At a single moment, as in the picture above, it can lose
+# much earlier. Noise makes the line worse sooner. SciPy's Slerp, with NumPy's interpolation for the position, has the
+# same error as our buffer. (tf2 itself cannot be installed from PyPI, so we compare with its source code and with
+# SciPy.)
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 timing = next(line for line in read("transform_lookups").splitlines() if "of a lookup" in line)
@@ -1788,7 +1790,7 @@ plt.show()
 # | another domain id (`ROS_DOMAIN_ID`) | no | no | no participant is discovered; compare the ids |
 # | no multicast, no peer named | no | no | no participant is discovered, although the ids agree |
 # | no multicast, one end names the other as a peer | yes | yes | it works; one direction is enough |
-# | same topic name, other type | yes | no | no event; compare the type names of both ends |
+# | same topic name, other type | yes | no | no event here; compare the type names of both ends |
 # | incompatible QoS | yes | no | the event *offered incompatible QoS* names the policy |
 #
 # A service hides the same causes. Its request is a message, which DDS writes without an error even if nobody serves the

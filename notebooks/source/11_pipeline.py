@@ -19,7 +19,7 @@ predict("perfect_eye")
 simulation("pipeline")
 
 # %% [markdown]
-# Each arrow is what one stage adds to the final position, and what making it ideal takes away. The panel says
+# Each arrow is what making one stage ideal takes away from the final error. The panel says
 # *perceive* for perception, *move* for physics and *picture* for a camera image. *Tip to target* is the distance now.
 # *Largest stable dt* holds for the posture in which the first plan ends. The other values describe the whole run.
 # (Section 1 explains the age, section 2 *cured*, section 7 the stable dt and *energy from nowhere*.) The range behind
@@ -153,7 +153,7 @@ plt.show()
 # rate, and each has its own random-number generator. A message, such as the estimate of the target, carries five
 # fields: the value, its covariance, the coordinate frame, the **stamp of capture** (when the image was taken), and the
 # time of arrival. Copy the coordinate frame and the stamp of capture into every message that you send. A later stage
-# cannot recover them, unless they are constants.
+# cannot recover them.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -214,9 +214,10 @@ plt.show()
 
 # %% [markdown]
 # The dotted lines are images in processing: several are under way at the same time. The solid line is the age of the
-# newest result, here with a period of 60 ms so that the teeth can be seen. The next table shows what a shorter
-# latency or period gains for this chapter's target, which moves at 10 mm/s. The *spread* is the standard deviation of
-# the age. It is not **jitter**, which means that a period or a latency is irregular: here both are constant.
+# newest result, here with a period of 60 ms so that the teeth can be seen. The next table shows what a shorter latency
+# or period gains for this chapter's target, which moves at 10 mm/s, if the clocks of camera and control are not
+# aligned. The *spread* is the standard deviation of the age. It is not **jitter**, which means that a period or a
+# latency is irregular: here both are constant.
 
 # %% tags=["hide-code"]
 speed = 1e3 * np.hypot(*scenario.velocity)  # mm/s
@@ -270,10 +271,10 @@ plt.show()
 
 # %% [markdown]
 # The queue drops nothing, and that is its problem: each new frame waits behind all earlier ones, so the age grows
-# without limit. So its mean depends on the window, here 1 s to 4 s. The other three stay bounded (the queue's line
-# soon leaves the chart). With one processor, blocking gives fresher data than dropping *on average*, because the next
-# image is taken at the moment when the processor is free. At one instant, such as the end of this run, it may be the
-# other way round.
+# without limit. So its mean depends on the window, here 1 s to 4 s. The other three stay bounded (the queue's line soon
+# leaves the chart). With one processor, blocking gives fresher data than dropping *on average*, because the next image
+# is taken when the processor is free. If $L$ is a multiple of $T$, both are equally fresh. At one instant, such as the
+# end of this run, it may be the other way round.
 
 # %%
 more_claims("every_stage_its_clock")
@@ -308,7 +309,8 @@ show("lag_of_the_arm")
 #   output divided by the variance of one frame. While the filter is still learning the target's speed, it also lags a
 #   little. A well damped arm is a **low pass**: it follows slow changes and averages out those that are faster than its
 #   time constant $(k_d + c)/k_p$.
-# * **Age** costs speed times age, as above.
+# * **Age** costs speed times age, as above. A run of 4 s ends just when a new frame arrives, so it is judged at an age
+#   of 120 ms.
 # * **A tilted table** makes the arm sag. The arm moves in a horizontal plane, so gravity normally does not load its
 #   joints. On a tilted table it does, and at rest only the $k_p$ term balances the load: a joint gives way by the
 #   torque of gravity divided by $k_p$.
@@ -336,7 +338,8 @@ more_claims("filter_calms", "sag_without_kd")
 # * Ideal *physics* takes steps of a quarter of a millisecond.
 #
 # The real final error minus the ideal one is that stage's contribution. The opposite experiment makes all other stages
-# ideal. If the errors are small, both give the same mean error for the stage, but not the same squared error. If an
+# ideal. For small errors, both experiments give the stage the same mean error, but not
+# the same squared error. If an
 # ideal stage turns a failure into a success, we say that it *cures* the run. In code, `repair(settings, "age")` makes
 # the age ideal.
 #
@@ -454,7 +457,11 @@ measured, expected = numbers("error_budget", "perceive: rms")
 bias_x, bias_y = 1e3 * np.array(settings.bias)
 lags = sum(numbers("error_budget", f"{key}: ", "owned")[1] for key in ("age", "control"))
 unexplained = expected**2 - measured**2
+only = repair(settings, "plan", "age", "control", "move")
+other = 1e6 * np.sum(errors(run_many(scenario, only, range(1000, 2000))) ** 2, axis=0)
+doubt = other.std() / np.sqrt(other.size)
 assert unexplained > lags  # the text below says so
+assert abs(other.mean() - expected**2) < 2 * doubt
 Markdown(
     f"In the first panel, the end of the chain and the error with all stages real (*together*) "
     f"differ by ({gap_x:.2f}, {gap_y:.2f}) mm. The standard error of this difference is "
@@ -464,9 +471,10 @@ Markdown(
     "By formula, the filter, which is still learning the target's speed, lags by "
     f"({mean_x - bias_x:.1f}, {mean_y - bias_y:.1f}) mm, against the direction of the bias.\n\n"
     f"For perception, the predicted and the measured mean square differ by {unexplained:.0f} mm². "
-    "We did not test whether noise explains that. "
-    f"This gap is larger than the shares of age and control together, {lags:.0f} mm². So a missing "
-    "cause of that size would go unnoticed."
+    f"With 1,000 other seeds we measure {other.mean():.0f} ± {doubt:.0f} mm² (one standard error); the "
+    f"formula says {expected**2:.0f} mm². So the gap was chance. But it is larger than the shares of age "
+    f"and control together, {lags:.0f} mm²: with the chart's 150 runs, a missing cause of that size would "
+    "go unnoticed."
 )
 
 # %% [markdown]
@@ -690,7 +698,7 @@ broken_rows = {
         "Kp very high, Kd zero",
         "the arm overshoots and rings",
         f"formulas at Kp = 150: {ring.overshoot[0]:.0%} overshoot, {ring.ring[0]:.1f} s of "
-        "ringing, longer than the run; a higher Kp does not shorten it",
+        "ringing (until 2 % are left), longer than the run; a higher Kp does not shorten it",
     ),
     "Physics": (
         "physics step at its maximum",
@@ -723,7 +731,8 @@ more_claims("contracts_before_sliders")
 # The left panel below shows the error of the motion against computing time, for our physics and for MuJoCo's, at
 # several steps. The reference is a run at half the smallest step. The other two panels show what a run costs with
 # rendered images and with the two-parameter model. Compare only the times there: the runs with images use another
-# control law and another filter. Times of a few milliseconds are uncertain.
+# control law and another filter, and each point is the rms of only four runs. Times of a few milliseconds are
+# uncertain.
 #
 # ![Error against computing time, for physics and for perception, and speed of a run](../docs/charts/pipeline_speed.png)
 
@@ -769,17 +778,18 @@ table(head, *rows)
 
 # %% [markdown]
 # The spread is the standard deviation of the final error along the motion. A small $p$ means that equal spreads are
-# implausible. The last column is about the *mean* error: the smallest shift between the two versions that a test with
-# this many runs would find with a probability of 80 %. Smaller shifts may go unnoticed.
+# implausible. The chart has 40 runs with images and 400 with two parameters. The last column is about the *mean* error:
+# the smallest shift between the two versions that a Kolmogorov-Smirnov test with these runs would find with a
+# probability of 80 %, if both had the spread of the first column. Smaller shifts may go unnoticed.
 #
 # With measured noise the test found no difference between the two versions. The extreme quantiles leave the diagonal by
 # up to two tenths of a millimetre, but they rest on few runs. With the covariance that the camera *states*, the
 # simulated spread is too large, because the camera states more noise than it has. So render images to calibrate the two
 # parameters, then simulate without images.
 #
-# *What to pick.* For a reach within 20 mm like this one (one scene, one camera, one target): two parameters, and any
-# physics step that is stable in every posture on the way. Images cost from about a hundred to over a thousand times as
-# much, depending on resolution and frame rate.
+# *What to pick.* For a reach within 20 mm like this one (one scene, one camera, one target): two parameters, and a
+# physics step with a margin to the stability limit in every posture on the way (for example, half of it). Images
+# cost from about a hundred to over a thousand times as much, depending on resolution and frame rate.
 #
 # ## 7 · Debug: where it fails
 #
@@ -914,8 +924,9 @@ table(["angle of the elbow", "largest stable step [ms]"], *rows)
 # How do you notice an unstable step? In the chart, all runs up to 1.6 times the stability limit still succeed, because
 # the motors' largest torque keeps the growing oscillation small, and the tip still arrives. The energy shows it. Count
 # the $k_p$ term as a spring. On a level table, with a fixed reference and torques that follow the law exactly, the
-# energy of arm plus spring can only fall. **Energy from nowhere** is a rise that neither a moving reference nor other
-# torques (as at a motor's limit) explain. The slider of the physics step ends at 20 ms.
+# energy of arm plus spring can only fall. **Energy from nowhere** is the rise that is left after subtracting the work
+# of a moving reference and of torques that differ from the law (a motor at its limit). The slider of the physics step
+# ends at 20 ms.
 
 # %%
 show("largest_step")
@@ -1108,8 +1119,8 @@ plt.show()
 # Left: each error is drawn around its own grey zero line; the limit at six is not drawn. Right: near the target, the
 # tip itself covers the line of sight.
 #
-# These runs have no injected fault. We count the alarms in all of them, also in runs that miss the target: there an
-# alarm points at the noise, not at a stage.
+# These runs have no injected fault. We count the alarms in all of them, also in failed ones. No stage is at
+# fault, so every alarm comes from the noise.
 #
 # Two rates have a closed form. A run has $n$ frames with two coordinates each; an alarm is raised if any of these
 # $2n$ numbers is more than six standard deviations off. If one number exceeds it with the probability $p$, the rate
@@ -1266,8 +1277,8 @@ predict("minus_one_a_step")
 path = Way()
 step_costs = -path.cost * path.horizon * np.expm1(-0.01 / path.horizon)
 Markdown(
-    f"A walker needs {path.seconds:g} s to the goal. A second costs {path.cost:g} points; discounted "
-    f"within the step, a step of 10 ms costs {step_costs:.3f}. The goal pays {path.goal:g}. "
+    f"A walker needs {path.seconds:g} s to the goal. A second costs {path.cost:g} points, "
+    f"spread evenly and discounted: a step of 10 ms then costs {step_costs:.3f}, not 1. The goal pays {path.goal:g}. "
     f"*Running* is twice as fast and costs {path.effort:g} points more per second. "
     f"It leads to {path.fall:g} fall per second on average, and a fall costs "
     f"{-path.hurt:g} and ends the task. *Giving up* costs {-path.fee:g}. The discount has a time "
@@ -1743,8 +1754,8 @@ head = ["rms error [mm] (95 % interval of the change)", "seeds used for tuning",
 table([*head, "another target"], *rows)
 
 # %% [markdown]
-# The gain on the twelve tuning seeds is gone on new seeds: tuning fitted their noise. On another target, both methods
-# gain about a millimetre.
+# On new seeds, the gain on the twelve tuning seeds is not found: tuning fitted their noise. On another target, both
+# methods gain about a millimetre.
 #
 # ### One policy instead of three stages
 #

@@ -14,8 +14,8 @@ simulation("interview")
 # %% [markdown]
 # Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
 # it. The curve is the predicted probability that you still know the answer. Each review sets it back to one. After a
-# success it then falls more slowly, after a failure fast. The panel says when the card comes back, in whole days
-# (section 4).
+# success it then falls more slowly, after a failure fast. The panel says in how many days the card comes back; the gap
+# from a review to the next is a whole number of days (section 4).
 
 # %%
 predict("hundred_runs")
@@ -173,9 +173,9 @@ plt.show()
 #
 # An accelerometer is a small mass on a spring inside a housing. The reading is proportional to the force of the spring
 # on the mass. Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. Every other force
-# on the housing does, also that of a table on which it rests. The reading is the **specific force**: the sum of all
-# forces on the body except gravity, divided by the mass of the body. In symbols, $f = a - g$, in the axes of the
-# sensor, with the acceleration $a$ and the gravity vector $g$.
+# on the housing does, also that of a table on which it rests. The reading is the **specific force** $f = a - g$, in the
+# axes of the sensor. Here $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector. At
+# the centre of mass, $f$ is the sum of all forces on the body except gravity, divided by its mass.
 
 # %%
 show("imu_reads_acceleration")
@@ -183,7 +183,7 @@ show("imu_reads_acceleration")
 # %% [markdown]
 # ### How to say "I measured" honestly
 #
-# Interviewers ask once "on which robot?", and an answer that was borrowed falls apart. Five habits prevent this:
+# A single question, "on which robot?", is enough to make a borrowed answer fall apart. Five habits prevent this:
 #
 # * **Name the place.** "In a course I measured ...", "in a simulation I computed ...", "at work we measured ...". If
 #   you only read it, say where and in which year.
@@ -340,8 +340,8 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # The position error adds up two kinds of errors. Independent random errors, of standard deviations $\sigma_i$, add in
 # squares; two standard deviations are counted. A systematic error is the same in each pick and is added in full: here,
 # the distance that the part moves while its image is processed. The hand-eye angle is systematic too, once a robot is
-# calibrated. It counts as random here because this estimate is for a robot that has yet to be built: its calibration
-# error is one sample of many.
+# calibrated. It counts as random here because the robot is not built yet: nobody knows which error its calibration
+# will have.
 
 # %% tags=["hide-code"]
 INPUTS = {
@@ -399,9 +399,9 @@ for name, given in one.given().items():
 
 # %% [markdown]
 # Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it by the square root of two only.
-# The reason is energy. At the deepest point the whole kinetic energy of the arm is stored in the spring of the contact.
-# If you remember that sentence, you can derive the formula for the peak force at the whiteboard, and the checkpoint at
-# the end of this page will ask you to.
+# The reason is energy. At the deepest point the whole kinetic energy of the effective mass is stored in the spring of
+# the contact. If you remember that sentence, you can derive the formula for the peak force at the whiteboard, and the
+# checkpoint at the end of this page will ask you to.
 #
 # ### Stop when you feel ten newtons
 #
@@ -673,9 +673,11 @@ diagnose("sure", seed=1).show()
 # How much does one probe tell? Eight causes make 28 pairs. The chart shows for each probe the share of pairs that it
 # tells apart reliably, that is, by more than its own noise. The model answer of a case starts with all causes possible.
 # It prefers probes that tell many pairs apart per minute: the blue ones. (The walk-through above used another one to
-# confirm its result.) A grey probe with a long bar is expensive, or tells apart what another already did:
+# confirm its result.) A grey probe with a long bar is expensive, or tells apart what another already did. Each title
+# begins with the name that `diagnose` takes:
 
 # %% tags=["hide-code"]
+import textwrap
 from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
@@ -692,7 +694,8 @@ for axis, name in zip(axes.flat, scenario_names(), strict=True):
     colours = [BLUE if probe in inside else "0.75" for probe in order]
     axis.barh(range(len(order)), [parted[probe] for probe in order], color=colours)
     axis.set_yticks(range(len(order)), order, fontsize=8)
-    axis.set(title=name, xlabel="share of pairs told apart", xlim=(0, 1))
+    axis.set_title(textwrap.fill(f"{name}: {one.title}", 36), fontsize=9)
+    axis.set(xlabel="share of pairs told apart", xlim=(0, 1))
 _ = figure_.suptitle("blue: probes of the model answer", fontsize=9)
 plt.show()
 

@@ -267,6 +267,30 @@ def test_a_run_that_diverges_keeps_the_last_good_weights():
         list(ppo(points(), replace(SMALL, rate=1e18, longest_gradient=math.inf), steps=10**4))
 
 
+@pytest.mark.parametrize("radius", [0.4, 1e-3], ids=["some reset", "all reset at once"])
+def test_steps_that_reset_leave_fewer_rows_than_minibatches(radius):
+    """Batches of one step of 8 environments, of which some, or all, only reset."""
+    # At the first step all are at rest, so the velocities have no variance yet.
+    settings = replace(SMALL, horizon=1, epochs=1, minibatches=8, normalise_observations=False)
+    envs = points(8, "NextStep", max_steps=20, radius=radius)
+    sizes: list[int] = []
+    before: Any = None
+    for iteration in ppo(envs, settings, steps=8 * 45, seed=1):
+        weights = iteration.policy.flat.detach().numpy().copy()
+        assert np.isfinite(weights).all() and math.isfinite(iteration.kl)
+        # One step of each environment, so the rows are those whose episode had not just ended.
+        rows = 8 - (sizes[-1] if sizes else 0)
+        assert math.isnan(iteration.value_loss) == (rows == 0)
+        if not rows:
+            # Nothing was learned from, so nothing has changed.
+            np.testing.assert_array_equal(weights, before)
+            assert iteration.kl == iteration.clipped == 0.0
+        sizes.append(len(iteration.returns))
+        before = weights
+    # Both kinds of batches occurred, after a step in which all episodes ended or some of them.
+    assert (8 in sizes) if radius < 0.1 else any(0 < size < 8 for size in sizes)
+
+
 @pytest.mark.parametrize("spread", [1e-4, 1e-9])
 def test_a_policy_that_runs_away_with_finite_numbers_is_stopped(spread, monkeypatch):
     """Divergences of 1e5 and 1e15 in one iteration; the weights from before it are restored."""
@@ -280,7 +304,7 @@ def test_a_policy_that_runs_away_with_finite_numbers_is_stopped(spread, monkeypa
             policies.append(self)
 
     monkeypatch.setattr(sys.modules[ppo.__module__], "ActorCritic", Remembered)
-    with pytest.raises(Diverged, match=r"by a divergence of .*: lower the rate"):
+    with pytest.raises(Diverged, match=r"by a KL divergence of .*: lower the rate"):
         next(ppo(points(), settings, steps=256, seed=3))
     np.testing.assert_array_equal(policies[0].flat.detach().numpy(), first)
 

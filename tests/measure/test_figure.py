@@ -151,6 +151,16 @@ def test_bars_have_names_and_words():
     assert ax.patches[-1].get_height() < ax.patches[0].get_height()
 
 
+def test_a_point_with_an_empty_tag_has_no_word():
+    curve = Series("c", [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], tags=["", "middle"])
+    bars = Series("b", [1.0, 2.0], ["d", "e"], style="bar", tags=["", "2"])
+    left, right = _axes(Panel("", series=[curve]), Panel("", series=[bars]))
+    words = [[t.get_text() for t in ax.texts if "c" not in t.get_text()] for ax in (left, right)]
+    assert words == [["middle"], ["2"]]
+    with pytest.raises(ValueError, match=r"^len\(tags\) must be at most that of x, 1, got 2$"):
+        Series("c", [1.0], [1.0], tags=["one", "two"])
+
+
 def test_a_map_shows_its_boundary_with_theory_over_it():
     grid = stability_map(lambda x, y: x * y, np.linspace(0.1, 2.0, 20), np.linspace(0.6, 2.0, 15))
     theory = Series("theory", 1.0 / grid.y, grid.y, "theory on a map", "--")

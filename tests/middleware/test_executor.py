@@ -1,14 +1,16 @@
 """Executors: every measured response below its bound, and the bound met; deadlocks by hand; chapter
 0's ages, in closed form and by its own simulation, on the bus."""
 
+import math
 import threading
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from course.middleware.bus import Bus, Group
+from course.middleware.bus import ActionClient, Bus, Future, Group, drive
 from course.middleware.executor import ORDERS, Executor, Work, bounds, deadlocks, respond, run_chain
 from course.middleware.qos import QoS
 from course.role import CHAIN, Stage, age, simulate
@@ -286,3 +288,101 @@ def test_a_queue_of_depth_d_makes_what_is_read_older_by_d_minus_1_periods(depth,
 def test_bad_input_is_refused(call, match):
     with pytest.raises(ValueError, match=match):
         call()
+
+
+@pytest.mark.parametrize("wait", [-1.0, math.nan, math.inf, "1"])
+def test_a_wait_that_is_none_is_raised_at_the_yield_and_ends_the_run(wait):
+    bus, log = Bus(), []
+    executor = Executor(bus)
+    node = bus.node("a", executor)
+
+    def work():
+        try:
+            yield 0.1
+            yield wait
+        except ValueError:
+            log.append("in the generator")
+            raise
+
+    node.timer(1.0, work, phase=0.5)
+    rule = r"the wait yielded by work must be a non-negative finite number \[s\], got"
+    with pytest.raises(ValueError, match=rf"^{rule} .*{wait}"):
+        bus.run(0.7)
+    assert log == ["in the generator"]
+    # The run has ended: its thread and its group are free for the next callback.
+    assert executor.running == [] and not executor.blocked
+    assert executor.log[0].end == pytest.approx(0.6e9)
+    node.timer(10.0, lambda: log.append("the next"), phase=0.02)
+    bus.run(0.9)
+    assert log == ["in the generator", "the next"]
+
+
+def test_a_generator_may_handle_the_error_of_its_wait():
+    bus, ended = Bus(), list[float]()
+
+    def work():
+        try:
+            yield -1.0
+        except ValueError:
+            yield 2.0
+        return bus.now
+
+    drive(bus, work(), ended.append)
+    assert ended == []
+    bus.run(3.0)
+    assert ended == [2.0]
+
+
+def test_a_goal_whose_generator_fails_is_aborted():
+    bus, ends = Bus(), list[Any]()
+
+    def execute(goal):
+        yield 0.1
+        raise RuntimeError("no path")
+
+    bus.node("server").action("move", execute)
+    _, answer = ActionClient(bus.node("client"), "move").send(1)
+    answer.then(ends.append)
+    with pytest.raises(RuntimeError, match="no path"):
+        bus.run(1.0)
+    bus.run(1.0)
+    assert ends == [("aborted", None)]
+
+
+def test_a_run_is_blocked_before_it_continues_whoever_sets_the_answer():
+    """Another thread may set the answer while a generator begins to wait for it."""
+
+    class Early(Future):
+        def then(self, call: Any) -> None:
+            self.set(7)
+            super().then(call)
+
+    notes: list[Any] = []
+    early = Early()
+
+    def work():
+        return (yield early)
+
+    drive(Bus(), work(), notes.append, notes.append)
+    assert notes == [early, None, 7]
+
+
+def test_no_answer_is_lost_that_is_set_while_somebody_begins_to_wait():
+    answers: list[int] = []
+    future = Future()
+
+    class Slow(list):
+        """A list during whose `append` another thread sets the answer."""
+
+        def append(self, call: Any) -> None:
+            other = threading.Thread(target=future.set, args=(7,))
+            other.start()
+            other.join(0.1)
+            super().append(call)
+            others.append(other)
+
+    others: list[threading.Thread] = []
+    future._then = Slow()
+    future.then(answers.append)
+    others[0].join(10.0)
+    assert answers == [7]

@@ -104,7 +104,7 @@ def test_a_camera_elsewhere_sees_the_scene_from_there():
 def test_plain_python_draws_the_same(monkeypatch):
     tiny, shapes = Camera.symmetric(16, 12, 1.0), scene(np.random.default_rng(1), 5)
     expected = render(shapes, tiny)
-    monkeypatch.setattr(camera, "_kernel", lambda: camera._render)
+    monkeypatch.setattr(camera, "_cast", camera._render)
     with np.errstate(divide="ignore", invalid="ignore"):
         plain = render(shapes, tiny)
     assert np.array_equal(plain[1], expected[1]) and np.array_equal(plain[0], expected[0])

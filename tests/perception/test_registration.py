@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 from course.kinematics.chain import invert
 from course.oracles import open3d
 from course.perception.camera import shape, together
-from course.perception.registration import DIRECTIONS, Cloud, icp, known, rigid_fit
+from course.perception.registration import DIRECTIONS, icp, known
+from course.perception.rigid import rigid_fit
+from course.perception.tree import Cloud
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
 from tests.budget import examples
 from tests.perception.part_images import (

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from course.perception import render
+from course.perception import Camera
+from course.perception.camera import view
 from course.simulations import perception as table
 from course.simulations import simulation
 from course.simulations.model import Experiment
@@ -41,11 +42,11 @@ def test_points_are_of_what_they_are_said_to_be():
     """The kinds of the points against what the exact picture shows there."""
     experiment = Experiment(MODEL)
     state, controls = experiment.state, experiment.controls
-    shapes, _, _, pose = table.scene(controls["pieces"], controls["distance"])
-    ids = render(shapes, table.CAMERA)[1]
+    shapes = table.scene(controls["pieces"], controls["distance"])
+    pose, ids = shapes.poses[:, 0], view(shapes, table.CAMERA)[1]
     n = int(state["report"][table.VOXELS])
     points = pose[:3, None] + table.to_matrix(pose[3:]) @ state["points"][:, :n]
-    u, v = np.rint(table.CAMERA.project(points)).astype(int)
+    u, v = np.rint(Camera(*table.CAMERA).project(points)).astype(int)
     truth, kinds = ids[v.clip(0, 119), u.clip(0, 159)], state["kinds"][:n]
     assert np.mean(truth[kinds == table.PLANE] == 0) > 0.98 and np.sum(kinds >= 0) > 600
     for k in range(3):
@@ -63,6 +64,52 @@ def test_presets_of_distance_and_voxels_show_what_their_notes_say():
     assert report[CLUSTERS] == 0 and status == ["lost"] * 3
     report, status, _ = outcome("Coarse, wider search")
     assert report[CLUSTERS] == 3 and status == ["found"] * 3
+
+
+def _parts_lost(report, status, result):
+    return status == ["lost"] * 3 + ["found"] * 2
+
+
+def _many_clusters(report, status, result):
+    return report[CLUSTERS] > 15
+
+
+def _ambiguous(report, status, result):
+    return status == ["ambiguous"] * 2 and result[0, THROUGH] < 0.01 and result[0, SHIFT] > 0.03
+
+
+def _across(report, status, result):
+    across = result[0, SHIFT] > 0.02 and result[0, TURN] > math.radians(80.0)
+    return status[0] == "cut" and across and result[0, THROUGH] < 0.01
+
+
+def _slanted(report, status, result):
+    return 8e-3 < abs(report[OFF]) < 20e-3 and status[0] == "refuted"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("preset", "shows"),
+    [
+        ("Small parts lost", _parts_lost),
+        ("Table in clusters", _many_clusters),
+        ("Touching", _ambiguous),
+        ("Cut off", _across),
+        ("Two planes", _slanted),
+    ],
+)
+def test_most_images_of_a_preset_show_what_its_note_says(preset, shows):
+    """Not the first image only: of 24 at least 13, of which 16 to 24 are typical."""
+    count = 0
+    for image in range(24):
+        experiment = Experiment(MODEL)
+        experiment.choose(preset)
+        experiment.state["time"] = (image + 0.5) / table.RATE
+        table.measure(experiment.controls, experiment.state)
+        result = experiment.state["result"][experiment.controls["pieces"][:, 0] > 0]
+        status = [(*table.STATUS, "lost")[int(row[TRUST])] for row in result]
+        count += bool(shows(experiment.state["report"], status, result))
+    assert count >= 13, (preset, count)
 
 
 @pytest.mark.slow

@@ -81,6 +81,24 @@ def test_an_edge_along_which_a_link_grazes_is_refused_in_the_end() -> None:
     assert max(sizes) <= 2 * check.UNDECIDED + 2
 
 
+def test_a_dip_passes_only_up_to_tolerance_and_resolved_together() -> None:
+    """A clearance that falls as fast as the link travels, down to a dip at a random place."""
+
+    def dip(place: float, depth: float) -> np.ndarray | None:
+        def gaps(q: np.ndarray) -> np.ndarray:
+            return np.abs(q - place) - depth
+
+        return check.prove(np.zeros(1), np.ones(1), gaps, [1.0])
+
+    places = np.random.default_rng(4).uniform(0.0, 1.0, 50)
+    for place in places:
+        assert dip(place, 0.9 * check.TOLERANCE) is None
+        state = dip(place, 1.01 * (check.TOLERANCE + check.RESOLVED))
+        assert state is not None and abs(state[0] - place) < 1.2 * check.RESOLVED
+    # The bound is not an idle one: deeper than `TOLERANCE` alone, some dips do pass.
+    assert any(dip(place, 4.0 * check.TOLERANCE) is None for place in places)
+
+
 def test_a_clearance_that_is_no_number_collides() -> None:
     for at in (0.0, 0.5):
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
 from course.measure.success import paired
 from course.sim_to_real import plants, real, rollouts, tasks
@@ -70,6 +71,31 @@ def test_so_many_trials_find_a_difference_four_times_in_five(p, q, both):
         ups, downs, *_ = rng.multinomial(n, [q - both, p - both, 1.0 - p - q + 2.0 * both], 4000).T
         z = (ups - downs) / np.sqrt(np.maximum(ups + downs, 1))
     assert 0.77 < np.mean(np.abs(z) > 1.959964) < 0.83
+
+
+def test_few_trials_are_too_few_for_an_exact_test():
+    """The figures of the docstring, by Fisher's exact test and all outcomes."""
+
+    def detected(n, p, q):
+        """Return the probability that Fisher's test on n and n trials reaches 0.05."""
+        weight = np.outer(stats.binom.pmf(range(n + 1), n, p), stats.binom.pmf(range(n + 1), n, q))
+        return sum(
+            weight[i, j]
+            for i, j in np.ndindex(weight.shape)
+            if stats.fisher_exact([[i, n - i], [j, n - j]]).pvalue <= 0.05
+        )
+
+    assert trials(0.0, 1.0) == 2
+    assert stats.fisher_exact([[0, 2], [2, 0]]).pvalue == pytest.approx(1.0 / 3.0)
+    assert detected(3, 0.0, 1.0) == 0.0
+    assert detected(4, 0.0, 1.0) == 1.0
+    assert trials(0.2, 0.8) == 10
+    assert detected(10, 0.2, 0.8) == pytest.approx(0.64, abs=0.005)
+    assert trials(0.5, 0.8) == 39
+    assert detected(39, 0.5, 0.8) == pytest.approx(0.73, abs=0.005)
+    # The text of the docstring has these figures.
+    text = " ".join((trials.__doc__ or "").split())
+    assert "below 1/3" in text and "probability of 0.64" in text and "39, with 0.73" in text
 
 
 def test_common_successes_at_their_bounds_are_allowed():

@@ -253,7 +253,7 @@ def test_a_recorded_simulation_without_its_recording_is_refused(
 
 
 def test_the_pictures_of_a_recording_are_a_script_of_their_own() -> None:
-    name = "perception"
+    name = "pipeline"
     told_by, _, where = told.bundle(name).partition(";\n")
     assert _content(f"{told_by};\n")[1]["pictures"] is None
     assert f"{name}.film.js" in where and len(told_by) < 50_000

@@ -33,6 +33,7 @@ EXPENSIVE = {
     "kinematics.elbow",
     "learning.denoising",
     "learning.two_ways",
+    "perception",
     "sim_to_real.arms",
     "sim_to_real.faults",
 }

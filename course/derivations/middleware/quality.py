@@ -128,18 +128,19 @@ def drawn(rng, least=None):
 
 
 @claim(
-    "On ROS 2, a writer and a reader have discovered each other on one topic and use one type. In "
-    "every ranked policy the writer offers at least what the reader requests. Then they are "
-    "connected.",
-    "All {tried:.0f} random pairs of this kind connected, with {ordered:.0f} ranked policies of "
-    "DDS. For times, the shorter one is the stronger offer. Ownership (a DDS policy that ROS 2 "
-    "does not use) has no ranking: both ends must be equal. History, depth and lifespan are not "
-    "compared at all.",
+    "On ROS 2, a writer and a reader have discovered each other on one topic and use one type. "
+    "Neither ignores the other, and no access rule or partition separates them. In every ranked "
+    "policy the writer offers at least what the reader requests. Then they are connected.",
+    "All {tried:.0f} random pairs of this kind connected; {ordered:.0f} of the ranked policies of "
+    "DDS were varied. A reader that ignores the writers of its own participant got {ignored:.0f} "
+    "of {written:.0f} messages from one. For times, the shorter one is the stronger offer. "
+    "Ownership (a DDS policy that ROS 2 does not use) has no ranking: both ends must be equal. "
+    "History, depth and lifespan are not compared at all.",
     source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3",
 )
 def stronger_offer(result):
     from course.middleware.qos import ORDERS, QoS, compatible
-    from course.oracles.cyclonedds import verdicts
+    from course.oracles.cyclonedds import own_messages, verdicts
 
     requests = [drawn(result.rng) for _ in range(int(result.input("tried", 24)))]
     offers = [
@@ -150,6 +151,9 @@ def stronger_offer(result):
     observed = verdicts(list(zip(offers, requests, strict=True)))
     ends: list[dict[str, Any]] = [{n: k[at] for n, k in ORDERS.items()} for at in (0, -1)]
     result.measure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
+    written = int(result.input("written", 3))
+    plain, alone = (own_messages(written, ignore) for ignore in (False, True))
+    result.measure("ignored", alone)
     unlike = [QoS(ownership=kind) for kind in ("shared", "exclusive")]
     mixed = verdicts([(unlike[0], unlike[1]), (unlike[1], unlike[0])])
     # The other way round a pair is silent as soon as one policy is really stronger.
@@ -160,6 +164,8 @@ def stronger_offer(result):
         not any(compatible(*pair) for pair in zip(offers, requests, strict=True)),
         not any(one.matched for one in mixed),
         all(back),
+        plain == written,
+        alone == 0,
     )
 
 

@@ -40,11 +40,12 @@ def within(panel: int, name: str, share: float) -> float:
 
 
 @claim(
-    "A sampler that has learned where solutions lie speeds up a planner.",
+    "A sampler that has learned where solutions lie speeds up a planner on easy and hard queries.",
     "In worlds of the family that it was trained on, the planner checks {learned:.0f} "
     "configurations and edges in the median, against {uniform:.0f} with uniform samples; with "
     "samples along a grid search of the same occupancy grid, {search:.0f}. If no camera provides "
-    "that grid, filling it takes {picture:.0f} checks. With all walls rotated by a quarter turn, "
+    "that grid, filling it takes {picture:.0f} checks, more than the median query saves; only "
+    "hard queries still gain. With all walls rotated by a quarter turn, "
     "the learned sampler is the slower one, {turned:.0f} against {turned_uniform:.0f}.",
     source="Ichter, Harrison and Pavone, Learning sampling distributions, ICRA 2018",
 )
@@ -70,16 +71,18 @@ def learned_sampler_speeds_up(result):
         "200 held-out worlds, three networks; the methods without a network again in 40 others."
     )
 
-    def fewer(panel):
+    def fewer(panel, name="learned"):
         """Return whether the learned one asks less, at several shares of the worlds."""
         some = (0.25, 0.5, 0.75, 0.9)
-        return [within(panel, "learned", x) < within(panel, "uniform", x) for x in some]
+        return [within(panel, name, x) < within(panel, "uniform", x) for x in some]
+
+    filled = fewer(1, "learned, grid counted")
 
     result.statement_holds(
         all(fewer(1) + fewer(2)),
         only_if="the worlds resemble those of the training, and the occupancy grid costs nothing",
         inside=fewer(1),
-        outside=fewer(2),
+        outside=fewer(2) + filled,
         cases=True,
     )
     result.correction_holds(
@@ -87,6 +90,9 @@ def learned_sampler_speeds_up(result):
         costs["turned"] > 1.3 * costs["turned_uniform"],
         costs["learned"] < costs["search"] < costs["uniform"],
         picture > costs["uniform"],
+        # With the grid filled by checks: slower up to the median, faster at the 90th percentile.
+        not any(filled[:2]),
+        filled[3],
         0.6 < again["uniform"] / costs["uniform"] < 1.6,
         again["grid search"] < 0.75 * again["uniform"],
     )

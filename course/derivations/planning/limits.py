@@ -162,9 +162,10 @@ def slow_plans_are_slow_questions(result):
     "The joint limits of an arm keep it from hitting itself.",
     "With its links as capsules, the seven-joint arm collides with itself in {uniform:.0%} of the "
     "configurations within its limits, by the distances of the library Coal. The planner of this "
-    "chapter ignores that. Between compartments it is rarer: of {asked:.0f} paths {open:.1%} touch "
-    "at the open shelf and {tight:.1%} at the tight one, up to {deep_mm:.0f} mm deep. That is "
-    "still too often: check a path for self-collision before you execute it.",
+    "chapter ignores that. Between compartments it is rarer: checked at points along them, "
+    "{open:.1%} of {asked:.0f} paths touch at the open shelf and {tight:.1%} at the tight one, up "
+    "to {deep_mm:.0f} mm deep. Points can miss contacts, so the true shares may be higher: check "
+    "a path for self-collision before you execute it.",
 )
 def limits_keep_an_arm_from_itself(result):
     from course import contact

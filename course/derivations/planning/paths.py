@@ -397,16 +397,19 @@ def shortcut_leaves_corners(result):
 
 
 @claim(
-    "A motion that respects its limits at every point of a fine grid respects them in between.",
+    "A motion that respects its acceleration limits at every point of a fine grid respects them in "
+    "between.",
     "On a line, or a parabola in its own parameter s, q'' is constant between two grid points, so "
     "the joint acceleration is linear in s there, and largest at an end. If both ends are "
     "constrained, its largest ratio to the limit over {times:.0f} times is {both:.4f}. A test at "
     "the first points alone leaves the other ends free: with {coarse:.0f} intervals per rounded "
-    "corner the acceleration exceeds its limit by {over:.0%}, with {fine:.0f} by "
-    "{over_fine:.1%}. On a circular arc q'' turns: with "
-    "{few:.0f} intervals per quarter circle, both ends constrained, the limit is exceeded by up to "
-    "{over_arc:.1%}. And if s is the arc length, q'' is not constant on a parabola either: at even "
-    "speed, across a vertex where it turns by a right angle, the excess is {over_even:.0%}.",
+    "corner the acceleration exceeds its limit by {over:.0%}, with {fine:.0f} by {over_fine:.1%}. "
+    "On a circular arc q'' turns: with {few:.0f} intervals per quarter circle, both ends "
+    "constrained, the limit is exceeded by up to {over_arc:.1%}. And if s is the arc length, q'' "
+    "is not constant on a parabola either: at even speed, across a vertex where it turns by a "
+    "right angle, the excess is {over_even:.0%}. Rates need a bound of their own: on a parabola a "
+    "rate that is at its limit at both ends can exceed it in between, by {over_rate:.0%} in one "
+    "example.",
     source="Pham and Pham, A new approach to time-optimal path parameterization (TOPP-RA), 2018",
 )
 def limits_between_grid_points(result):
@@ -484,6 +487,13 @@ def limits_between_grid_points(result):
 
     by_length = on_parabola(0.5)  # its tangent turns from -45 to 45 degrees
     result.measure("over_even", by_length - 1, 0.01)
+
+    # One joint on a parabola, q' = 1 - s / 2, at a constant path acceleration of 1.5: the squared
+    # path speed is 1 + 3 s. The rate is 1 at both ends, s = 0 and s = 1.
+    s = np.linspace(0.0, 1.0, 9001)
+    rate = (1.0 - 0.5 * s) * np.sqrt(1.0 + 3.0 * s)
+    push = np.abs(1.5 * (1.0 - 0.5 * s) - 0.5 * (1.0 + 3.0 * s))
+    result.measure("over_rate", rate.max() - 1, 0.01)
     result.statement = (
         "Two joints, three rounded corners, ten random paths; arcs and a parabola at even speed; "
         "limits at both ends of an interval, compared with those in between."
@@ -502,4 +512,9 @@ def limits_between_grid_points(result):
         abs(max(arcs) - 1 / np.cos(0.25 * np.pi / steps)) < 1e-6,
         # In the middle 2, at the ends 2 / 4.
         abs(by_length - 4.0) < 1e-9,
+        # The squared rate is a cubic with its largest value 343 / 243 at s = 4 / 9, while the
+        # acceleration is largest at an end.
+        max(abs(rate[0] - 1), abs(rate[-1] - 1)) < 1e-12,
+        abs(rate.max() ** 2 - 343 / 243) < 1e-6,
+        push.max() <= max(push[0], push[-1]) + 1e-12,
     )

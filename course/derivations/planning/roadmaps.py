@@ -10,11 +10,12 @@ from course.derivations.planning import runs
 
 
 @claim(
-    "Lazy collision checking tests only the edges of the final path.",
+    "Among obstacles, lazy collision checking usually tests only the edges of the final path.",
     "It checks the edges of every path that the search proposes, until one of these paths is "
     "free. Among discs that is {lazy:.0f} edges in the median for a final path of {path:.0f}; an "
     "ordinary roadmap checks {eager:.0f}. Through a narrow gap it is {slit:.0f}, and "
-    "{slit_eager:.0f} for the ordinary one. The price is another graph search for each proposal.",
+    "{slit_eager:.0f} for the ordinary one. The price is another graph search for each proposal. "
+    "Only without obstacles is the first proposal always the final path.",
     source="Bohlin and Kavraki, Path planning using lazy PRM, ICRA 2000",
 )
 def lazy_tests_the_final_path(result):
@@ -29,17 +30,14 @@ def lazy_tests_the_final_path(result):
     result.measure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
     result.measure("slit_eager", np.median(edges("gap", "prm", 0.02, 0.5)), 0.3)
     result.statement = "40 seeds, ten neighbours per node as in OMPL's PRM; its lazy one has five."
-    # Without obstacles the first proposal is free: the condition holds.
     open_ones = runs("empty", "lazy_prm", 40, budget=20_000)
-    result.statement_holds(
-        all(lazy == final),
-        only_if="the first path proposed is free, as it is where nothing is in the way",
-        inside=[x.edge_checks == x.path.shape[1] - 1 for x in open_ones],
-        outside=(lazy == final).tolist(),
-    )
+    result.statement_holds(np.mean(lazy == final) > 0.5)
     middle = np.median(lazy)
     result.correction_holds(
-        all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager)
+        all(lazy >= final),
+        3 * np.median(final) < middle < 0.8 * np.median(eager),
+        # Without obstacles the first proposal is free.
+        all(x.edge_checks == x.path.shape[1] - 1 for x in open_ones),
     )
 
 
@@ -56,9 +54,10 @@ def _bay_to_bay():
     "RRT takes seconds at a cluttered shelf: make the collision checks faster.",
     "First do fewer of them. From one compartment to another, with the same edge check and a step "
     "size of {short} rad, RRT solves {rrt:.0f} of {asked:.0f} queries within {budget:.0f} "
-    "samples. RRT-Connect solves {connect:.0f}, with a median of {middle:.0f} samples. A longer "
-    "step does as much: with {long} rad RRT solves {rrt_long:.0f}, with a median of "
-    "{middle_rrt:.0f} samples; RRT-Connect needs {middle_long:.0f}.",
+    "samples, and {rrt_more:.0f} within {more:,.0f}. RRT-Connect solves {connect:.0f}, with a "
+    "median of {middle:.0f} samples. A longer step does as much: with {long} rad RRT solves "
+    "{rrt_long:.0f}, with a median of {middle_rrt:.0f} samples; RRT-Connect needs "
+    "{middle_long:.0f}.",
 )
 def both_ends_first(result):
     from course.planning import plan
@@ -73,6 +72,9 @@ def both_ends_first(result):
             solved[method, step] = sum(answer.solved for answer in x)
             middle[method, step] = np.median([answer.samples for answer in x])
     short, long = steps
+    more = result.input("more", 5 * budget)
+    further = [plan(world, *q, method="rrt", rng=1, budget=more, step=short).solved for q in some]
+    result.measure("rrt_more", sum(further), 0.3)
     result.measure("rrt", solved["rrt", short], 0.3)
     result.measure("connect", solved["rrt_connect", short], 0.1)
     result.measure("middle", middle["rrt_connect", short], 0.2)
@@ -83,6 +85,7 @@ def both_ends_first(result):
     result.statement_holds(solved["rrt", short] == len(some))
     result.correction_holds(
         solved["rrt", short] < 0.7 * len(some),
+        sum(further) < 0.8 * len(some),
         solved["rrt", long] > 0.9 * len(some),
         all(solved["rrt_connect", step] == len(some) for step in steps),
         middle["rrt", long] < 2.0 * middle["rrt_connect", long],

@@ -74,7 +74,7 @@ def rrt_complete(result):
     spent = samples("gap", "rrt", 300, slit, 0.5)
     result.measure("half", np.median(spent), 0.1)
     result.measure("late", np.percentile(spent, 95), 0.2)
-    early = runs("gap", "rrt", 200, slit, 0.5, budget=budget)
+    early = runs("gap", "rrt", 300, slit, 0.5, budget=budget)
     result.measure("failed", np.mean([not x.solved for x in early]), 0.1)
     ring = [[8, 8, 10, 8.2], [8, 9.8, 10, 10], [8, 8, 8.2, 10], [9.8, 8, 10, 10]]
     ends = plane(scenes.SQUARE, boxes=ring), scenes.START, scenes.GOAL

@@ -36,8 +36,8 @@ def errors(names, scene, dt, **settings):
     "An engine is no scheme. Where nothing touches, with the same one and the same step all of "
     "them err by {tumble:.3f} mrad on a tumbling body and {arm:.3f} mrad on a falling arm; over "
     "steps of {short:.1f} to {long:.1f} ms they differ by at most {spread:.3%} of their error. On "
-    "a braking block the errors of MuJoCo, Drake and PyBullet, about a millimetre each, differed "
-    "by {touch:.0%}.",
+    "a braking block that is launched between two axes of its contact, the errors of MuJoCo, Drake "
+    "and PyBullet, about a millimetre each, differed by {touch:.0%}.",
     source="Erez, Tassa and Todorov, Simulation tools for model-based robotics, 2015, which "
     "compares engines at equal cost",
     needs=("Drake", "PyBullet"),
@@ -55,12 +55,15 @@ def engines_agree(result):
         tried += [errors(FOUR, scenes.tumble(0.5), dt), errors(FOUR, scenes.arm(0.1), dt)]
     brake = errors((MUJOCO, DRAKE, PYBULLET), scenes.brake(0.3), 1e-3)
     touch = result.measure("touch", np.ptp(brake) / brake.min(), 0.2)
+    along = errors((MUJOCO, DRAKE, PYBULLET), scenes.brake(), 1e-3)
     spread = result.measure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
     result.statement = "All four with fair settings, beside a truth that is tighter."
     result.statement_holds(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
     result.correction_holds(
         spread < 0.01,
         touch > 0.1,
+        # Along an axis of the contact they agree far better.
+        np.ptp(along) / along.min() < 0.25 * touch,
         min(row.min() for row in tried) > 1e-6,
         5e-4 < brake.min() < brake.max() < 2e-3,
     )

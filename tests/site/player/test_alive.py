@@ -204,7 +204,7 @@ SAMPLE = {
     "learning.clipped_objective",
     "interview",
     "learning.gae_weights",
-    "perception",
+    "pipeline",
 }
 # A grid of points of the canvas where drags begin, and how far they go, in shares of the canvas.
 GRID = (24, 15, 0.05, 0.04)

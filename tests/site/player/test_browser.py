@@ -491,7 +491,7 @@ class TestTheBox:
         self, open_page: Any, monkeypatch: Any
     ) -> None:
         monkeypatch.setattr(told, "film", lambda name: "window.courseFilms = {};")
-        page = open_page(name="perception", ready=False)
+        page = open_page(name="pipeline", ready=False)
         page.get_by_role("alert").wait_for()
         assert "its saved picture stays" in page.get_by_role("alert").inner_text()
         assert page.locator(".course-live img").is_visible()
