@@ -234,10 +234,10 @@ predict("jammed")
 # nothing, and one that is narrower than the load leaves an error for ever.
 #
 # The chart shows another case: a jam of 2 s, a set-point of 0.25 rad, and a constant load. Look at the command on the
-# right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the set-point. With
-# conditional integration (blue) it leaves the limit at once. The joint still passes the set-point, by two thirds of the
-# step: during the jam the I term grew until the command reached the limit. Solid lines are the exact solution of the
-# joint, dots are the simulator MuJoCo:
+# right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the
+# set-point. With conditional integration (blue) it leaves the limit at once. The joint still passes the set-point, by
+# two thirds of the step: during the jam the I term grew until the command reached the limit. Solid lines are the exact
+# solution of the joint, dots are the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -1260,9 +1260,9 @@ plt.show()
 #
 # While the hand presses on a rigid surface, its velocity along the normal is $v_n = 0$, and the force $f_n$ is free.
 # Without friction, the forces along the tangents are $f_t = 0$, and the velocities $v_t$ are free. So in each direction
-# $f_i v_i = 0$: the surface neither takes nor gives power. If you command a position along the normal, a surface of stiffness $k_e$ turns
-# your position error into the force $k_e$ times that error. If you command a force along a tangent, there is nothing to
-# push against, and the hand accelerates.
+# $f_i v_i = 0$: the surface neither takes nor gives power. If you command a position along the normal, a surface of
+# stiffness $k_e$ turns your position error into the force $k_e$ times that error. If you command a force along a
+# tangent, there is nothing to push against, and the hand accelerates.
 #
 # </details>
 #
@@ -1320,9 +1320,9 @@ Markdown("\n".join(lines))
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
 # A robot runs several loops inside each other, a **cascade**. The outer loop is designed as if the inner one responded
-# at once. So the inner loop needs several times the bandwidth of the outer one. The fold-out below shows that four times avoids overshoot
-# in the ideal case; a delay in the inner loop demands more. The sketch gives typical sample rates, as orders of
-# magnitude:
+# at once. So the inner loop needs several times the bandwidth of the outer one. The fold-out below shows that four
+# times avoids overshoot in the ideal case; a delay in the inner loop demands more. The sketch gives typical sample
+# rates, as orders of magnitude:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1466,8 +1466,9 @@ source(control.computed_torque, "half = 0.5")
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Back to the first simulation, here with the preset *Hunting*. The joint is integrated exactly, so the limits that you see come from the control loop
-# and not from an integrator. Now predict the outcome of four other presets before you choose them:
+# Back to the first simulation, here with the preset *Hunting*. The joint is integrated exactly, so the limits that you
+# see come from the control loop and not from an integrator. Now predict the outcome of four other presets before you
+# choose them:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1493,11 +1494,11 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below:
-# the error against computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from
-# these libraries, called from Python. (LQR, MPC and MPPI correct the deviation from the planned motion. MPC is drawn only
-# below. Upper right, computed torque coincides with half-sample preview, and the two triangles at the upper edge are
-# runs of MPPI that are off the chart.)
+# *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below: the error against
+# computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from these libraries, called
+# from Python. (LQR, MPC and MPPI correct the deviation from the planned motion. MPC is drawn only below. Upper right,
+# computed torque coincides with half-sample preview, and the two triangles at the upper edge are runs of MPPI that are
+# off the chart.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1663,9 +1664,9 @@ plt.show()
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
-# and there is an I term, suspect windup: does anti-windup cure it? If not, switch the I term off: if the overshoot goes away, the I term was too
-# large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the delay margin is small, look
-# for the delay.
+# and there is an I term, suspect windup: does anti-windup cure it? If not, switch the I term off: if the overshoot goes
+# away, the I term was too large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the
+# delay margin is small, look for the delay.
 #
 # <details><summary>A common mistake</summary>
 #

@@ -375,11 +375,12 @@ def pyramid_halves_its_loss(result):
     "A higher gain of the momentum observer notices a touch sooner.",
     "The residual follows the external torque with the time constant 1/K, and white torque noise "
     "passes with a standard deviation proportional to sqrt(K). The threshold stands at a fixed "
-    "number of these standard deviations, so it rises with the gain. The delay is shortest with the "
-    "threshold at {ideal:.1%} of the touch's torque, and half of that gain takes {ideal_half:.0%} "
-    "longer. On the arm of the check, with samples of {dt_ms:g} ms, the best threshold is "
-    "{share:.0%}, with a delay of {best_ms:.1f} ms for a touch of {touch:g} N m. There half of that "
-    "gain takes {half:.0%} longer, {more:g} times that gain {double:.0%}, and at twice that gain the touch is never noticed without the help of noise.",
+    "number of these standard deviations, so it rises with the gain. The delay is shortest with "
+    "the threshold at {ideal:.1%} of the touch's torque, and half of that gain takes "
+    "{ideal_half:.0%} longer. On the arm of the check, with samples of {dt_ms:g} ms, the best "
+    "threshold is {share:.0%}, with a delay of {best_ms:.1f} ms for a touch of {touch:g} N m. "
+    "There half of that gain takes {half:.0%} longer, {more:g} times that gain {double:.0%}, and "
+    "at twice that gain the touch is never noticed without the help of noise.",
     source="A. De Luca and others, Collision detection and safe reaction with the DLR-III, 2006",
 )
 def gain_notices_sooner(result):

@@ -437,10 +437,10 @@ def axes_of_a_surface(result):
 @claim(
     "An impedance controller with its set-point inside the wall holds a force as well as a force "
     "controller, also at a wall whose position is not known exactly.",
-    "The force depends on how deep the set-point is inside the wall. A surface {off_mm:g} mm nearer changes the "
-    "force by {soft:+.1f} N with K = {K:g} N/m and by {stiff:+.1f} N with {K_stiff:g} N/m, "
-    "as two springs in series do. With force control and admittance control the change is at "
-    "most {loop:.0e} N.",
+    "The force depends on how deep the set-point is inside the wall. A surface {off_mm:g} mm "
+    "nearer changes the force by {soft:+.1f} N with K = {K:g} N/m and by {stiff:+.1f} N with "
+    "{K_stiff:g} N/m, as two springs in series do. With force control and admittance control the "
+    "change is at most {loop:.0e} N.",
 )
 def impedance_holds_a_force(result):
     from course.charts.control import touch
