@@ -32,8 +32,8 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means within 2 % of the step for good. Section 1 explains its other readouts, the growth
-# and the margins. You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
+# In the simulation, *settled* means within 2 % of the step for good; section 1 explains the other
+# readouts. You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
@@ -233,11 +233,11 @@ predict("jammed")
 # limit. But this range does not know whether the motor is at its limit. A range that the sum never reaches changes
 # nothing, and one that is narrower than the load leaves an error for ever.
 #
-# The chart shows another case: a jam of 2 s, a set-point of 0.25 rad, and a constant load. Look at the command on the
-# right. Without anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the
+# The chart shows another case: a jam of 2 s, a set-point of 0.25 rad, and a constant load. Right:
+# without anti-windup (orange) the command stays at the upper limit after the jam has ended and the joint has passed the
 # set-point. With conditional integration (blue) it leaves the limit at once. The joint still passes the set-point, by
-# two thirds of the step: during the jam the I term grew until the command reached the limit. Solid lines are the exact
-# solution of the joint, dots are the simulator MuJoCo:
+# two thirds of the step: during the jam the I term grew until the command reached the limit. Lines: exact solution;
+# dots: MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -527,12 +527,12 @@ plt.show()
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
-# **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
-# over by itself, such as an upright pendulum, gravity can then win. In the map, the motor has half of the torque that
-# holds the pendulum horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$,
-# and a decaying one. The controller commands a high gain times the growing part. The purple states are caught, the
-# orange ones are lost, on a grid. (The numbers of the colour bar have no meaning here.) From a state on the border of
-# the purple region, full torque all the time only just suffices. So no other gains catch more:
+# **Saturation** means that the command is at the torque limit. The loop is then open, and gravity can win if the plant
+# falls over by itself, like an upright pendulum. In the map, the motor has half of the torque that holds the pendulum
+# horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$, and a decaying
+# one. The controller commands a high gain times the growing part. Purple states are caught, orange ones are lost. (The
+# numbers of the colour bar mean nothing.) From a state on the border, full torque all the time only just suffices. So
+# no other gains catch more:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -988,13 +988,18 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
-# (crosses) contains the braking with the limited force. This mass is at its limit twice: first to speed up, then to
-# brake. Now add $x^\mathsf{T}Px$ of the last state to the plan's cost. Then MPC and clipped LQR agree for this mass if
-# the command is never at a limit, or only in one stretch from the start. The left chart shows how much MPC saves for
-# longer horizons. The right one shows its computing time. A **warm start** begins the search at the previous plan, a
-# **cold start** at zero:
+# (crosses) contains the braking with the limited force. The left chart shows how much MPC saves for longer horizons,
+# the right one its computing time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
+#
+# <details><summary>When MPC saves nothing</summary>
+#
+# Add $x^\mathsf{T}Px$ of the last state to the plan's cost. Then MPC and clipped LQR agree for this mass if the command
+# is never at a limit, or only in one stretch from the start. This mass is at its limit twice: first to speed up, then
+# to brake.
+#
+# </details>
 
 # %%
 more_claims("mpc_beats_clipping")
@@ -1373,9 +1378,9 @@ predict("delay_predicted")
 # %% [markdown]
 # In the chart, all loops drive the joint with 10 ms of delay. Each curve ends at its fastest stable tuning. Left, the
 # feed-forward (90 % of the true torque) gains more than any feedback. Right, cascade and observer integrate the error
-# of a load away. The predictor reaches the fastest tunings, but at equal noise it rejects a load no better than PD. Two
-# variants are drawn as well: a predictor that assumes half of the true delay, and (right) an observer that delays $u$
-# as the drive does:
+# of a load away. The predictor reaches the fastest tunings, but at equal noise it rejects a load no better than PD.
+# Also drawn: a predictor that assumes half of the true delay, and (right) an observer that delays $u$ as the drive
+# does:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1495,10 +1500,9 @@ simulation("joint", "Hunting")
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
 # *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below: the error against
-# computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from these libraries, called
-# from Python. (LQR, MPC and MPPI correct the deviation from the planned motion. MPC is drawn only below. Upper right,
-# computed torque coincides with half-sample preview, and the two triangles at the upper edge are runs of MPPI that are
-# off the chart.)
+# computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from these libraries. (LQR, MPC
+# and MPPI correct the deviation from the planned motion. MPC is drawn only below. Upper right, computed torque
+# coincides with half-sample preview, and the two triangles at the upper edge are runs of MPPI that are off the chart.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1584,10 +1588,14 @@ plt.show()
 #
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 #
+# <details><summary>MuJoCo's own position servo</summary>
+#
 # MuJoCo evaluates a built-in position servo in every physics step, together with the motion. So the servo has no hold
 # and is not a sampled loop. The servo's limits depend on the integrator (*Euler*, *implicitfast* or *discrete*). The
 # right chart of PD gains in section 1 shows them; markers at the chart's upper edge mean: no limit found. The attribute
 # `delay` of a position actuator delays the set-point, not the feedback.
+#
+# </details>
 #
 # <details><summary>Force control at MuJoCo's soft contact</summary>
 #
@@ -1845,7 +1853,7 @@ check(mppi_step)
 # A biped on a slope needs contact forces that carry its weight, within friction and within the torque of its joints. A
 # quadratic program, as in MPC, finds them. Left: the steepest slope on which such forces exist, for strong joints and
 # for joints of 13 N m. Right: the share of friction and the torque that the forces of lowest cost need, with strong
-# joints. (Less torque is possible at a higher cost.)
+# joints:
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
