@@ -590,7 +590,8 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
         ]
     )
     title = textwrap.fill(panel.title, 96 // across) if "\n" not in panel.title else panel.title
-    ax.set_title(title, loc="left", pad=4.0 + above * 1.5 * SMALL)
+    room = 4.0 + above * 1.5 * SMALL + 3.0 * bool(words.top)  # [points]
+    ax.set_title(title, loc="left", pad=room)
     ax.set(xlabel=textwrap.fill(panel.x, 88 // across), ylabel=textwrap.fill(panel.y, 40))
     return words
 

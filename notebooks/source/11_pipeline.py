@@ -925,8 +925,8 @@ table(["angle of the elbow", "largest stable step [ms]"], *rows)
 # the motors' largest torque keeps the growing oscillation small, and the tip still arrives. The energy shows it. Count
 # the $k_p$ term as a spring. On a level table, with a fixed reference and torques that follow the law exactly, the
 # energy of arm plus spring can only fall. **Energy from nowhere** is the rise that is left after subtracting the work
-# of a moving reference and of torques that differ from the law (a motor at its limit). The slider of the physics step
-# ends at 20 ms.
+# of a moving reference and of torques that differ from the law (a motor at its limit). The physics step's slider ends
+# at 20 ms.
 
 # %%
 show("largest_step")

@@ -47,7 +47,7 @@ def test_a_shortcut_never_lengthens_never_collides_and_keeps_its_ends(seed) -> N
     rng = np.random.default_rng(seed)
     for kind in ("vertex", "partial"):
         short = shortcut(path, free, rng, rounds=60, kind=kind)
-        assert length(short) <= length(path)
+        assert length(short) <= length(path) * (1.0 + 1e-12)
         assert (short[:, [0, -1]] == path[:, [0, -1]]).all()
         assert not faults(short, discs)
     soft = smooth(short, free)
@@ -64,7 +64,7 @@ def test_one_joint_straightened_over_arc_length_never_lengthens(seed) -> None:
     for _ in range(6):
         path = shortcut(path, lambda a, b: rng.random() < 0.7, rng, rounds=1)
         lengths.append(length(path))
-    assert (np.diff(lengths) <= 0.0).all()
+    assert (np.diff(lengths) <= 1e-12).all()
     assert shortcut(path, lambda a, b: True, rng).shape[1] == 2
 
 

@@ -300,11 +300,11 @@ def pipeline_speed(
             y.append(1e3 * math.sqrt(np.mean([r.distance**2 for r in records])))
         message = ", ".join(f"{e:.2g} mm for {c:.3g} ms" for e, c in zip(y, x, strict=True))
         # The ends of a curve are named: resolution of the images, or frame rate.
-        first, *_, final = (
-            [f"{w} px" for w in widths] if name in cast else [f"{1.0 / T:g} Hz" for T in rates]
-        )
+        ends = [f"{w} px" for w in widths] if name in cast else [f"{1.0 / T:g} Hz" for T in rates]
         # Curves of images lie on each other: one of them is enough.
-        tags = [first, *[""] * (len(x) - 2), final] if name != "MuJoCo's rays" else ()
+        tags = (
+            (ends[0], *[""] * (len(x) - 2), ends[-1])[: len(x)] if name != "MuJoCo's rays" else ()
+        )
         panel.series.append(Series(name, x, y, tags=tags, note=f"{name}: {message}"))
         quick[name] = 4.0 / (1e-3 * x[-1])
     yield panel
