@@ -112,7 +112,7 @@ def chain_age(result):
     means = [settled(x) for x in np.linspace(0.0, 1.0, 60, endpoint=False)]
     result.measure("locked_least_ms", 1000 * min(means), 0.02)
     result.measure("locked_most_ms", 1000 * max(means), 0.02)
-    result.statement = "The closed form, and event simulation at random phases and moments."
+    result.statement = "The closed form, and simulated runs at random phases and moments."
     # Standard error of the simulated mean; five of them are allowed.
     error = report.std / np.sqrt(len(observed))
     result.statement_holds(abs(observed.mean() - report.least) < 5 * error)
@@ -200,7 +200,7 @@ def reaction_is_age(result):
     wrong = np.mean((answered > moments + late_by) != (moments > in_force))
     overtaken = result.measure("overtaken", wrong, 0.2)
     difference = np.abs(np.quantile(old, (0.1, 0.5, 0.9)) / np.quantile(late, (0.1, 0.5, 0.9)) - 1)
-    result.statement = "Both times at drawn moments of one event simulation."
+    result.statement = "Both times at random moments of one simulated run."
     result.statement_holds(difference.max() < 0.02)
     result.correction_holds(failed < 1, overtaken > 0.02)
 
@@ -246,8 +246,8 @@ def long_run_mean(result):
 
 
 @claim(
-    "Two computers that are set to the same rate run in step.",
-    "Their quartz clocks differ slightly. With a difference of {ppm:.0f} parts in a million the "
+    "Two computers with quartz clocks of their own, set to the same rate, run in step.",
+    "The two clocks differ slightly. With a difference of {ppm:.0f} parts in a million the "
     "age at reading is a sawtooth as high as a period, {high_ms:.1f} ms at {rate_hz:.0f} Hz. One "
     "tooth takes {formula}, here {beat_s:.0f} s, so a short test on the bench does not show it.",
     ask=(
@@ -401,11 +401,11 @@ def deep_queue(result):
 
 
 @claim(
-    "A queue carries a stage through an overload.",
-    "Only through a short burst. If a stage needs C and samples come every T < C, the age of its "
-    "results grows in a queue without a limit, by {formula} seconds per second: by {slope:.3f} at "
-    "a load of {load:.0%}, and not at all just below full load. A limit stops the growth, but the "
-    "queue then drops samples.",
+    "A queue carries a stage through a lasting overload.",
+    "It helps only in a short burst. If a stage needs C and samples come every T < C, the age of "
+    "its results grows in a queue without a limit, by {formula} seconds per second: by {slope:.3f} "
+    "at a load of {load:.0%}, and not at all just below full load. A limit stops the growth, but "
+    "the queue then drops samples.",
     ask=(
         "Samples come every T into a queue without a limit, and each takes C > T. How fast does "
         "the age of the finished results grow, in seconds per second?",

@@ -235,14 +235,14 @@ predict("where_to_spend")
 # %% [markdown]
 # What can be changed? Besides a faster clock or a shorter execution there are two other ways to run a stage:
 #
-# * A stage that starts **on arrival** of its input has no clock. If it is faster than its input comes, the input never
+# * A stage that starts **on arrival** of its input has no clock. If it finishes before the next input comes, no input
 #   waits. If it is slower, it starts whenever it is free, with the newest input. If all stages are fast enough, the
 #   only period left in the chain is the camera's: a command is in force until the next picture has passed through.
 # * **Pipelined** workers begin with a new sample before the last one is finished, as two cooks do with two orders.
 #   Results come more often; a single sample takes as long as before.
 #
-# A stage that needs longer than the interval at which samples arrive is in **overload**. It is busy all the time, and
-# you have to decide which samples it leaves out.
+# A stage that needs longer than the interval at which samples arrive is in **overload**. One worker is then not enough:
+# the stage leaves out samples, or it gets more workers.
 #
 # The price is computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided by
 # interval. The table lists the best changes to our chain (by the formula). Changes that break
@@ -367,10 +367,10 @@ predict("queue_of_ten")
 # %% [markdown]
 # ## 5 · Speed against accuracy
 #
-# There are two ways to compute a mean age: the closed form, and an event simulation that is started with many random
-# phases. How many starts does the simulation need? The chart compares them on this chapter's chain. The reference is
-# an average over a regular grid of phases. The closed form differs from it a little; that is mostly the reference's
-# error.
+# There are two ways to compute a mean age: the closed form, and an event simulation. An event simulation jumps from one
+# start or result of a stage to the next, and we start it with many random phases. How many starts does it need? The
+# chart compares them on this chapter's chain. The reference is an average over a regular grid of phases. The closed
+# form differs from it a little; that is mostly the reference's error.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -479,7 +479,7 @@ plt.show()
 show("deep_queue")
 
 # %% [markdown]
-# In overload every choice loses something. You can skip samples, use several workers, or let a queue drop samples. A
+# In overload every choice costs something. You can skip samples, use several workers, or let a queue drop samples. A
 # queue without a limit is no choice, because the age then grows as long as the robot runs. In the table a camera stage
 # of 5 ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each. The rule *skip* drops what
 # comes while the stage is busy. The rule *queue* starts again with the oldest sample in the queue. The ages are
@@ -520,8 +520,8 @@ show("jitter_leaves_the_mean")
 #
 # **Debugging tip.** *The arm is late.* Send the capture's time stamp along with every command, and plot the age. A
 # constant age: add up execution times and half intervals. A jump by whole periods at one arrow: a full queue. A slope
-# with jumps: two clocks that drift. Growth without end: overload. Scatter without a pattern: the load of the computer.
-# Ages that are too good: somebody stamps at publishing instead of at capture.
+# with jumps: two clocks that drift. Growth without end: overload behind a queue without a limit. Scatter without a
+# pattern: the load of the computer. Ages that are too good: somebody stamps at publishing instead of at capture.
 #
 # </div>
 #
@@ -535,7 +535,7 @@ show("jitter_leaves_the_mean")
 # set the phase</td></tr>
 # <tr><td>slowly later, then suddenly well again</td> <td>two clocks that drift</td> <td>plot ten minutes of
 # ages</td> <td>start on arrival</td></tr>
-# <tr><td>later and later</td> <td>overload</td> <td>count dropped samples</td> <td>choose a rule, reduce the
+# <tr><td>later and later</td> <td>overload</td> <td>count waiting samples</td> <td>choose a rule, reduce the
 # load</td></tr>
 # <tr><td>the log is fresh, the arm is late</td> <td>stamped at publishing</td> <td>move a thing by hand and film
 # it</td> <td>keep the capture's stamp</td></tr>
@@ -754,9 +754,11 @@ table(*rows)
 # and others, RSS 2023) executes it until the answer to the next observation is there, so the interval of this stage is
 # the time between two observations.
 #
-# The chunk has to last that long plus the 80 ms of the next inference: in the last row 0.88 s. A shorter one leaves a
-# gap without actions. A **digital twin**, a simulation that runs beside the robot and follows its joint states, is one
-# more reader of an arrow, with a data age of its own.
+# If inference always takes 80 ms, the chunk has to last as long as this interval: 0.8 s in the last row. If inference
+# times vary, it has to last a little longer. A chunk that is too short leaves a gap without actions.
+#
+# A **digital twin**, a simulation that runs beside the robot and follows its joint states, is one more reader of an
+# arrow, with a data age of its own.
 #
 # ## 10 · Interview
 #

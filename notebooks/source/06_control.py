@@ -32,8 +32,8 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means within 2 % of the step for good. You
-# need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
+# In the simulation, *settled* means within 2 % of the step for good; section 1 explains the other
+# readouts. You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
@@ -167,8 +167,8 @@ plt.show()
 
 # %% [markdown]
 # With these gains P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going
-# past it. The **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$ decides: a mass
-# on a spring oscillates only below 1, its **critical damping**. For P alone, $\zeta \ge 1$ means $b^2 \ge 4 J K_p$.
+# past it. The **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$ decides: below 1 a mass on a spring oscillates. The
+# value 1 is called **critical damping**. For P alone, $\zeta \ge 1$ means $b^2 \ge 4 J K_p$.
 #
 # The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
 # friction** (dry friction) is a torque of constant size against the motion, and it can hold a joint at rest away from
@@ -233,11 +233,11 @@ predict("jammed")
 # limit. But this range does not know whether the motor is at its limit. A range that the sum never reaches changes
 # nothing, and one that is narrower than the load leaves an error for ever.
 #
-# The chart shows another case: a jam of 2 s, and a set-point of 0.25 rad. Look at the command on the right. Without
-# anti-windup (orange) it stays at the upper limit after the jam has ended and the joint has passed the set-point. With
-# conditional integration (blue) it leaves the limit at once. The joint still passes the set-point, by two thirds of the
-# step: during the jam the I term grew until the command reached the limit. Solid lines are the exact solution of the
-# joint, dots are the simulator MuJoCo:
+# The chart shows another case: a jam of 2 s, a set-point of 0.25 rad, and a constant load. Right:
+# without anti-windup (orange) the command stays at the upper limit after the jam has ended and the joint has passed the
+# set-point. With conditional integration (blue) it leaves the limit at once. The joint still passes the set-point, by
+# two thirds of the step: during the jam the I term grew until the command reached the limit. Lines: exact solution;
+# dots: MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -258,7 +258,7 @@ figures(
 # integral = clip(integral + error * dt, -i_max, i_max)  # a fixed range for the integral
 # rate = (error - last_error) / dt  # derivative of the error
 # torque = clip(kp * error + ki * integral + kd * rate, -limit, limit)
-# acceleration = (torque - 0.5 * velocity) / inertia
+# acceleration = torque / inertia - 0.5 * velocity
 # ```
 #
 # Check the first two lines against the paragraphs above. The claims below examine the rest, with kp = 20, ki = 5 and
@@ -527,12 +527,12 @@ plt.show()
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
-# **Saturation** means that the command is at the torque limit. While it lasts, the loop is open. If the plant falls
-# over by itself, such as an upright pendulum, gravity can then win. In the map, the motor has half of the torque that
-# holds the pendulum horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$,
-# and a decaying one. The controller commands a high gain times the growing part. The purple states are caught, the
-# orange ones are lost, on a grid. At the edge the controller commands the full torque all the way, so other gains do no
-# better:
+# **Saturation** means that the command is at the torque limit. The loop is then open, and gravity can win if the plant
+# falls over by itself, like an upright pendulum. In the map, the motor has half of the torque that holds the pendulum
+# horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$, and a decaying
+# one. The controller commands a high gain times the growing part. Purple states are caught, orange ones are lost. (The
+# numbers of the colour bar mean nothing.) From a state on the border, full torque all the time only just suffices. So
+# no other gains catch more:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -693,10 +693,10 @@ _ = axis.legend(fontsize=9, ncols=4, loc="upper center")
 plt.show()
 
 # %% [markdown]
-# The two controllers with the full model are far more accurate than PD with gravity compensation. Feedforward is even
-# ahead of computed torque here: its PD gain at the elbow is larger than $M_{22}K_p$ of computed torque, which also
-# holds each torque for a sample while the arm moves on. (The preview below removes that lag.) But feedforward assumes
-# that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone.
+# The two controllers with the full model are far more accurate than PD with gravity compensation. The errors that they
+# leave here come from holding each torque for a sample while the arm moves on. Feedforward is even ahead of computed
+# torque, partly because its PD gain at the elbow is larger than that of computed torque, $M_{22}K_p$. But feedforward
+# assumes that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone.
 #
 # Computed torque uses the measured state. Put its torque into the equation of motion. The velocity terms and gravity
 # cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
@@ -988,13 +988,18 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
-# (crosses) contains the braking with the limited force. This mass is at its limit twice: first to speed up, then to
-# brake. Now add $x^\mathsf{T}Px$ of the last state to the plan's cost. Then, for this mass, MPC and clipped LQR agree
-# unless the command reaches a limit after it was below the limits. The left chart shows how much MPC
-# saves for longer horizons. The right one shows its computing time. A **warm start** begins the search at the previous
-# plan:
+# (crosses) contains the braking with the limited force. The left chart shows how much MPC saves for longer horizons,
+# the right one its computing time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
+#
+# <details><summary>When MPC saves nothing</summary>
+#
+# Add $x^\mathsf{T}Px$ of the last state to the plan's cost. Then MPC and clipped LQR agree for this mass if the command
+# is never at a limit, or only in one stretch from the start. This mass is at its limit twice: first to speed up, then
+# to brake.
+#
+# </details>
 
 # %%
 more_claims("mpc_beats_clipping")
@@ -1092,15 +1097,17 @@ for x, y, text in ((2.5, 0, "M"), (1.0, 0.6, "K"), (1.0, -0.95, "B"), (3.9, 0.2,
 _ = left.annotate("", (3.3, -0.95), (2.3, -0.95), arrowprops={"arrowstyle": "->", "color": "0.3"})
 _ = left.text(3.45, -0.95, "x", ha="center", va="center")
 _ = left.set_title("what the arm behaves like", fontsize=10)
-spring(right, 0.0, 2.0, 0.0, "C0")
-spring(right, 2.0, 3.6, 0.0, "C1")
-_ = right.plot([2.0], [0.0], "o", color="k")
-_ = right.plot([0.0, 0.0], [-0.5, 0.5], color="C0", lw=3)
-_ = right.plot([3.6, 3.6], [-0.7, 0.7], color="0.3", lw=3)
-for x, y, text in ((0.0, 0.65, "set-point"), (1.0, 0.3, "controller K"), (2.0, -0.5, "hand"),
-                   (2.8, 0.3, "wall $k_e$")):  # fmt: skip
+right.add_patch(plt.Rectangle((1.2, -0.8), 2.9, 1.6, fc="#ece8e0"))
+spring(right, 1.2, 3.0, 0.35, "C0")
+spring(right, 1.2, 4.1, -0.35, "C1")
+_ = right.plot([0.6, 0.6], [-0.8, 0.8], color="0.3", ls="--", lw=1)
+_ = right.plot([1.2, 1.2], [-0.6, 0.6], color="k", lw=4)
+_ = right.plot([3.0, 3.0], [0.1, 0.6], color="C0", lw=3)
+_ = right.plot([4.1, 4.1], [-0.8, 0.8], color="0.3", lw=3)
+for x, y, text in ((0.5, -1.05, "surface, untouched"), (1.2, 0.88, "hand"), (2.1, 0.6, "controller K"),
+                   (3.1, 0.65, "set-point"), (2.7, -0.72, "wall $k_e$")):  # fmt: skip
     _ = right.text(x, y, text, ha="center", fontsize=9)
-_ = right.set_title("in contact: two springs in series", fontsize=10)
+_ = right.set_title("in contact: one force runs through both springs", fontsize=10)
 for axis in axes:
     _ = axis.set(xlim=(-0.5, 4.6), ylim=(-1.1, 1.0))
     _ = axis.axis("off")
@@ -1116,7 +1123,8 @@ plt.show()
 # | impedance control | displacement | force | torque-controlled joints |
 # | admittance control | force | motion | force sensor, position loop |
 #
-# Choose the controller in the panel, and drag the set-point into the wall:
+# Choose the controller in the panel, and drag the set-point into the wall. The orange arrow is the force of the wall on
+# the hand:
 
 # %%
 simulation("probe")
@@ -1255,11 +1263,11 @@ plt.show()
 #
 # <details><summary>Derive: why it can't be the other way round</summary>
 #
-# The power through the contact is $f\cdot v$. A frictionless rigid surface neither takes nor gives power, so in each of
-# its directions $f_i v_i = 0$. Along the normal $v_n = 0$, and $f_n$ is free as long as the hand pushes. Along the
-# tangents $f_t = 0$, and $v_t$ is free. If you command a position along the normal, a surface of stiffness $k_e$ turns
-# your position error into the force $k_e$ times that error. If you command a force along a tangent, there is nothing to
-# push against, and the hand accelerates.
+# While the hand presses on a rigid surface, its velocity along the normal is $v_n = 0$, and the force $f_n$ is free.
+# Without friction, the forces along the tangents are $f_t = 0$, and the velocities $v_t$ are free. So in each direction
+# $f_i v_i = 0$: the surface neither takes nor gives power. If you command a position along the normal, a surface of
+# stiffness $k_e$ turns your position error into the force $k_e$ times that error. If you command a force along a
+# tangent, there is nothing to push against, and the hand accelerates.
 #
 # </details>
 #
@@ -1317,9 +1325,9 @@ Markdown("\n".join(lines))
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
 # A robot runs several loops inside each other, a **cascade**. The outer loop is designed as if the inner one responded
-# at once. So the inner one needs several times its bandwidth. The fold-out below shows that four times avoids overshoot
-# in the ideal case; a delay in the inner loop demands more. The sketch gives typical sample rates, as orders of
-# magnitude:
+# at once. So the inner loop needs several times the bandwidth of the outer one. The fold-out below shows that four
+# times avoids overshoot in the ideal case; a delay in the inner loop demands more. The sketch gives typical sample
+# rates, as orders of magnitude:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1370,7 +1378,9 @@ predict("delay_predicted")
 # %% [markdown]
 # In the chart, all loops drive the joint with 10 ms of delay. Each curve ends at its fastest stable tuning. Left, the
 # feed-forward (90 % of the true torque) gains more than any feedback. Right, cascade and observer integrate the error
-# of a load away. The predictor reaches the fastest tunings, but at equal noise it rejects a load no better than PD:
+# of a load away. The predictor reaches the fastest tunings, but at equal noise it rejects a load no better than PD.
+# Also drawn: a predictor that assumes half of the true delay, and (right) an observer that delays $u$ as the drive
+# does:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1461,9 +1471,9 @@ source(control.computed_torque, "half = 0.5")
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Back to the first simulation. The joint is integrated exactly, so the limits that you see come from the control loop
-# and not from an integrator. Predict the outcome of these four before
-# you choose them:
+# Back to the first simulation, here with the preset *Hunting*. The joint is integrated exactly, so the limits that you
+# see come from the control loop and not from an integrator. Now predict the outcome of four other presets before you
+# choose them:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1489,10 +1499,10 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below:
-# the error against computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from
-# these libraries, called from Python. (LQR, MPC and MPPI correct the deviation from the planned motion.) A triangle at
-# the upper edge is off the chart:
+# *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below: the error against
+# computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from these libraries. (LQR, MPC
+# and MPPI correct the deviation from the planned motion. MPC is drawn only below. Upper right, computed torque
+# coincides with half-sample preview, and the two triangles at the upper edge are runs of MPPI that are off the chart.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1573,15 +1583,19 @@ plt.show()
 # %% [markdown]
 # With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. So close the loop outside of the
 # simulator, at the robot's rate, with ten or more physics steps per sample. The map shows the gains for
-# which a sampled PID loop is stable. The points measured in MuJoCo lie slightly outside of the theoretical limit; the
-# shorter hold explains the difference:
+# which a sampled PID loop is stable. The black line is measured on the exact joint and lies on the theory (dashed). The
+# limits measured in MuJoCo (crosses) are slightly higher; its smaller delay explains the difference:
 #
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
+#
+# <details><summary>MuJoCo's own position servo</summary>
 #
 # MuJoCo evaluates a built-in position servo in every physics step, together with the motion. So the servo has no hold
 # and is not a sampled loop. The servo's limits depend on the integrator (*Euler*, *implicitfast* or *discrete*). The
 # right chart of PD gains in section 1 shows them; markers at the chart's upper edge mean: no limit found. The attribute
 # `delay` of a position actuator delays the set-point, not the feedback.
+#
+# </details>
 #
 # <details><summary>Force control at MuJoCo's soft contact</summary>
 #
@@ -1644,23 +1658,23 @@ plt.show()
 
 # %% [markdown]
 # A, B and C are the first three rows of the table. D could also be an I term that is too large. But its command was at
-# the limit (red bar) for most of the step, so it is windup:
+# the limit (red bar) during the whole rise, so suspect windup first, and repeat the step with anti-windup:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
 # | constant oscillation (A) | unstable loop, torque limit | growth of the matrix; halve gains | lower gains, less delay |
 # | slow oscillation with pauses (B) | hunting | switch off the I term | dead band on I; friction compensation |
 # | torque noise at rest (C) | encoder counts times $K_d$ | count the counts | filter, observer; longer sample time if the delay allows |
-# | large overshoot after saturation (D) | windup | plot the command | anti-windup |
+# | large overshoot after saturation (D) | windup | plot the command; try anti-windup | anti-windup |
 # | error follows the acceleration | inertia or torque constant | `diagnose` | identify the payload |
 # | stable in simulation only | the simulator's hold or delay | ten steps, loop outside | tune with the true delay |
 #
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
-# and there is an I term, suspect windup. Next, switch the I term off: if the overshoot goes away, the I term was too
-# large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the delay margin is small, look
-# for the delay.
+# and there is an I term, suspect windup: does anti-windup cure it? If not, switch the I term off: if the overshoot goes
+# away, the I term was too large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the
+# delay margin is small, look for the delay.
 #
 # <details><summary>A common mistake</summary>
 #
@@ -1678,8 +1692,9 @@ show("overshoot_means_p")
 #
 # **Debugging tip.** *The robot vibrates at contact.* First ask which loop runs through the wall.
 #
-# * Impedance control: lower the stiffness, then set the damping for the combined stiffness $K + k_e$, as far as the
-#   delay allows.
+# * Impedance control: does the vibration grow, or die out slowly? If it grows, lower the stiffness or the damping,
+#   whichever is too large for the delay. If it dies out, raise the damping to suit $K + k_e$, as far as the delay
+#   allows.
 # * Force control: lower the gain on the force. The impedance stiffness is not part of this loop.
 # * Admittance control: raise the virtual mass, or soften the inner position loop.
 #
@@ -1837,7 +1852,8 @@ check(mppi_step)
 #
 # A biped on a slope needs contact forces that carry its weight, within friction and within the torque of its joints. A
 # quadratic program, as in MPC, finds them. Left: the steepest slope on which such forces exist, for strong joints and
-# for joints of 13 N m. Right, strong joints: what the forces of lowest cost use (not the least torque possible):
+# for joints of 13 N m. Right: the share of friction and the torque that the forces of lowest cost need, with strong
+# joints:
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 

@@ -195,7 +195,7 @@ figure_, axis = plt.subplots(figsize=(6.5, 2.7), layout="constrained")
 _ = axis.plot(grid, np.exp(-0.5 * (grid - mean) ** 2), color=GREY, label="policy")
 for k, (a, A) in enumerate(zip(actions, advantage, strict=True)):
     ink, pull = (BLUE if A > 0 else ORANGE), 0.12 * A * (a - mean)
-    _ = axis.plot(a, 0.0, "o", color=ink)
+    _ = axis.plot(a, 0.0, "o", color=ink, mec="white")  # dots that overlap stay apart
     _ = axis.annotate("", (a + pull, -0.1 - 0.06 * k), (a, -0.1 - 0.06 * k),
                       arrowprops={"arrowstyle": "->", "color": ink})  # fmt: skip
 step = 0.12 * np.mean(advantage * (actions - mean))
@@ -215,9 +215,13 @@ plt.show()
 # because moving away from it is an improvement. The thick arrow on top, the average of all votes, points towards the
 # best action.
 #
+# <details><summary>A worked example</summary>
+#
 # **A worked example.** Let $\mu = 0$ and $\sigma = 1$. The action 0.5 had an advantage of +2, so it votes
 # $2 \cdot 0.5 = +1$. The action $-1$ had an advantage of $-1$, and votes $-1 \cdot (-1) = +1$ as well. Both move the
 # mean to the right.
+#
+# </details>
 #
 # A **neural network** is a function with many adjustable numbers, its **weights**. "Two layers of 16 units" means that
 # two intermediate results (*hidden layers*) with 16 numbers each lie between input and output.
@@ -249,9 +253,9 @@ simulation("policy_gradient")
 #
 # </details>
 #
-# Why an advantage, and not simply the return? If all returns are positive, every sampled action is pushed up, good ones
-# only a little more than bad ones. In a finite batch this small difference drowns in noise. Subtracting a baseline that
-# does not depend on the action should reduce the noise. Does it change the expected gradient?
+# Why an advantage, and not simply the return? If all returns are positive and similar, every sampled action is pushed
+# up, good ones only a little more than bad ones. In a finite batch this small difference drowns in noise. Subtracting a
+# baseline that does not depend on the action should reduce the noise. Does it change the expected gradient?
 
 # %%
 show("baseline_is_free")
@@ -272,10 +276,10 @@ show("baseline_is_free")
 # has little noise, because it depends on only one step. But it relies on the critic, and early in training the critic
 # knows nothing.
 #
-# The opposite choice waits for the whole return and subtracts $V(s_t)$. It uses no later value of the critic, unless
-# the recording stops in mid-episode (see below). But it is noisy, because every later random action affects it.
-# **Generalised advantage estimation** (GAE) is the family between these two extremes, with a parameter $\lambda$ from
-# 0 to 1:
+# The opposite choice waits for the whole return and subtracts $V(s_t)$. It uses no later value of the critic, unless a
+# time limit or the end of the batch cuts the episode off (see below). But it is noisy, because every later random
+# action affects it. **Generalised advantage estimation** (GAE) is the family between these two extremes, with a
+# parameter $\lambda$ from 0 to 1:
 #
 # $$A_t = \sum_{l \ge 0} (\gamma\lambda)^l\,\delta_{t+l}
 #       = \delta_t + \gamma\lambda\,A_{t+1}.$$
@@ -333,8 +337,9 @@ source(
 # What does $\lambda$ trade? The simulation gives the critic a constant error and the rewards some noise. The critic's
 # error makes the estimate wrong on average (bias), the noise of the rewards makes it scatter (standard deviation), and
 # $\lambda$ shifts weight from one to the other. The lower right plot judges $A_t + V(s_t)$, the estimated return. (An
-# error of $V(s_t)$ shifts the advantages of all actions equally, which does no harm. Adding $V(s_t)$ back removes it
-# from the plot.) Double the critic's error, and the best $\lambda$ grows:
+# error of $V(s_t)$ shifts the advantages of all actions in that state equally. It adds noise to the gradient but no
+# bias, and the plot leaves it out.) At first the best $\lambda$ is near 0, because the critic's error is small. Double
+# this error, and the best $\lambda$ is near 1:
 
 # %%
 simulation("gae_weights")
@@ -501,7 +506,7 @@ show("sparse_chance")
 # discounted sum is the same for all these paths too.)
 #
 # Minus the distance pays $-(2 + 1 + 0) = -3$ on this path and another sum on another path. Of two paths with equally
-# many steps it prefers the one that is near the goal earlier, and nobody asked for that. One condition belongs to the
+# many steps it prefers the one whose distances add up to less, and nobody asked for that. One condition belongs to the
 # potential: $\Phi$ has to count as 0 in every state that terminates the episode. Otherwise the last payment depends on
 # where the episode ended, and the best policy can change, as chapter 8 showed.
 #
@@ -565,10 +570,10 @@ for kind, name in names.items():
 table(*rows)
 
 # %% [markdown]
-# With the prize only, never moving earns 1/64, because one of the 64 starts lies inside the disc. In the last row it
-# earns the bonus itself, 0.02. In the two rows with a bonus, all starts lie within 0.5 m of the goal. Under the bonus
-# per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects the bonus a
-# hundred times. (Entering in the last step would earn the prize on top, so not even that is the optimum.)
+# With the prize only, never moving earns 1/64, because one of the 64 starts lies inside the disc. In the two rows with
+# a bonus all starts lie within 0.5 m of the goal, so never moving earns the bonus: 0.02 if it is paid once. Under the
+# bonus per step, never moving is worth *more* than the fastest policy: the point stands where it is and collects the
+# bonus a hundred times. (Entering in the last step would earn the prize on top, so not even that is the optimum.)
 #
 # <details><summary>Why never moving earns something with the potential</summary>
 #
@@ -645,11 +650,10 @@ simulation("cloning_drift")
 #
 # Let the cost be the sum of $|x|$ over all steps. If $|a| < 1$ old errors die out, and the cost grows in proportion
 # to time. If $a = 1$ they add up: if $e$ is constant, the cost grows like $T^2$; if the errors are random and
-# independent, like $T^{1.5}$. If $|a| > 1$ the loop amplifies them exponentially. (In the counting model above a step
-# costs at most 1. Here it may cost any amount.)
+# independent, like $T^{1.5}$. If $|a| > 1$ the loop amplifies them exponentially.
 #
 # A clone's error also depends on $x$. If it is $c\,x + e$, the loop becomes $x' = (a + c)\,x + e$. So a clone can make
-# a loop unstable although the plant itself is stable.
+# the loop unstable although the expert's loop is stable.
 #
 # ### A perfect fit that falls over
 #
@@ -718,8 +722,8 @@ table(*rows)
 #
 # Two rows of the table need an explanation. DAgger without noise is as unstable as the clone, and noise of only
 # $10^{-6}$ on each label is enough to make DAgger work. DAgger's rounds begin on the line. With exact labels the
-# learner acts there exactly like the expert, and never leaves it. A fit to noisy labels gives a slightly wrong law. In
-# the next round its actions push the state off the line. The unstable loop amplifies the deviation, and so the learner
+# learner acts there exactly like the expert, and never leaves it. Noisy labels give a slightly wrong law. In the
+# next round its actions push the state off the line. The unstable loop amplifies the deviation, and so the learner
 # visits the states that were missing. Does DAgger therefore always repair a clone that drifts?
 
 # %%
@@ -885,9 +889,9 @@ more_claims("code_of_zero")
 # $$\text{loss} = \mathbb{E}\,\lVert v(x_t, t, s) - (x - \epsilon) \rVert^2 .$$
 #
 # Through each point run many of these lines, each with its own velocity. The squared error makes the network learn
-# their mean. That is enough: how the density of the points at a place changes depends only on their mean velocity
-# there. So start all samples as noise, and move each with the mean velocity at its place. Then at every time $t$ the
-# samples are distributed like the points $x_t$, and at $t = 1$ like the data.
+# their mean. That is enough: the flow of points through a place is their density times their mean velocity, and only
+# this flow changes the density. So start all samples as noise, and move each with the mean velocity at its place. Then
+# at every time $t$ the samples are distributed like the points $x_t$, and at $t = 1$ like the data.
 #
 # A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps
 # of size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
@@ -955,10 +959,10 @@ simulation("denoising")
 #
 # $$x_{t'} = \alpha_{t'}\,\hat x + \sigma_{t'}\,\hat\epsilon .$$
 #
-# DDPM (denoising diffusion probabilistic model), the original sampler, also adds fresh noise at each step. Both fit
-# into a few lines; `ddim_step` makes both moves. `x` starts as noise, `mix` returns $\alpha_t$ and $\sigma_t$, `count`
-# checks an integer, and `clean` returns the guess $\hat x$. `eta` is a factor on DDPM's fresh noise: 0 gives DDIM, 1
-# gives DDPM.
+# DDPM (denoising diffusion probabilistic model), the original sampler, also adds fresh noise at each step but the last.
+# Both fit into a few lines; `ddim_step` makes both moves. `x` starts as noise, `mix` returns $\alpha_t$ and $\sigma_t$,
+# `count` checks an integer, and `clean` returns the guess $\hat x$. `eta` is a factor on DDPM's fresh noise: 0 gives
+# DDIM, 1 gives DDPM.
 
 # %% tags=["hide-code"]
 source(learning.ddim_step, "implied = (x", "x, clean, before, after, fresh")
@@ -1011,7 +1015,8 @@ plt.show()
 
 # %% [markdown]
 # A prediction also takes time, and meanwhile the observation grows older. The simulation adds this latency. (Each
-# chunk is one bar; the seventh starts again in the top row. Red: the mean age. Black: now.)
+# chunk is one bar. There are six rows, so the seventh chunk is drawn in the top row again. Red: the mean age. Black:
+# now.)
 
 # %%
 simulation("action_chunks")
@@ -1035,7 +1040,8 @@ show("react_less")
 # %% [markdown]
 # ![Success over executed steps and over disturbances; changes of side; drift](../docs/charts/commit_or_react.png)
 #
-# (The chart uses other runs than the cards; shares differ by up to three percentage points.) Under disturbances of 50
+# (The chart uses other runs than the cards; shares differ by up to three percentage points. The policy "delayed by 1"
+# in its last line belongs to section 10.) Under disturbances of 50
 # mm, executing two steps is best by a small margin. With disturbances of 20 mm, one, two and four steps differ by a few
 # percentage points only.
 #
@@ -1122,8 +1128,8 @@ table(
 # The left panel changes one detail at a time on the usual task (80,000 environment steps). The right panel has four
 # tasks, each sensitive to one detail. Each pair shows PPO with that detail and, with a dash in its label, without it.
 #
-# On the usual task three changes prevent learning within these steps: $\lambda = 0$, a single epoch per batch, and only
-# four hidden units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. So do
+# On the usual task three changes cost most of the result: $\lambda = 0$, a single epoch per batch, and only four hidden
+# units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. So do
 # observations that are not normalised (rescaled to mean 0 and standard deviation 1); three seeds do not show which of
 # these two costs more. No other detail cost as much as a tenth. With three seeds, we could have missed such a cost.
 #
@@ -1344,8 +1350,8 @@ table(("divergence per iteration [nats], borders from one seed", "runs of the ot
 # does a hand-written law earn, and what is the optimum? If chance never succeeds, PPO has nothing to learn from: add a
 # potential, start closer to the goal, or repeat each random action for several steps, so that paths reach farther. If
 # the hand-written law earns less than standing still, the reward or the law is wrong. Does the policy observe what it
-# needs, the goal and the velocity? Only then look at the learner: divergence per iteration, loss of the critic, at
-# least five seeds.
+# needs, the goal and the velocity? Only then look at the learner: divergence per iteration, loss of the critic,
+# several seeds.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1388,15 +1394,15 @@ predict("curve_at_one")
 # %% tags=["hide-code"]
 rows = [
     (
-        "no push while the goal lies",
+        "pushes while the goal lies",
         "solved of all starts, by geometry",
         "one episode per environment",
         "first 128 to finish",
     )
 ]
 for edge, name in (
-    (0.1, "anywhere but more than 0.1 m to the right"),
-    (-0.5, "more than 0.5 m to the left"),
+    (0.1, "more than 0.1 m to the right"),
+    (-0.5, "anywhere but more than 0.5 m to the left"),
 ):
 
     def lame(observed, edge=edge):
@@ -1652,9 +1658,9 @@ your_robot(9)
 #
 # The table compares chunks with delays on three tasks: the two routes, with the mixture; the unstable regulator,
 # trained with and without disturbances; and a third task, in which each of 40 steps brings a new random situation with
-# its own right action. (There, computed by formula, a policy errs in 0.5 % of the steps if it observes the situation;
-# otherwise it guesses between two actions. After the first error all later steps count as wrong.) The plot shows the
-# two routes.
+# its own right action. (Its column is computed, not simulated: a policy that observes the situation errs in 0.5 % of
+# the steps; another one guesses between two actions. After the first error all later steps count as wrong.) The plot
+# shows the two routes.
 
 # %% tags=["hide-code"]
 mixture, rng = heads["mixture"], np.random.default_rng(0)

@@ -344,7 +344,7 @@ def pid_windup() -> Iterator[Panel]:
                     marker="",
                     width=width,
                     note=f"{label:<32} {result.overshoot:.3f} rad past the set-point, settled "
-                    f"after {result.time:.2f} s",
+                    f"{result.time:.2f} s after the jam",
                 )
             )
             right.series.append(

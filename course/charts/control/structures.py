@@ -340,7 +340,9 @@ def adaptive_cures(seconds: float = 20.0, seeds: int = 12) -> Iterator[Panel]:
         at = np.flatnonzero(alive)[:: max(1, alive.sum() // 100)]
         rows = np.percentile(estimate[at], (25, 50, 75), axis=1)
         low, middle, high = motion_errors(cures)
-        end = f"unstable after {SLOW * (alive.sum()):.1f} s" if not alive.all() else ""
+        end = "at the end"
+        if not alive.all():
+            end = f"when the first seed becomes unstable, after {SLOW * (alive.sum()):.1f} s"
         drift.series.append(
             Series(
                 name,
@@ -350,7 +352,7 @@ def adaptive_cures(seconds: float = 20.0, seeds: int = 12) -> Iterator[Panel]:
                 high=rows[2],
                 marker="",
                 theory=(lambda t: J + slope * t) if name == "none" else None,
-                note=f"{name:<14} at rest: inertia estimate {rows[1][-1]:.3g} at the end {end}",
+                note=f"{name:<14} at rest: inertia estimate {rows[1][-1]:.3g} {end}",
             )
         )
         price.series.append(

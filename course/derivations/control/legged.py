@@ -375,19 +375,22 @@ def pyramid_halves_its_loss(result):
     "A higher gain of the momentum observer notices a touch sooner.",
     "The residual follows the external torque with the time constant 1/K, and white torque noise "
     "passes with a standard deviation proportional to sqrt(K). The threshold stands at a fixed "
-    "number of these standard deviations, so it rises with the gain. The shortest delay has a "
-    "threshold at {share:.0%} of the touch's torque: {best_ms:.1f} ms for a touch of {touch:g} N m "
-    "on the arm of the check. Half of that gain takes {half:.0%} longer, {more:g} times that gain "
-    "{double:.0%}, and at twice that gain the touch is never noticed without the help of noise.",
+    "number of these standard deviations, so it rises with the gain. The delay is shortest with "
+    "the threshold at {ideal:.1%} of the touch's torque, and half of that gain takes "
+    "{ideal_half:.0%} longer. On the arm of the check, with samples of {dt_ms:g} ms, the best "
+    "threshold is {share:.0%}, with a delay of {best_ms:.1f} ms for a touch of {touch:g} N m. "
+    "There half of that gain takes {half:.0%} longer, {more:g} times that gain {double:.0%}, and "
+    "at twice that gain the touch is never noticed without the help of noise.",
     source="A. De Luca and others, Collision detection and safe reaction with the DLR-III, 2006",
 )
 def gain_notices_sooner(result):
-    from scipy.optimize import minimize_scalar
+    from scipy.optimize import brentq, minimize_scalar
 
     from course.kinematics.dynamics import bias, forward_dynamics, mass_matrix
     from course.kinematics.two_link import TwoLink
 
-    chain, dt, n, begin = TwoLink().chain(), 1e-4, 3000, 1000
+    chain, n, begin = TwoLink().chain(), 3000, 1000
+    dt = 1e-3 * result.input("dt_ms", 0.1)
     flat = (0.0, 0.0, 0.0)
     touch, k_sigma = result.input("touch", 0.2), result.input("sigmas", 5.0)
     noise = result.input("noise", 0.2)  # N m, of each sample of a torque
@@ -424,7 +427,13 @@ def gain_notices_sooner(result):
 
     # White noise of this density S has the variance K S / 2 behind a filter of gain K.
     density = noise**2 * dt
-    best_gain = (0.7153 * touch / k_sigma) ** 2 * 2.0 / density
+    # With the threshold at the share s of the touch the gain is proportional to s^2, and the delay
+    # -ln(1 - s)/K is shortest where its derivative by s is zero.
+    ideal = brentq(lambda s: s / (1.0 - s) + 2.0 * np.log1p(-s), 0.1, 0.99)
+    result.measure("ideal", ideal, 1e-6)
+    lower = np.log1p(-ideal / np.sqrt(2.0)) / np.log1p(-ideal)
+    result.measure("ideal_half", 2.0 * lower - 1.0, 1e-6)
+    best_gain = (ideal * touch / k_sigma) ** 2 * 2.0 / density
     gains = best_gain * np.array([0.5, 1.0, 1.8, 2.5])
     quiet = residuals(gains, np.zeros(n))
     # The response is linear in the noise: its own part, long enough for a standard deviation.
@@ -470,8 +479,8 @@ def gain_notices_sooner(result):
     )
     result.correction_holds(
         bool(np.all(np.abs(spread / theory - 1.0) < 0.15)),
-        abs(share - 0.7153) < 0.02,
-        half > 0.0,
+        abs(share - ideal) < 0.02,
+        abs(1.0 + half - 2.0 * lower) < 0.03,
         double > 0.0,
         np.isinf(waits(2.0)),
     )

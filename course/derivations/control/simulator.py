@@ -118,11 +118,12 @@ def delay_delays_the_loop(result):
 
 
 @claim(
-    "MuJoCo's pid actuator prevents windup.",
-    "Only if imax is set to little more than the load needs. Without it, a jam of "
-    "{jam_s:.0f} s leaves {bare_rad:.2f} rad of overshoot, as with no anti-windup at all. "
-    "With imax {tight:g} it leaves {clamped_rad:.3f} rad, and with {wide:g} {wide_rad:.2f} "
-    "rad. Conditional integration needs no range and leaves {conditional_rad:.3f} rad.",
+    "MuJoCo's pid actuator prevents windup by itself, without further settings.",
+    "A jam of {jam_s:.0f} s leaves {bare_rad:.2f} rad of overshoot, as with no anti-windup at "
+    "all. The setting imax limits the I term to a fixed range. With imax {tight:g}, little more "
+    "than the load needs, the overshoot is {clamped_rad:.3f} rad, and with {wide:g} it is "
+    "{wide_rad:.2f} rad. Conditional integration needs no range and leaves "
+    "{conditional_rad:.3f} rad.",
 )
 def pid_actuator_guards(result):
     from course.control import Actuator, Encoder, Gains, Joint, run_joint

@@ -47,9 +47,9 @@ def computed_torque_law(result):
 
 
 @claim(
-    "With a perfect model, computed torque tracks perfectly.",
-    "Only without a hold. A held command is right only at the beginning of its sample. This "
-    "leaves {plain:.1e} rad at {rate:.0f} Hz on the chapter's motion, of first order in dt. "
+    "With a perfect model, a sampled computed torque controller tracks without error.",
+    "The hold leaves an error, as a held command is right only at the beginning of its sample: "
+    "{plain:.1e} rad at {rate:.0f} Hz on the chapter's motion, of first order in dt. "
     "With model and reference evaluated half a sample ahead, {ahead:.1e} rad are left, of "
     "second order in dt.",
 )
@@ -162,7 +162,7 @@ def error_follows_acceleration(result):
 
 
 @claim(
-    "Once adaptive control tracks well, it has found the true parameters of the arm.",
+    "If adaptive control tracks well, this proves that it has found the true parameters.",
     "It finds torques that track, and tracking does not need the true parameters. After "
     "{seconds:.0f} s at a constant target the angles are right and the parameters "
     "{still:.0%} off. On the chapter's motion the error falls to {error_mrad:.1f} mrad, "
@@ -435,12 +435,12 @@ def axes_of_a_surface(result):
 
 
 @claim(
-    "An impedance controller holds a force as well as a force controller: set its target "
-    "deeper into the wall.",
-    "Only while the wall is where you expect it. A surface {off_mm:g} mm nearer changes the "
-    "force by {soft:+.1f} N with K = {K:g} N/m and by {stiff:+.1f} N with {K_stiff:g} N/m, "
-    "as two springs in series do. With force control and admittance control the change is at "
-    "most {loop:.0e} N.",
+    "An impedance controller with its set-point inside the wall holds a force as well as a force "
+    "controller, also at a wall whose position is not known exactly.",
+    "The force depends on how deep the set-point is inside the wall. A surface {off_mm:g} mm "
+    "nearer changes the force by {soft:+.1f} N with K = {K:g} N/m and by {stiff:+.1f} N with "
+    "{K_stiff:g} N/m, as two springs in series do. With force control and admittance control the "
+    "change is at most {loop:.0e} N.",
 )
 def impedance_holds_a_force(result):
     from course.charts.control import touch

@@ -40,11 +40,12 @@ def regulator(rng):
 @claim(
     "The cost of a clone's errors grows with the square of the task's length.",
     "If it never recovers, the expected number of wrong steps is the sum of 1 - (1 - eps)^t, "
-    "for three steps {formula}. From five to eighty steps and at a small error rate, it is "
-    "proportional to the length to the power {alone:.2f}: doubling the length multiplies the cost "
-    "by {factor:.1f}. At a large rate the power is {lost:.2f}, because nearly every run is lost "
-    "early and the count can only grow with the length. If each wrong step costs only itself, "
-    "the cost is eps T, and the measured power {mended:.2f}.",
+    "for three steps {formula}. From five to eighty steps and at a small error rate, it "
+    "grows like the length to the power {alone:.2f} on average: doubling the length multiplies the "
+    "cost by {factor:.1f}. (For rare errors the sum is eps T (T + 1) / 2, so in short tasks the "
+    "factor is below four.) At a large rate the power is {lost:.2f}, because nearly every run is "
+    "lost early and the count can only grow with the length. If each wrong step costs only "
+    "itself, the cost is eps T, and the measured power {mended:.2f}.",
     ask=(
         "Each step goes wrong with probability eps, and after the first wrong step all later "
         "ones are wrong. How many of three steps are wrong on average?",
@@ -91,8 +92,8 @@ def errors_compound(result):
     mended = result.measure("mended", exponent(0.001, True), 0.08)
     lost = result.measure("lost", exponent(0.3, False), 0.04)
     result.statement = (
-        "20,000 simulated episodes for each length; the effect of doubling the length from the "
-        "formula."
+        "Powers, and from them the factor: 20,000 simulated episodes for each length. The "
+        "condition: doubled lengths in the formula."
     )
     drawn = list(result.rng.integers(20, 200, 10))
     # Error rate times length below 0.3, and above 0.7, where saturation begins.
@@ -108,8 +109,14 @@ def errors_compound(result):
         outside=outside + [by_run(x) for x in result.rng.uniform(0.05, 0.3, 4)],
     )
     three = expected_cost(0.2, 3.0, recovers=False) - result.formula.subs(eps, 0.2)
+    # Rare errors: eps T (T + 1) / 2.
+    rare = [float(expected_cost(1e-6, T, recovers=False)) / (0.5e-6 * T * (T + 1)) for T in steps]
     result.correction_holds(
-        1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12
+        1.8 < alone < 2.0,
+        abs(mended - 1.0) < 0.1,
+        lost < 1.3,
+        abs(three) < 1e-12,
+        np.abs(np.array(rare) - 1.0).max() < 1e-3,
     )
 
 
@@ -120,7 +127,7 @@ def errors_compound(result):
     "1, and exponentially only for a above 1.",
     ask=(
         "A deviation follows x' = a x + e from x = 0, where a and e are positive. What is the "
-        "sum of x after the first, the second and the third step?",
+        "sum of the three values of x after steps 1, 2 and 3?",
         "3*e + 2*a*e + a^2*e",
         {
             "3*e": (

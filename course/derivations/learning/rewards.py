@@ -12,7 +12,7 @@ SYMBOLS = {
     "d2": Symbol("one-step error two steps later"),
     "gamma": Symbol("discount", 0.1, 0.99),
     "lam": Symbol("lambda", 0.1, 0.95),
-    "r": Symbol("probability ratio, new over old", 1.3, 5.0),
+    "rho": Symbol("probability ratio, new over old", 1.3, 5.0),
     "A": Symbol("advantage, negative here", -5.0, -0.1),
     "clip": Symbol("half-width of the clip range", 0.05, 0.25),
     "p": Symbol("true success rate", 0.05, 0.9),
@@ -158,12 +158,13 @@ def lambda_mixes(result):
 
 
 @claim(
-    "In a batch of steps, the value of the next row is the value of the state that the step led "
-    "to.",
+    "In a batch of steps, GAE may take the value of the next row as the value of the state that "
+    "the step led to.",
     "If the environment resets within the step that reaches the time limit, the next row "
     "already belongs to the next episode. Using its value made an advantage wrong by "
     "{worst:.1f}, where values have a standard deviation of 1. If the reset takes a step of its "
-    "own, the next row is right, but the step that only resets has to be left out of the batch.",
+    "own, the next row is right, but the step that only resets has to be left out of the batch. "
+    "Where an episode terminates, the next row does no harm: GAE counts this value as 0.",
 )
 def next_row(result):
     from course.learning import gae
@@ -218,9 +219,9 @@ def next_row(result):
     "and pulls the ratio back. For a bad action that has become likelier the objective is "
     "{formula}.",
     ask=(
-        "The ratio r is above 1 + clip and the advantage A is negative. What is PPO's clipped "
+        "The ratio rho is above 1 + clip and the advantage A is negative. What is PPO's clipped "
         "objective for this action?",
-        "r*A",
+        "rho*A",
         {
             "(1 + clip)*A": (
                 "This is the clipped term. It is the larger of the two, and the objective is "
@@ -239,8 +240,8 @@ def beyond_the_clip(result):
 
     from course.learning import clipped_objective
 
-    r, A, clip = sympy.symbols("r A clip", real=True)
-    both, beyond = (r * A, (1 + clip) * A), {r: 1.5, A: -1, clip: 0.2}
+    rho, A, clip = sympy.symbols("rho A clip", real=True)
+    both, beyond = (rho * A, (1 + clip) * A), {rho: 1.5, A: -1, clip: 0.2}
     result.formula = min(both, key=lambda x: x.subs(beyond))
 
     def flat(ratio, advantage):
