@@ -1188,7 +1188,9 @@ predict("keeps_up")
 # Only workers that share one image, such as one for each cluster, shorten it.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds two distances: $3\sigma$ of the position, and how far a
+# **`closes`**, decides whether the gripper may close.
+#
+# It adds two distances: $3\sigma$ of the position, and how far a
 # turn of $3\sigma$ moves the part at the edge of a finger. The covariance contains no systematic error, so a bound for
 # the calibration is added, here the shift by half a pixel (section 2). It contains no shared noise either. If
 # neighbouring pixels share theirs, pass the covariance of repeated poses of a part at rest,
@@ -1514,8 +1516,8 @@ figures(
 # scale, and a tilt that moves the table under the part.
 #
 # A median hides wrong poses: of the cut-off parts in section 3, half. The median of ten turns is the mean of the
-# middle two, and may be a value that no image has: 45 degrees, if half are right and half are 90 degrees off. None of the ten here is reported as *found*. Of
-# ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
+# middle two, and may be a value that no image has: 45 degrees, if half are right and half are 90 degrees off. None of
+# the ten here is reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
 #
 # ### Debugging
 #
