@@ -1515,9 +1515,10 @@ figures(
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
 # scale, and a tilt that moves the table under the part.
 #
-# A median hides wrong poses: of the cut-off parts in section 3, half. The median of ten turns is the mean of the
-# middle two, and may be a value that no image has: 45 degrees, if half are right and half are 90 degrees off. None of
-# the ten here is reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
+# A median hides wrong poses: of the cut-off parts in section 3, half. The median of ten turns is the mean of the middle
+# two, and may be a value that no image has: 45 degrees, if half are right and half are 90 degrees off. None of the ten
+# here is reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and one is
+# *refuted*.
 #
 # ### Debugging
 #
