@@ -419,9 +419,10 @@ show("pixels_are_independent")
 print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
-# For a patch much larger than the window, the spread grows by about the width of the window, here 5.  A program that
-# counts the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small. For
-# a patch that is as small as the window it is about 12 times.
+# For a patch much larger than the window, the spread grows by almost the width of the window, here 5: in theory by
+# $5 - 24/(3 \cdot 64) = 4.9$ for 64 x 64 pixels. The printed factor comes from random images and scatters. A program
+# that counts the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small.
+# For a patch that is as small as the window it is about 12 times.
 
 # %%
 more_claims("averaging_removes_all")
@@ -804,10 +805,11 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 # tilts, and nothing else. Yet you can *see* where it is, because you see its edge.
 #
 # The **outline** is the set of border pixels where the part hides something farther away. The true edge lies between
-# such a pixel and the next one outside, at most half a pixel from the middle of the two. The distance from that middle
-# to the model's contour is one more residual, with a row $(n^\mathsf{T}, (q \times n)^\mathsf{T})$ as above. Here $q$
-# is the point of the part at the contour. The vector $n$ points across the contour, perpendicular to the ray. Its
-# length is $f/z$, which turns metres into pixels. These rows determine $x$, $y$ and the turn.
+# the centres of such a pixel and the next one outside, at most half a pixel from the point midway. The distance from
+# this point to the model's contour is one more residual, with a row $(n^\mathsf{T}, (q \times n)^\mathsf{T})$ as above.
+# Here $q$ is the point of the part at the contour. The vector $n$ points across the contour, perpendicular to the ray.
+# It turns metres into pixels: its length is $f/z$ in the middle of the image and somewhat more towards the border.
+# These rows determine $x$, $y$ and the turn.
 #
 # One caution: where something nearer covers the part, the border belongs to *that* object and must not be used.
 
@@ -973,9 +975,9 @@ plt.show()
 # %% [markdown]
 # *The loop of hand-eye calibration: going across and then down must equal going down and then across.*
 #
-# The motions matter more than their number. If all of them turn about the same axis, as those of a planar arm do, the
-# rotations leave the turn of $X$ about this axis open (the shifts determine it), and no number of motions determines
-# the shift along it:
+# The motions matter more than their number. If all of them turn about one axis, as on a planar arm, the rotations
+# leave the turn of $X$ about this axis open; only the shifts determine it. The shift along the axis stays unknown,
+# however many motions you make:
 
 # %% tags=["hide-code"]
 print(
@@ -1029,8 +1031,9 @@ more_claims("averaging_pictures_helps")
 # ![Height error of four contact rules beside the Cramér-Rao bound](../docs/charts/hopper_errors.png)
 #
 # *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have;
-# 200 logs scatter about it. Right: squared error over the variance that the filter reports, as a median; dotted: an
-# honest filter.*
+# 200 logs scatter about it. Right: squared error of height and velocity together, relative to the covariance $P$
+# that the filter reports: $e^\mathsf{T} P^{-1} e$, the median of the logs. Dotted: 1.39, the median that two numbers
+# have if the reported $P$ is right (chi-squared with two degrees of freedom).*
 
 # %%
 more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
@@ -1048,8 +1051,8 @@ more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
 # <table>
 # <tr><th>question</th> <th>estimate</th> <th>needs</th> <th>doesn't tell you</th></tr>
 # <tr><td>is anything there?</td> <td>pixels above the plane</td> <td>plane, noise</td> <td>what it is</td></tr>
-# <tr><td>where to push or apply suction?</td> <td>centroid</td> <td>a cluster</td> <td>the middle of the part; it is
-# the middle of what is visible</td></tr>
+# <tr><td>where to push or apply suction?</td> <td>centroid</td> <td>a cluster</td> <td>the part's middle, only
+# that of its visible points</td></tr>
 # <tr><td>which room to keep clear?</td> <td>box around the cluster</td> <td>a cluster</td> <td>its hidden
 # half</td></tr>
 # <tr><td>which way does it point, roughly?</td> <td>principal axes</td> <td>a long cluster, completely visible</td>
@@ -1135,6 +1138,7 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 
 # %% tags=["hide-code"]
 square, other = shape("box", 0.05, 0.0499, 0.03), shape("box", 0.05, 0.03, 0.03)
+LARGER = shape("box", 0.1, 0.05, 0.03)
 answers = [("on the table", "status", "what the robot should do")]
 for name, part, available, then in (
     ("nothing", BOX, (), "wait, or ask for parts"),
@@ -1149,10 +1153,16 @@ for name, part, available, then in (
         "a nearly square part",
         square,
         (stand(square, 0.03, 0.0, 0.0, 0.5),),
-        "use a grasp that is safe both ways",
+        "use a grasp that is safe in both poses",
     ),
     ("a can", can, (stand(can, 0.04, 0.0, 0.0, 0.5),), "grasp: its turn is free"),
     ("another part", BOX, (stand(other, 0.03, 0.0, 0.0, 0.5),), "leave it, report it"),
+    (
+        "a larger part",
+        BOX,
+        (stand(LARGER, 0.03, 0.0, 0.0, 0.5),),
+        "don't grasp: look again or push",
+    ),
 ):
     result = locate(take_image(SENSOR, 5, *available), EYE, SENSOR, part)
     verdict = "; ".join(
@@ -1162,7 +1172,9 @@ for name, part, available, then in (
 table_of(*answers)
 
 # %% [markdown]
-# A part that differs from the model by only a millimetre or two is still *found* (card in section 3).
+# *Ambiguous* has three causes, and only the first allows a grasp: choose one that is safe in every pose that explains
+# the image. If too much is left over (a larger part, or two that touch) or a shift is unobserved, look again or push. A
+# part that differs from the model by only a millimetre or two is still *found* (card in section 3).
 #
 # ### Throughput and latency
 
@@ -1176,10 +1188,14 @@ predict("keeps_up")
 # Only workers that share one image, such as one for each cluster, shorten it.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position and the distance by which a
-# turn of $3\sigma$ moves the part at the finger's edge. The covariance contains no systematic error, so a bound for the
-# calibration is added, here the shift by half a pixel (section 2). The result is True if the pose is *found* and the
-# sum is smaller than the gap between finger and part.
+# **`closes`**, decides whether the gripper may close.
+#
+# It adds two distances: $3\sigma$ of the position, and how far a
+# turn of $3\sigma$ moves the part at the edge of a finger. The covariance contains no systematic error, so a bound for
+# the calibration is added, here the shift by half a pixel (section 2). It contains no shared noise either. If
+# neighbouring pixels share theirs, pass the covariance of repeated poses of a part at rest,
+# or multiply it by the square of the window. The result is True if the pose is *found* and the sum is smaller than the
+# gap between finger and part.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1191,7 +1207,8 @@ HALF_A_PIXEL = 1e-3 * figure("half_a_pixel", "shift_mm")
 def closes(one, gap=0.0025, finger=0.01, bound=HALF_A_PIXEL):
     """Return whether three standard deviations and a bound fit into the gap on each side [m].
 
-    The fingers are 20 mm wide.
+    The fingers are 20 mm wide. The covariance must include shared noise: for a window of w pixels,
+    pass w**2 times the covariance of `locate`, or that of repeated poses of a part at rest.
     """
     shift, turn = 3.0 * np.sqrt(np.diag(one.covariance)[[1, 5]])
     return one.status == "found" and bound + shift + finger * turn < gap
@@ -1384,18 +1401,19 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 #
 # ![Error and time of a pose, by features and by starts](../docs/charts/global_registration.png)
 #
-# *Points: voxel sizes of Open3D, or 1 and 4 starts of `locate`. Percentages: poses within 2 mm and 2 degrees.*
+# *Points: voxel sizes of Open3D, or 1 and 4 starts of `locate`, which also tries turns of the best start (section 9
+# does not). Percentages: poses within 2 mm and 2 degrees.*
 #
 # Flat faces have the same feature everywhere, so few pairs are right. `locate` uses what it knows: the table, the
-# part's shape and, except in the scene held anyhow, that the part stands. The features do without all of these.
+# part's shape and that the part stands (not in the panel *held anyhow*). The features do without all of these.
 # TEASER++ (Yang, Shi and Carlone, TEASER: fast and certifiable point cloud registration, 2021) tolerates far more
 # wrong pairs, and returns a bound for how far its result is from the best one. It was not measured here.
 #
 # **What to choose.** Take the fastest method whose error stays below the gripper's tolerance, and test its answer with
-# see-through. For errors of a tenth of the tolerance, fitting the shape on a grid of a few millimetres is
-# fastest. With shared noise, small_gicp and the cloud reach lower errors than the shape ever does. For clusters of one
-# image, use connected components; DBSCAN is for points that come from several images. For the table, run RANSAC on a
-# few thousand points, followed by the linear fit of $1/z$ to all pixels near it.
+# see-through. For errors of a tenth of the tolerance, fitting the shape on a grid of a few millimetres is fastest. With
+# shared noise, small_gicp, Open3D and the cloud reach lower errors than the shape ever does. For clusters of one image,
+# use connected components; DBSCAN is for points that come from several images. For the table, run RANSAC on a few
+# thousand points, followed by the linear fit of $1/z$ to all pixels near it.
 #
 # ## 7 · Debug: where it fails
 #
@@ -1418,8 +1436,8 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # Compare the settings with 12 neighbours. A fixed tolerance of 10 mm is too large near by, where it hides low parts,
 # and too small far away, where the table falls apart into clusters that swallow the parts. At 4 mm the table falls
 # apart even earlier. The tolerance that follows the noise finds low parts near by and no false clusters far away. At
-# one metre it loses parts that 10 mm still finds, among more than a dozen false clusters. Requiring 50 neighbours also
-# suppresses the false clusters, but then parts below 15 mm are lost at every distance.
+# one metre the fixed 10 mm still finds parts that it loses, but with more than a dozen false clusters. Requiring 50
+# neighbours also suppresses the false clusters, but then parts below 15 mm are lost at every distance.
 #
 # <div class="alert alert-block alert-info">
 #
@@ -1456,7 +1474,7 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # <details><summary>What people get wrong here</summary>
 #
-# They make voxels smaller first. A voxel grid removes no part that has a pixel. Only a part less than two cells wide
+# They make voxels smaller first. A voxel grid removes no part that has a pixel. Only a part less than three cells wide
 # may share all its means with the table and appear lower. What the grid does change is the number of neighbours. With
 # `min_points` unchanged, a *finer* grid therefore helps, but for this reason and not for the one usually given.
 #
@@ -1467,7 +1485,7 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 # **Large parts.** Their pose depends first on the estimator, then on what disturbs it. The chart compares seven
 # estimators in seven situations: the part alone; touching another part; beside its twin; partly hidden; more than half
 # outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree. The
-# table omits the last two.
+# table omits the last two situations and the box along the table.
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
@@ -1497,8 +1515,10 @@ figures(
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
 # scale, and a tilt that moves the table under the part.
 #
-# A median hides wrong poses: of the cut-off parts in section 3, half. None of the ten here is reported as *found*. Of
-# ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
+# A median hides wrong poses: of the cut-off parts in section 3, half. The median of ten turns is the mean of the middle
+# two, and may be a value that no image has: 45 degrees, if half are right and half are 90 degrees off. None of the ten
+# here is reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and one is
+# *refuted*.
 #
 # ### Debugging
 #
