@@ -353,7 +353,7 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 # ## 4 · The simulation in full
 #
 # Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
-# a box it is worked on; on an arrow it is a result that waits. The readout *newest result of the box* is the age of the
+# a box it is worked on; on an arrow it is a result that waits. The readout *newest result* is the age of the
 # dot on the arrow that leaves the selected box. The bars are the distribution of all ages in forty seconds, and the
 # dashed lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase
 # changes all the time. The switch *all clocks from one* keeps it fixed.

@@ -174,9 +174,9 @@ more_claims("two_link_position")
 #
 # **Homogeneous transforms**, six numbers per joint, are used by URDF robot files and this course's `Chain`.
 #
-# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. Each frame may lie
-# anywhere along its joint's axis, at any angle about it. These two choices make two of the six numbers zero. The
-# transform of one joint, turn included, is
+# **Denavit-Hartenberg** parameters need only four numbers per joint, two lengths and two angles. You may shift each
+# frame along its joint's axis and turn it about this axis, so that two of the six numbers become zero. The transform of
+# one joint, turn included, is
 #
 # $$D_i(q_i) = R_z(q_i)\;\mathrm{Trans}_z(d_i)\;\mathrm{Trans}_x(a_i)\;R_x(\alpha_i) .$$
 #
@@ -723,20 +723,22 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # Shoulder, elbow and wrist form a triangle with three known sides, and the law of cosines gives the angle of the
 # elbow.
 #
-# The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**,
-# zero with the elbow straight above the line. To find it, look for the direction of axis 5, which passes through the
-# wrist. In the plane of the triangle it makes a known angle with the line from shoulder to wrist, so it lies on a
-# cone. It is also perpendicular to axis 6, so it lies in a plane. Cone and plane meet in two lines or in none.
+# The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**, zero
+# with the elbow straight above the line. To find it, look for the direction of axis 5, which passes through the wrist.
+# It lies in the plane of the triangle, at a known angle to the line from shoulder to wrist. While the triangle turns,
+# it runs over a cone about this line. It is also perpendicular to axis 6, so it lies in a plane. Cone and plane meet in
+# two lines or in none.
 #
 # With two bends of the elbow and two postures of the shoulder, each angle of the last joint allows up to eight
 # postures.
 #
 # ![All postures of one pose; share of poses without an answer against time](../docs/charts/seven_joint.png)
 #
-# On the left, every point is a posture with the same pose of the hand. On the right, each method looks for one
-# posture within the joint limits. The numbers say how many angles of the last joint, or how many random starts, it
-# tries. In single calls the closed form and our compiled search take about the same time. In a batch the closed form
-# is faster while about 1 % of the poses may stay without an answer; for fewer, the search is.
+# On the left, every point is a posture with the same pose of the hand. On the right, each method looks for one posture
+# within the joint limits. The numbers say how many angles of the last joint, or how many random starts, it tries. In
+# single calls both take about the same time if 1 % of the poses may stay without an answer; with an answer for every
+# pose the search is faster. In a batch the closed form is faster at 1 %, and at one pose in a thousand both take the
+# same time.
 #
 # Two other things speak for the closed form. It gives all postures, and its error is rounding instead of the
 # tolerance of a search. If it has no answer, there is none for this angle.
@@ -803,7 +805,7 @@ plt.show()
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | the inertia of each link, with all links beyond it on joints without torque | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | the inertia that each link seems to have if the joints beyond it turn freely | $O(n)$ |
 #
 # RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
 # Differentiate this for the angular acceleration $\alpha$. Relative to its (revolute) joint, a point of the link at $r$
@@ -1135,8 +1137,8 @@ show("converged_within_limits")
 #
 # Comparing compiled code with Python loops around Pinocchio's functions mixes three effects: the algorithm, the
 # overhead of Python, and the batch. The rows below separate them. *Our method in Python* takes our steps with
-# Pinocchio's functions. *A call a pose* calls our compiled solver for one pose at a time. The last number says how
-# many times as many poses per second the table method solves in a batch:
+# Pinocchio's functions. *A call a pose* calls our compiled solver for one pose at a time. The last number is the rate
+# of the table method in a batch, divided by this rate:
 
 # %%
 rates = [line for line in read("ik_success").splitlines() if "solved a second" in line]

@@ -419,10 +419,9 @@ show("pixels_are_independent")
 print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
-# For a patch much larger than the window, the spread grows by almost the width of the window, here 5: in theory by
-# $5 - 24/(3 \cdot 64) = 4.9$ for 64 x 64 pixels. The printed factor comes from random images and scatters. A program
-# that counts the $N$ pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small.
-# For a patch that is as small as the window it is about 12 times.
+# For a patch much larger than the window, the spread grows by almost the width of the window, here 5 (in theory 4.9 for
+# 64 x 64 pixels). A program that counts the $N$ pixels of such a patch as independent reports a variance that is about
+# $5^2 = 25$ times too small. For a patch that is as small as the window it is about 12 times.
 
 # %%
 more_claims("averaging_removes_all")
@@ -433,6 +432,8 @@ more_claims("averaging_removes_all")
 # Which error law applies follows from how a sensor measures. Triangulation brings in the square of the distance. Time
 # of flight does not, but the noise of its phase, $\sigma_\varphi$, or of its time, $\sigma_t$, grows where less light
 # comes back, as from far surfaces.
+#
+# <details><summary>Five kinds of sensors: law, weakness and source; and common statements about them</summary>
 #
 # <table>
 # <tr><th>sensor</th> <th>measures</th> <th>law of its error</th> <th>breaks at</th> <th>source</th></tr>
@@ -449,10 +450,7 @@ more_claims("averaging_removes_all")
 # <td>few points; edges; glass</td> <td>Ouster, OS1 data sheet, edition with 850 nm lasers</td></tr>
 # </table>
 #
-# <details><summary>Common statements about them, and how much of each is right</summary>
-#
-# *Stereo fails on surfaces without texture.* The passive kind does. A projector gives a white wall a texture, which
-# is why the table has separate rows.
+# *Stereo fails on surfaces without texture.* The passive kind does. A projector gives a white wall a texture, which is why the table has separate rows.
 #
 # *The D435 uses structured light.* Its data sheet (revision 0.7, September 2017) says stereo, with an optional
 # infrared projector that adds texture. Nothing is decoded from the pattern, so a second projector adds texture
@@ -1031,9 +1029,8 @@ more_claims("averaging_pictures_helps")
 # ![Height error of four contact rules beside the Cramér-Rao bound](../docs/charts/hopper_errors.png)
 #
 # *Left: height error of 200 hoppers. The **Cramér-Rao bound** is the smallest error that any unbiased filter can have;
-# 200 logs scatter about it. Right: squared error of height and velocity together, relative to the covariance $P$
-# that the filter reports: $e^\mathsf{T} P^{-1} e$, the median of the logs. Dotted: 1.39, the median that two numbers
-# have if the reported $P$ is right (chi-squared with two degrees of freedom).*
+# 200 logs scatter about it. Right: $e^\mathsf{T} P^{-1} e$ of height and velocity, the median of the logs; dotted:
+# 1.39, its median if the reported $P$ is right (chi-squared with two degrees of freedom).*
 
 # %%
 more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
@@ -1172,8 +1169,8 @@ for name, part, available, then in (
 table_of(*answers)
 
 # %% [markdown]
-# *Ambiguous* has three causes, and only the first allows a grasp: choose one that is safe in every pose that explains
-# the image. If too much is left over (a larger part, or two that touch) or a shift is unobserved, look again or push. A
+# *Ambiguous* allows a grasp only where several poses explain the image: one that is safe in all of them. If too much is
+# left over (a larger part, or two that touch) or a shift is unobserved, look again or push. A
 # part that differs from the model by only a millimetre or two is still *found* (card in section 3).
 #
 # ### Throughput and latency
@@ -1188,14 +1185,10 @@ predict("keeps_up")
 # Only workers that share one image, such as one for each cluster, shorten it.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close.
-#
-# It adds two distances: $3\sigma$ of the position, and how far a
-# turn of $3\sigma$ moves the part at the edge of a finger. The covariance contains no systematic error, so a bound for
-# the calibration is added, here the shift by half a pixel (section 2). It contains no shared noise either. If
-# neighbouring pixels share theirs, pass the covariance of repeated poses of a part at rest,
-# or multiply it by the square of the window. The result is True if the pose is *found* and the sum is smaller than the
-# gap between finger and part.
+# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position, and how far a turn of
+# $3\sigma$ moves the part at the edge of a finger. The covariance contains no systematic error, so a bound for the
+# calibration is added, here the shift by half a pixel (section 2). It contains no shared noise either (see the docstring). The result is True if the pose is *found* and the sum is smaller than the gap
+# between finger and part.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1401,8 +1394,8 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 #
 # ![Error and time of a pose, by features and by starts](../docs/charts/global_registration.png)
 #
-# *Points: voxel sizes of Open3D, or 1 and 4 starts of `locate`, which also tries turns of the best start (section 9
-# does not). Percentages: poses within 2 mm and 2 degrees.*
+# *Points: voxel sizes of Open3D, or 1 and 4 starts of `locate`, which also turns the best start. Percentages: poses
+# within 2 mm and 2 degrees.*
 #
 # Flat faces have the same feature everywhere, so few pairs are right. `locate` uses what it knows: the table, the
 # part's shape and that the part stands (not in the panel *held anyhow*). The features do without all of these.
@@ -1515,10 +1508,8 @@ figures(
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
 # scale, and a tilt that moves the table under the part.
 #
-# A median hides wrong poses: of the cut-off parts in section 3, half. The median of ten turns is the mean of the middle
-# two, and may be a value that no image has: 45 degrees, if half are right and half are 90 degrees off. None of the ten
-# here is reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and one is
-# *refuted*.
+# A median hides wrong poses: of the cut-off parts in section 3, half. The median may be a turn that no image has. None of the ten here is reported as *found*. Of ten
+# touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
 #
 # ### Debugging
 #

@@ -158,8 +158,8 @@ def two_link_jacobian(result):
     "An arm is singular exactly when it is stretched or folded.",
     "For two links the determinant l1 l2 sin q2 says so. An arm with more joints may have "
     "other singular postures in the middle of its workspace: the 7-R arm with q2 = q5 = 0 and q3 = "
-    "+-{q3_deg:g} degrees, whatever its elbow does, has rank {rank_bent:g} of 6, its hand at "
-    "{reach_percent:.0f} % of its reach.",
+    "+-{q3_deg:g} degrees, whatever its elbow does, has rank {rank_bent:g} of 6: with the "
+    "elbow at {elbow_rad:g} rad, the hand is at {reach_percent:.0f} % of its reach.",
     source="Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.3",
 )
 def singular_stretched_or_folded(result):
@@ -184,6 +184,7 @@ def singular_stretched_or_folded(result):
     shown = np.array([0.0, 0.0, half, -1.8, 0.0, 1.5, 0.0])
     reach = np.linalg.norm(tip(arm, shown)[:3] - [0, 0, arm.placement[2, 0]]) / arm.reach[1]
     result.measure("rank_bent", rank(jacobian(arm, shown)))
+    result.measure("elbow_rad", shown[3])
     result.measure("reach_percent", 100 * reach, 1e-3)
     arms, ends = _lengths(result.rng, 20), np.array([0.0, np.pi, -np.pi])
     turns = result.rng.uniform(-3, 3, (20, 2))
@@ -280,7 +281,8 @@ def reachable_annulus(result):
     "{beyond:g}, and three links a point with a heading in up to {heading:g}; an arm of six "
     "revolute joints has at most sixteen that stand alone. A continuum needs a spare joint or a "
     "special posture: folded, equal links reach the base in any direction, and in a wrist whose "
-    "first and last axes lie on one line, only the sum of their two angles counts.",
+    "first and last axes lie on one line, only one combination of their two angles counts (the "
+    "sum or the difference).",
     source="Raghavan and Roth, Inverse kinematics of the general 6R manipulator (1993)",
 )
 def number_of_solutions(result):

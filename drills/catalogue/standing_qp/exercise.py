@@ -101,8 +101,10 @@ def violations(program: Program, x: Array) -> tuple[float, float, float]:
     gradient = program.root.T @ (program.root @ x)
     # Multipliers of equations have any sign: each is the difference of two that are not negative.
     rows = np.vstack((program.E, -program.E, program.G[slack < 1e-5]))
-    remaining = nnls(rows.T, -gradient)[1] / float(np.linalg.norm(gradient))
-    return float(np.max(np.abs(program.E @ x - program.e))), float(np.max(-slack)), float(remaining)
+    length = float(np.linalg.norm(gradient))
+    # Without forces the cost is at its minimum: no gradient remains.
+    remaining = float(nnls(rows.T, -gradient)[1]) / length if length > 0.0 else 0.0
+    return float(np.max(np.abs(program.E @ x - program.e))), float(np.max(-slack)), remaining
 
 
 def optimality(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
