@@ -805,7 +805,7 @@ plt.show()
 # |---|---|---|---|
 # | **recursive Newton-Euler** (RNEA) | $\tau$ | velocities and accelerations outwards, forces inwards | $O(n)$ |
 # | **composite rigid body** (CRBA) | $M$ | treat all links beyond a joint, towards the tip, as one rigid body | $O(n^2)$ |
-# | **articulated body** (ABA) | $\ddot q$ | the inertia that each link seems to have if the joints beyond it turn freely | $O(n)$ |
+# | **articulated body** (ABA) | $\ddot q$ | the inertia of each link if the joints beyond it turn freely | $O(n)$ |
 #
 # RNEA in words. *Outwards from the base*: a link's angular velocity is that of its parent plus $\dot q_i z_i$.
 # Differentiate this for the angular acceleration $\alpha$. Relative to its (revolute) joint, a point of the link at $r$

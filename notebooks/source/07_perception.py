@@ -450,7 +450,8 @@ more_claims("averaging_removes_all")
 # <td>few points; edges; glass</td> <td>Ouster, OS1 data sheet, edition with 850 nm lasers</td></tr>
 # </table>
 #
-# *Stereo fails on surfaces without texture.* The passive kind does. A projector gives a white wall a texture, which is why the table has separate rows.
+# *Stereo fails on surfaces without texture.* The passive kind does. A projector gives a white wall a texture, which is
+# why the table has separate rows.
 #
 # *The D435 uses structured light.* Its data sheet (revision 0.7, September 2017) says stereo, with an optional
 # infrared projector that adds texture. Nothing is decoded from the pattern, so a second projector adds texture
@@ -1169,9 +1170,9 @@ for name, part, available, then in (
 table_of(*answers)
 
 # %% [markdown]
-# *Ambiguous* allows a grasp only where several poses explain the image: one that is safe in all of them. If too much is
-# left over (a larger part, or two that touch) or a shift is unobserved, look again or push. A
-# part that differs from the model by only a millimetre or two is still *found* (card in section 3).
+# *Ambiguous* allows a grasp only where several poses explain the image: one that is safe in all. If too much is left
+# over or a shift is unobserved, look again or push. A part that differs from the model by only a millimetre or two is
+# still *found* (card in section 3).
 #
 # ### Throughput and latency
 
@@ -1187,8 +1188,8 @@ predict("keeps_up")
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
 # **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position, and how far a turn of
 # $3\sigma$ moves the part at the edge of a finger. The covariance contains no systematic error, so a bound for the
-# calibration is added, here the shift by half a pixel (section 2). It contains no shared noise either (see the docstring). The result is True if the pose is *found* and the sum is smaller than the gap
-# between finger and part.
+# calibration is added, here the shift by half a pixel (section 2). It contains no shared noise either (see the
+# docstring). The result is True if the pose is *found* and the sum is smaller than the gap between finger and part.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1478,7 +1479,7 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 # **Large parts.** Their pose depends first on the estimator, then on what disturbs it. The chart compares seven
 # estimators in seven situations: the part alone; touching another part; beside its twin; partly hidden; more than half
 # outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree. The
-# table omits the last two situations and the box along the table.
+# table omits the last two and the box along the table.
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
@@ -1508,8 +1509,9 @@ figures(
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
 # scale, and a tilt that moves the table under the part.
 #
-# A median hides wrong poses: of the cut-off parts in section 3, half. The median may be a turn that no image has. None of the ten here is reported as *found*. Of ten
-# touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
+# A median hides wrong poses: of the cut-off parts in section 3, half. None
+# of the ten here is reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and
+# one is *refuted*.
 #
 # ### Debugging
 #

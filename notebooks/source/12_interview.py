@@ -14,8 +14,8 @@ simulation("interview")
 # %% [markdown]
 # Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
 # it. The curve is the predicted probability that you still know the answer. Each review sets it back to one. After a
-# success it then falls more slowly, after a failure fast. The panel says in how many days the card comes back; the gap
-# from a review to the next is a whole number of days (section 4).
+# success it then falls more slowly, after a failure fast. The panel says in how many days the card comes back (section
+# 4).
 
 # %%
 predict("hundred_runs")
@@ -400,8 +400,8 @@ for name, given in one.given().items():
 # %% [markdown]
 # Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it by the square root of two only.
 # The reason is energy. At the deepest point the whole kinetic energy of the effective mass is stored in the spring of
-# the contact. If you remember that sentence, you can derive the formula for the peak force at the whiteboard, and the
-# checkpoint at the end of this page will ask you to.
+# the contact. From that sentence you can derive the formula for the peak force, and the checkpoint at the end of this
+# page asks you to.
 #
 # ### Stop when you feel ten newtons
 #
