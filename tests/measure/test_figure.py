@@ -68,10 +68,10 @@ def test_a_method_looks_the_same_on_every_panel_and_others_take_what_is_left():
     x = [1.0, 2.0]
     one = Panel("", series=[Series("a", x, x, "explicit_euler"), Series("other", x, x)])
     two = Panel("", series=[Series("first", x, x), Series("b", x, x, "explicit_euler")])
-    left, right = _axes(one, two)
-    looks = {(line.get_color(), line.get_marker()) for line in (left.lines[0], right.lines[1])}
+    first, second = _axes(one, two)
+    looks = {(line.get_color(), line.get_marker()) for line in (first.lines[0], second.lines[1])}
     assert looks == {KEYS["explicit_euler"]}
-    colours = [line.get_color() for ax in (left, right) for line in ax.lines]
+    colours = [line.get_color() for ax in (first, second) for line in ax.lines]
     assert len({*colours}) == 2 and colours[1] == colours[2]
 
 
@@ -128,10 +128,10 @@ def test_bounds_are_a_band_or_bars_across():
     x, y = [1.0, 2.0], [3.0, 4.0]
     band = Series("band", x, y, low=[2.0, 3.0], high=[5.0, 6.0])
     bars = Series("bars", x, y, low=[0.5, 1.0], high=[1.5, 4.0], across=True)
-    left, right = _axes(Panel("", series=[band]), Panel("", series=[bars]))
-    (filled,) = left.collections
+    first, second = _axes(Panel("", series=[band]), Panel("", series=[bars]))
+    (filled,) = first.collections
     assert filled.get_paths()[0].get_extents().bounds == (1.0, 2.0, 1.0, 4.0)
-    (across,) = right.collections
+    (across,) = second.collections
     assert [segment[:, 0].tolist() for segment in across.get_segments()] == [[0.5, 1.5], [1.0, 4.0]]
 
 
@@ -140,12 +140,12 @@ def test_bars_have_names_and_words():
         Series("ours", [2.0, 0.0], ["a", "b"], style="bar", tags=["2", "none"]),
         Series("theirs", [1.0], ["c"], style="bar"),
     ]
-    left, right = _axes(Panel("", series=series), Panel("", series=series, ticks=()))
-    assert [t.get_text() for t in left.get_yticklabels()] == ["a", "b", "c"]
-    assert [bar.get_width() for bar in left.patches] == [2.0, 0.0, 1.0]
-    assert _names(left) == ["2", "none"]
-    assert [t.get_text() for t in left.get_legend().get_texts()] == ["ours", "theirs"]
-    assert left.yaxis_inverted() and not right.get_tightbbox().width > left.get_tightbbox().width
+    first, second = _axes(Panel("", series=series), Panel("", series=series, ticks=()))
+    assert [t.get_text() for t in first.get_yticklabels()] == ["a", "b", "c"]
+    assert [bar.get_width() for bar in first.patches] == [2.0, 0.0, 1.0]
+    assert _names(first) == ["2", "none"]
+    assert [t.get_text() for t in first.get_legend().get_texts()] == ["ours", "theirs"]
+    assert first.yaxis_inverted() and not second.get_tightbbox().width > first.get_tightbbox().width
     # Over the same names the second is thinner, so that both are seen.
     (ax,) = _axes(Panel("", series=[series[0], Series("b", [1.0], ["a"], style="bar")]))
     assert ax.patches[-1].get_height() < ax.patches[0].get_height()
@@ -154,8 +154,8 @@ def test_bars_have_names_and_words():
 def test_a_point_with_an_empty_tag_has_no_word():
     curve = Series("c", [1.0, 2.0, 3.0], [1.0, 2.0, 3.0], tags=["", "middle"])
     bars = Series("b", [1.0, 2.0], ["d", "e"], style="bar", tags=["", "2"])
-    left, right = _axes(Panel("", series=[curve]), Panel("", series=[bars]))
-    words = [[t.get_text() for t in ax.texts if "c" not in t.get_text()] for ax in (left, right)]
+    first, second = _axes(Panel("", series=[curve]), Panel("", series=[bars]))
+    words = [[t.get_text() for t in ax.texts if "c" not in t.get_text()] for ax in (first, second)]
     assert words == [["middle"], ["2"]]
     with pytest.raises(ValueError, match=r"^len\(tags\) must be at most that of x, 1, got 2$"):
         Series("c", [1.0], [1.0], tags=["one", "two"])

@@ -139,8 +139,8 @@ def test_steps_end_where_those_of_open3d_and_the_chapter_do(rng):
     if np.abs(R - theirs[:3, :3]).max() > 1e-6:
         # The library linearises in another way and may end at another pose: one that our step
         # does not leave either.
-        there = theirs[:3, :3] @ points + theirs[:3, 3:]
-        dR, dp = solutions.point_to_plane_step(there, model, normals)
+        placed = theirs[:3, :3] @ points + theirs[:3, 3:]
+        dR, dp = solutions.point_to_plane_step(placed, model, normals)
         np.testing.assert_allclose(dR, np.eye(3), rtol=0, atol=1e-5)
         np.testing.assert_allclose(dp, 0.0, rtol=0, atol=1e-5)
         return

@@ -33,7 +33,7 @@ def best_fixed_gains(result):
     others = va.evaluate(arms, paths, further).min(axis=0)
     share = result.measure("share", np.mean(knows < bound), 0.3)
     ratio = result.measure("ratio", knows.mean() / bound.mean(), 0.3)
-    off = result.measure("off", np.mean(others < bound), 0.5)
+    below = result.measure("off", np.mean(others < bound), 0.5)
     result.statement = "24 sampled arms and references, one seed of noise."
     result.statement_holds(bool(np.all(knows >= bound)))
-    result.correction_holds(share > 0.2, ratio < 0.9, off > 0.0, bool(np.all(errors >= bound)))
+    result.correction_holds(share > 0.2, ratio < 0.9, below > 0.0, bool(np.all(errors >= bound)))
