@@ -1576,10 +1576,10 @@ predict("impacts_at_rest")
 # bounces and the box's jitter are both called **chatter**. The remedy is a **rest speed**: a body whose impact is
 # slower is set to rest. It works if impacts are found within the step.
 #
-# If impacts are noticed only at the end of a step, a ball at rest hits the floor at about $gh$ (19.6 mm/s at $h$ = 2
-# ms), and so do the corners of a rocking box, in turn. A rest speed far below that stops neither. A rest speed of 10
-# mm/s makes these bounces lower but more frequent. With MuJoCo's spring contact the corners lift off and touch in turn,
-# at a speed that shrinks with the step:
+# If impacts are noticed only at the end of a step, a ball at rest keeps hitting the floor at $gh/(1+e)$, and the
+# corners of a rocking box at about $gh$, in turn. A rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops neither.
+# A rest speed of 10 mm/s makes these bounces lower but more frequent. With MuJoCo's spring contact the corners lift off
+# and touch in turn, at a speed that shrinks with the step:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -2063,10 +2063,10 @@ more_claims(
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
-# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. While
-# forces come from a potential, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
-# evaluations, and needs $\omega h\le2.83$. With contacts at 1 kHz both make a first-order error at the impact, so I
-# take the cheap one. For a satellite I take RK4."
+# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. With forces
+# from a potential and a constant mass matrix its energy does not drift at a small fixed step. RK4 is fourth order,
+# costs four evaluations, and needs $\omega h\le2.83$. With contacts at 1 kHz both make a first-order error at the
+# impact, so I take the cheap one. For a satellite I take RK4."
 #
 # </div>
 #

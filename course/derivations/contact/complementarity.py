@@ -328,9 +328,9 @@ def penalty_is_a_step(result):
     "Exactly at touch it has two one-sided values. After touch it is an ordinary number: "
     "a finger that reaches the block moves it {after_s:.3f} m farther for each m/s more. (Both "
     "have equal mass, there is no restitution, and the run lasts half a second.) What goes "
-    "wrong is another thing. A lossless bounce applied at the end of its step has the derivative "
-    "{stepped:.0f} at every step size, although the truth is 1, if position counts towards the "
-    "wall.",
+    "wrong is another thing. Let a ball bounce at a wall, without loss, at the end of a step. The "
+    "derivative of its last position (counted towards the wall) by the distance at the start is "
+    "{stepped:.0f} at every step size; the truth is 1.",
 )
 def contact_gradients_vanish(result):
     from course.charts.contact.models import pushed, rebound, slope
