@@ -1577,9 +1577,9 @@ predict("impacts_at_rest")
 # slower is set to rest. It works if impacts are found within the step.
 #
 # If impacts are noticed only at the end of a step, a ball at rest keeps hitting the floor at $gh/(1+e)$, and the
-# corners of a rocking box at about $gh$, in turn. A rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops neither.
-# A rest speed of 10 mm/s makes these bounces lower but more frequent. With MuJoCo's spring contact the corners lift off
-# and touch in turn, at a speed that shrinks with the step:
+# corners of a rocking box at about $gh$. A rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops neither. A rest
+# speed of 10 mm/s makes these bounces lower but more frequent. With MuJoCo's spring contact the corners lift off in
+# turn, at a speed that shrinks with the step:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
