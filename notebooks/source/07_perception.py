@@ -1335,7 +1335,7 @@ Markdown(
 #
 # <details><summary>Answers</summary>
 #
-# 1. A plane tolerance of 8 mm, about three standard deviations here. Parts lower than that are lost.
+# 1. A plane tolerance of 8 mm, about three standard deviations here. Parts that are clearly lower are lost.
 # 2. No: parts that touch are one cluster at any eps. The position along the block is uncertain.
 # 3. Nothing unusual. The warning comes from the border of the image and from the unobserved shift.
 # 4. No. The predicted error stays below 0.1 mm while the pose is about 8 mm off. Both *errors* and *plane is off* show
@@ -1351,7 +1351,8 @@ simulation("perception", "Touching")
 #
 # How fast are these algorithms compared with the usual libraries, at nearly equal answers? All times are **processor
 # time**: the time for which a core works on this program, without its waiting for other programs. The line below each
-# chart names the machine, and how often other programs disturbed it (*busy*). Compare times within a chart only.
+# chart names the machine, and some say how often other programs disturbed it (*busy*). Compare times within a chart
+# only.
 #
 # ![Time of the library over that of the course, and clusters by the number of points](../docs/charts/cloud_speed.png)
 #
@@ -1427,11 +1428,11 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 
 # %% [markdown]
-# Compare the settings with 12 neighbours. A fixed tolerance of 10 mm is too large near by, where it hides low parts,
-# and too small far away, where the table falls apart into clusters that swallow the parts. At 4 mm the table falls
-# apart even earlier. The tolerance that follows the noise finds low parts near by and no false clusters far away. At
-# one metre the fixed 10 mm still finds parts that it loses, but with more than a dozen false clusters. Requiring 50
-# neighbours also suppresses the false clusters, but then parts below 15 mm are lost at every distance.
+# Compare the settings with 12 neighbours. A fixed tolerance of 10 mm is too large near by, where it hides low parts.
+# From one metre on it is too small: it still finds low parts, but among more than a dozen clusters of bare table. At 4
+# mm the table falls apart even earlier, and its clusters swallow the parts. The tolerance that follows the noise finds
+# low parts near by and no false clusters far away. Requiring 50 neighbours also suppresses the false clusters, but then
+# parts below 15 mm are lost at every distance.
 #
 # <div class="alert alert-block alert-info">
 #
