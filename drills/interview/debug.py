@@ -227,7 +227,8 @@ def talk(
                     probed()
                     session.say(str(finding))
                 case ["conclude", cause, repair]:
-                    session.say("Computing what each probe shows under each cause ...")
+                    if cause in dict(named) and repair in dict(repairs):
+                        session.say("Computing what each probe shows under each cause ...")
                     verdict = case.conclude(cause, repair)
                     _print_verdict(session, verdict)
                     return verdict
