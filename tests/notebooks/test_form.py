@@ -123,7 +123,10 @@ def test_the_first_screen_moves_and_asks(name: str) -> None:
     source = notebooks.FOLDER / "source" / f"{name}.py"
     minutes = form.reading(jupytext.read(source, fmt="py:percent").cells)
     shown = [int(n) for n in counted.groups()]
-    assert shown[:2] == [minutes["open"], minutes["folded"]]
+    assert shown[:2] == [minutes["open"], minutes["folded"]], (
+        f"The first screen of {name} announces other minutes than its source has now. Run "
+        f"`.venv/bin/python -m tools.notebooks {name}`."
+    )
 
 
 @pytest.mark.parametrize("name", WRITTEN)
