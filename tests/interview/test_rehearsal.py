@@ -286,7 +286,7 @@ def test_a_whole_interview(
         lambda: path.write_text(right),
     ]
     message = [*lines(keys[0], "3"), *lines(keys[1], "0"), *code, *lines(keys[3], "2")]
-    left = [len(message) - len(lines(keys[0], "3")), len(lines(keys[3], "2")) + len(code), 0]
+    remaining = [len(message) - len(lines(keys[0], "3")), len(lines(keys[3], "2")) + len(code), 0]
     talk, shown = talk_of(place, message, MINUTES, PARTS, seed), []
     monkeypatch.setattr(talk, "show", lambda text: shown.append((len(message), text)))
     assert talk.run() == 0 and message == []
@@ -305,7 +305,7 @@ def test_a_whole_interview(
             assert one["answer"] in page and one["asked"] in page
             # Its model answer was shown once: when all of its lines had been said.
             answer = pool[one["key"]].fill(pool[one["key"]].answer, figure)
-            assert [at for at, text in shown if answer in text] == [left.pop(0)]
+            assert [at for at, text in shown if answer in text] == [remaining.pop(0)]
     for one in (one for one in pool.values() if one.part == "coding"):
         entry = rehearsal.Entry(one.key, "coding", one.chapter, 1, "", weakest=one.rubric[0])
         assert re.search(r"section \d+: (?!Exercises|Interview)", rehearse.to_read(entry))
@@ -371,16 +371,16 @@ def test_a_pasted_text_is_one_answer_and_none_of_its_lines_is_a_mark(place: Plac
     """Blank lines, a dot, and what was typed ahead behind it."""
     pasted = ["", "First.", "", "Second.", ".", "2", "1", "", "Third."]
     marks, reply = ["3"] * 20, ["."]
-    left = [*pasted]
+    remaining = [*pasted]
 
     def listen() -> str:
-        if left:
-            return left.pop(0)
+        if remaining:
+            return remaining.pop(0)
         return marks.pop(0) if len(talk.interview.items[0].marks) < count else reply.pop(0)
 
     talk = talk_of(place, [], 15, ("concept",), 1)
     count = len(pool_rubric(talk.interview.items[0].key))
-    talk.read_line, talk.waiting = listen, lambda: bool(left)
+    talk.read_line, talk.waiting = listen, lambda: bool(remaining)
     assert talk.run() == 0
     entry = talk.interview.items[0]
     assert entry.answer == "First.\n\nSecond.\n2\n1\n\nThird.\n"

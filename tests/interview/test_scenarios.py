@@ -214,8 +214,8 @@ def test_the_model_answer_stops_when_one_cause_is_left(name: str, cause: str) ->
         findings = [
             scenarios.Finding(row.probe, row.figure, row.unit, 0, 0) for row in verdict.model
         ]
-        left = [len(row.remaining) for row in scenarios.evidence(name, findings)]
-        assert left[-1] == 1 and min(left[:-1], default=2) > 1
+        causes = [len(row.remaining) for row in scenarios.evidence(name, findings)]
+        assert causes[-1] == 1 and min(causes[:-1], default=2) > 1
         for row in verdict.model:
             assert [r.cause for r in row.ranges] == [c.name for c in scenarios.offered(case)]
             for each in row.ranges:
@@ -335,13 +335,13 @@ def growth(tune: explodes.Tune) -> tuple[float, float]:
     for _ in range(tune.every - 1):
         period = step_matrix(tune, detect=False) @ period
     values, right = np.linalg.eig(period)
-    left = np.linalg.inv(right)  # rows: the part of a state in each mode
+    inverse = np.linalg.inv(right)  # rows: the part of a state in each mode
     k = int(np.argmax(np.abs(values)))
     start = np.zeros(len(period))
     start[[0, 2 + tune.age]] = 1.0
     # A mode that swings comes with its conjugate, which has as much of x again.
     both = 1.0 if abs(values[k].imag) < 1e-9 else 2.0
-    size = both * float(abs(right[0, k] * (left[k] @ start)))
+    size = both * float(abs(right[0, k] * (inverse[k] @ start)))
     return float(np.log(abs(values[k]))) / tune.every, size
 
 
