@@ -264,6 +264,13 @@ def test_a_formula_that_a_line_break_makes_a_list_is_a_fault() -> None:
         assert form.faults([markdown(text)]) == []
 
 
+def test_a_row_of_a_table_on_two_lines_is_a_fault() -> None:
+    head = "| cause | fix |\n|---|---|\n"
+    assert len(form.faults([markdown(f"{head}| threads | sort\nthe pairs |\n")])) == 1
+    for text in (f"{head}| threads | sort the pairs |\n", "of $a$ given\n|b| or\nc"):
+        assert form.faults([markdown(text)]) == []
+
+
 def test_a_wide_or_long_output_is_a_fault() -> None:
     rows = "".join(f"row {n}\n" for n in range(7))
     folded = f"<details><summary>all</summary>\n\n```text\n{rows}\n```\n\n</details>"
