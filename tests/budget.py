@@ -39,7 +39,7 @@ def exercise_topics() -> dict[str, str]:
     return {card.name: CHAPTER[card.chapter] for card in cards()}
 
 
-def exercises(*long: str) -> list[pytest.ParameterSet]:
+def exercise_params(*long: str) -> list[pytest.ParameterSet]:
     """Return the name of each exercise as a test's parameter, with its topic.
 
     Args:

@@ -18,13 +18,14 @@ from drills.cards import Quantity
 from drills.exercise import Slip
 from drills.sandbox import Limits
 from drills.verify import Effort
+from tests.budget import exercise_params
 
 pytestmark = pytest.mark.slow
 
 
 # The long tier takes 50 seeds, in the sandbox.
 EFFORT = Effort(seeds=1, slip_seeds=1, place=verify.in_this_process)
-EXERCISES = exercises(
+EXERCISES = exercise_params(
     "hopper_filter",
     "standing_qp",
     "randomize",
