@@ -198,10 +198,7 @@ def test_no_case_is_decided_by_rounding(name: str) -> None:
     assert set(decided_by_rounding(name)) <= set(EXPECTED.get(name, {}))
 
 
-EVERY = [
-    pytest.param(name, id=name, marks=pytest.mark.topic(topic))
-    for name, topic in exercise_topics().items()
-]
+EVERY = exercises("hopper_filter")
 
 
 def changed_verdicts(name: str) -> list[str]:

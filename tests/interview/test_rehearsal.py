@@ -130,6 +130,7 @@ def test_one_word_of_several_gets_no_reply(text: str, reply: str) -> None:
     assert reply in result and bool(result) == bool(reply)
 
 
+@pytest.mark.prove
 def test_designs_are_drawn_where_designs_are_asked_for(place: Place) -> None:
     """In full where it fits, short else; spoken questions only where no design is left."""
     for minutes, ends in ((45, ""), (15, "/short"), (30, "/short")):
@@ -491,16 +492,19 @@ def test_a_design_is_clarified_before_it_is_answered(
     assert out.index("First ask what you need") < out.index("ends your answer")
 
 
-@pytest.mark.slow
-def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(place: Place) -> None:
+@pytest.mark.prove
+def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(
+    place: Place, capsys: pytest.CaptureFixture[str]
+) -> None:
     talk = talk_of(place, [], 15, ("debugging",), 1)
     entry = rehearsal.Entry("scenario/touch", "debugging", 12, 10, "It hammers.")
     talk.interview.items = [entry]
-    talk.read_line = iter(["probe quarter_gain"]).__next__
+    talk.read_line = iter(["program", "probe quarter_gain", "conclude x y"]).__next__
     with pytest.raises((EOFError, StopIteration, RuntimeError)):
         talk.run()
     again = talk_of(place, [], 15, ("debugging",), 1)
     again.resume()
+    capsys.readouterr()
     case = scenarios.drawn("touch", again.interview.seed % 1000)
     cause = scenarios._cause(case)
     path = scenarios.model_path("touch")
@@ -510,7 +514,10 @@ def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(place: Place)
     assert again.run() == 0
     (done,) = again.interview.items
     assert done.score == 1 and done.attempts[0]["verdict"] == "pass"
-    assert done.answer.startswith("probe quarter_gain\nprobe ")
+    assert done.answer.startswith("program\nprobe quarter_gain\nconclude x y\nprobe ")
+    # What was found is there again, and the program is not printed once more.
+    shown = capsys.readouterr().out
+    assert "Results so far:" in shown and "class Machine" not in shown
     (page,) = place.work.glob("interview/report-*.md")
     assert "quarter_gain" in page.read_text("utf-8")
 
