@@ -1344,6 +1344,34 @@ world.close()
 # its solver starts (the **warm start**). In MuJoCo this changes the last digits only, and the run repeats once the
 # warm start is written back, too. Test your own scene, and reset it in the middle of a contact.
 #
+# ### A joint limit and a mimic joint
+#
+# Two lines of a model file are often misread. `<limit lower="-1" .../>` says where a joint ends, but
+# not how stiff the stop is or whether the joint bounces. `<mimic joint="joint0" multiplier="2"/>` makes one joint copy
+# another, as in many grippers. We gave the same two files to all engines: a rod that falls on its limit, and two rods
+# that swing, where the second joint copies the first times two.
+#
+# ![Angle beyond a limit, and error of a mimic joint, in four engines](../docs/charts/platform_joints.png)
+
+# %%
+print_figures("platform_joints", "limit, own", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
+
+# %% [markdown]
+# Upper row: Drake's joint stops at the limit (overshoots below 0.1 mrad are drawn at 0.1 mrad). MuJoCo's limit is a
+# soft spring, so the rod passes it by about $v\,T/e$ at any step. Here $v$ is its speed at the impact and $T$ the time
+# constant in `solreflimit`, by default 20 ms (line *theory*). PyBullet notices the limit up to one step late, so half
+# the step is about half the overshoot; correcting the overshoot throws the rod back. The course's own code ignores
+# limits.
+#
+# Lower row: with an exact copy, the error is proportional to the step. MuJoCo's copy is soft as well, and smaller steps
+# don't help; a smaller time constant (*stiffer*, 5 ms) does. PyBullet's reader drops the line without a message, and
+# the joint swings freely. The cure is `createConstraint` with `JOINT_GEAR`. So after loading a file, drive each joint
+# into its stops, and check each copy.
+
+# %%
+more_claims("limit_is_a_wall")
+
+# %% [markdown]
 # ### Models that can't exist
 #
 # A negative mass, a mass of NaN, a joint axis of length zero, a lower limit above the upper one: such files exist,
