@@ -7,7 +7,6 @@ chooses the regions and the corners of the path; rounding then makes a path of i
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,10 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, invalid, positive
+from course.check import invalid
 from course.libraries import import_error
+from course.oracles.quiet import quiet
 
 Array = NDArray[np.float64]
+ROUNDED = 5  # paths that rounding tries, Drake's default
 Region = tuple[Array, Array]  # A (m, n) and b (m,) of A x <= b
 
 
@@ -58,16 +59,22 @@ def solve(start: ArrayLike, goal: ArrayLike, regions: Sequence[Region]) -> Answe
     begin, end = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
     clock = time.perf_counter()
     problem = GcsTrajectoryOptimization(begin.size)
+    # Order 1: a line in each region. Times do not matter, so their bounds are wide.
     inside = problem.AddRegions(
         [HPolyhedron(A, b) for A, b in regions], order=1, h_min=0.0, h_max=100.0
     )
-    problem.AddEdges(problem.AddRegions([Point(begin)], order=0), inside)
-    problem.AddEdges(inside, problem.AddRegions([Point(end)], order=0))
+    source, target = (
+        problem.AddRegions([Point(x)], order=0, h_min=0.0, h_max=0.0) for x in (begin, end)
+    )
+    problem.AddEdges(source, inside)
+    problem.AddEdges(inside, target)
     problem.AddPathLengthCost()
     options = GraphOfConvexSetsOptions()
-    options.convex_relaxation, options.max_rounded_paths = True, 10
+    # The convex relaxation is solved first; rounding tries several paths of its answer.
+    options.convex_relaxation, options.max_rounded_paths = True, ROUNDED
     options.preprocessing = True
-    motion, result = problem.SolvePath(begin_of(problem), end_of(problem), options)
+    with quiet():
+        motion, result = problem.SolvePath(source, target, options)
     seconds = time.perf_counter() - clock
     if not result.is_success():
         return Answer(None, seconds)
@@ -76,4 +83,6 @@ def solve(start: ArrayLike, goal: ArrayLike, regions: Sequence[Region]) -> Answe
         corner = np.ravel(motion.value(motion.end_time(k)))
         if np.linalg.norm(corner - corners[-1]) > 1e-9:
             corners.append(corner)
+    # The solver meets the goal to its tolerance only.
+    corners[-1] = end
     return Answer(np.array(corners).T, seconds)

@@ -1346,10 +1346,9 @@ world.close()
 #
 # ### A joint limit and a mimic joint
 #
-# Two lines of a model file are often misread. `<limit lower="-1" .../>` says where a joint ends, but
-# not how stiff the stop is or whether the joint bounces. `<mimic joint="joint0" multiplier="2"/>` makes one joint copy
-# another, as in many grippers. We gave the same two files to all engines: a rod that falls on its limit, and two rods
-# that swing, where the second joint copies the first times two.
+# A `<limit>` says where a joint ends, but not how stiff the stop is. A `<mimic>` makes one joint copy another, as in
+# many grippers. All engines got the same files: a rod falls on its limit; two rods swing, and the second joint should
+# copy the first times two.
 #
 # ![Angle beyond a limit, and error of a mimic joint, in four engines](../docs/charts/platform_joints.png)
 
@@ -1357,16 +1356,21 @@ world.close()
 print_figures("platform_joints", "limit, own", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
 
 # %% [markdown]
-# Upper row: Drake's joint stops at the limit (overshoots below 0.1 mrad are drawn at 0.1 mrad). MuJoCo's limit is a
-# soft spring, so the rod passes it by about $v\,T/e$ at any step. Here $v$ is its speed at the impact and $T$ the time
-# constant in `solreflimit`, by default 20 ms (line *theory*). PyBullet notices the limit up to one step late, so half
-# the step is about half the overshoot; correcting the overshoot throws the rod back. The course's own code ignores
-# limits.
+# MuJoCo's limits and copies are soft springs, and the course's own code has none. PyBullet's reader drops the copy
+# without a message. So after loading a file, drive each joint into its stops, and check each copy.
 #
-# Lower row: with an exact copy, the error is proportional to the step. MuJoCo's copy is soft as well, and smaller steps
-# don't help; a smaller time constant (*stiffer*, 5 ms) does. PyBullet's reader drops the line without a message, and
-# the joint swings freely. The cure is `createConstraint` with `JOINT_GEAR`. So after loading a file, drive each joint
-# into its stops, and check each copy.
+# <details><summary>What each engine does, and the cures</summary>
+#
+# Upper row: Drake's joint stops at the limit (overshoots below 0.1 mrad are drawn at 0.1 mrad). In MuJoCo the rod
+# passes it by about $v\,T/e$ at any step. Here $v$ is its speed at the impact and $T$ the time constant in
+# `solreflimit`, by default 20 ms (line *theory*). PyBullet notices the limit up to one step late, so half the step is
+# about half the overshoot; correcting the overshoot throws the rod back.
+#
+# Lower row: with an exact copy, the error is proportional to the step. In MuJoCo smaller steps don't help; a smaller
+# time constant (*stiffer*, 5 ms) does. In PyBullet the joint swings freely. The cure is `createConstraint` with
+# `JOINT_GEAR`.
+#
+# </details>
 
 # %%
 more_claims("limit_is_a_wall")
@@ -1383,9 +1387,13 @@ more_claims("limit_is_a_wall")
 # that it swallowed or that made it crash. Repaired files are not drawn. (The claim below counts repaired files as
 # swallowed.)
 #
-# Among the names in the fold-out, *triangle* means moments of inertia that no body can have (one exceeds
+# <details><summary>The names of the faults</summary>
+#
+# *Triangle* means moments of inertia that no body can have (one exceeds
 # the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue, *short origin* and *comma*
 # broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint that copies another one.
+#
+# </details>
 #
 # ![Faulty models and features, by reader: rejected or swallowed](../docs/charts/platform_readers.png)
 

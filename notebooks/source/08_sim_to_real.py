@@ -59,8 +59,7 @@ simulation("arms")
 # The left arm is the simulator that the gains were tuned for. The right arm is the "real" one. It is simulated too, so
 # that we know its true parameters. The slider *Reality Gap* sets how much the two differ: at gap 1 the real arm has the
 # differences written in the first picture, at gap 0 none of them. The delay of the command has its own slider. *DR
-# Range* says how much the arms differed from each other on which the gains were tuned; at 0 it was one arm (section 3).
-# The simulation starts at gap 0.3 with 10 ms of delay.
+# Range* says how different the arms were on which the gains were tuned (section 3).
 #
 # <details><summary>What the buttons and the numbers mean</summary>
 #
@@ -1629,10 +1628,9 @@ for attempt in (
 # %% [markdown]
 # ### The simulation, with everything you now know
 #
-# The left arm is the simulator that the gains were tuned for. The right arm is the real one, with the simulated motion
-# overlaid as a ghost. Whenever you change something, both success rates are computed again on the same tasks. The
-# opening preset starts with gains that were tuned on a range, so *DR Range* acts at once; in *No range* it does
-# nothing. Say what will happen before you choose a preset:
+# The right arm is the real one, with the simulated motion overlaid as a ghost. Whenever you change something, both
+# success rates are computed again on the same tasks. In the preset *No range*, *DR Range* does nothing. Say what will
+# happen before you choose a preset:
 #
 # 1. *Gap and range*: what does randomisation cost on the left?
 # 2. *Delay beyond the margin*: does the arm fail at the delay margin of the linear loop?

@@ -114,3 +114,19 @@ def test_bad_input(call, report: str) -> None:
 
     with pytest.raises(ValueError, match="capsule arm"):
         in_batches(scenes.gap(0.1).world)
+
+
+@pytest.mark.slow
+def test_a_small_chart_is_measured_as_the_stored_one() -> None:
+    panels = charts.build(
+        "batch_edges",
+        number=150,
+        timed=8,
+        spacings=(0.02, 0.2),
+        swells=(0.8,),
+        queries=2,
+        repeats=2,
+    )
+    assert [panel.title for panel in panels] == [p.title for p in charts.stored("batch_edges")]
+    assert all(0.0 < value < np.inf for series in panels[0].series for value in series.y)
+    assert len(panels[3].series[0].x) == 6

@@ -26,13 +26,13 @@ PLAIN, SLIM = 0.05, 0.02  # the spacing [rad] and the swelling with which plans 
 
 def edges(world: World, number: int, seed: int) -> tuple[Array, Array]:
     """Return edges from free configurations in random directions, (number, 7) each [rad]."""
-    rng, starts, ends = np.random.default_rng(seed), [], []
+    rng, starts, ends = np.random.default_rng(seed), list[Array](), list[Array]()
     fat = in_batches(world)
     while len(starts) < number:
-        a = rng.uniform(*world.bounds)
+        a = np.asarray(rng.uniform(*world.bounds))
         if not state_free(fat, a):
             continue
-        along = rng.normal(size=a.size)
+        along = np.asarray(rng.normal(size=a.size))
         along *= STEP * rng.uniform(0.2, 1.0) / np.linalg.norm(along)
         starts.append(a)
         ends.append(np.clip(a + along, *world.bounds))
@@ -88,14 +88,14 @@ def batch_edges(
         worlds["one by one"] = [one_by_one(each) for each in worlds["batches"]]
         flat = [world, *worlds["batches"], *worlds["one by one"]]
         taken = interleaved([_sampler(each, start, end) for each in flat], repeats=repeats)
-        each = np.array([1e6 * t.median / len(some) for t in taken])
+        micros = np.array([1e6 * t.median / len(some) for t in taken])
         panel = Panel(
             name, "spacing of the points [rad]", "µs for an edge", scale="log", footer=footer
         )
         values = {
-            "conservative advancement": np.full(len(spacings), each[0]),
-            f"batches of {LANES}": each[1 : 1 + len(spacings)],
-            "the same points, one by one": each[1 + len(spacings) :],
+            "conservative advancement": np.full(len(spacings), micros[0]),
+            f"batches of {LANES}": micros[1 : 1 + len(spacings)],
+            "the same points, one by one": micros[1 + len(spacings) :],
         }
         for label, y in values.items():
             words = ", ".join(f"{x:.3g}" for x in y)
@@ -106,8 +106,8 @@ def batch_edges(
         yield panel
 
     panel = Panel(
-        "Wrong verdicts", "spacing, or swelling of the spheres", "share of the edges",
-        scale="log", footer=footer,
+        "Free edges rejected", "swelling of the spheres, share of the radius",
+        "share of the edges", scale="log", ticks=(0.02, 0.1, 0.8), footer=footer,
     )  # fmt: skip
     missed, fat = [], []
     for h in spacings:
@@ -120,13 +120,13 @@ def batch_edges(
         ("collisions missed, by spacing", spacings, missed, int((~free).sum()), "colliding"),
         ("free edges rejected, by swelling", swells, fat, int(free.sum()), "free"),
     )
-    for label, x, y, of, kind in pairs:
-        words = ", ".join(f"{v:.2%}" for v in y)
+    for label, x, share, of, kind in pairs:
+        words = ", ".join(f"{v:.2%}" for v in share)
         note = f"{label} {', '.join(f'{v:g}' for v in x)}: {words} of {of} {kind} edges"
         # A logarithmic axis has no place for none.
-        some = np.array(y) > 0.0
-        if some.any():
-            panel.series.append(Series(label, np.array(x)[some], np.array(y)[some], note=note))
+        y = np.array(share)
+        if np.any(y > 0.0):
+            panel.series.append(Series(label, np.array(x)[y > 0.0], y[y > 0.0], note=note))
         else:
             panel.notes.append(note)
     yield panel
@@ -148,12 +148,12 @@ def batch_edges(
             "batches": batch,
             "one by one": one_by_one(batch),
         }
-        for label, each in ways.items():
+        for label, way in ways.items():
             spent, solved, wrong = [], 0, 0
-            alone(plan, each, *known[0])  # compiles
+            alone(plan, way, *known[0])  # compiles
             for k, query in enumerate(known):
-                result, share = alone(lambda w, q, s: plan(w, *q, rng=s, **BOTH), each, query, k)
-                spent.append(1e3 * share * result.seconds if result.solved else np.inf)
+                result, share_ = alone(lambda w, q, s: plan(w, *q, rng=s, **BOTH), way, query, k)
+                spent.append(1e3 * share_ * result.seconds if result.solved else np.inf)
                 solved += result.solved
                 if result.path is not None and k % 3 == 0:
                     wrong += not planning.check_path(requested.world, result.path, *query)

@@ -16,6 +16,8 @@ from course.platforms import FAIR, Engine, Run, Scene, Settings
 from course.platforms.joint_scenes import coupled, stop
 
 Array = NDArray[np.float64]
+# A label, the key of its colour, the engine, and what to change in a run before its start.
+Case = tuple[str, str, Engine, Callable[[Run], None] | None]
 # MuJoCo's fair settings of smooth scenes switch its constraints off, and a limit is one.
 SETTINGS = {"MuJoCo": FAIR.using(but=("constraint",))}
 TIME = 0.02  # MuJoCo's default time constant of a constraint [s]
@@ -70,7 +72,7 @@ def motion(
             v.append(now.v)
     finally:
         run.close()
-    return dt * np.arange(1, len(q) + 1), np.array(q).T, np.array(v).T
+    return np.arange(1.0, len(q) + 1.0) * dt, np.array(q).T, np.array(v).T
 
 
 def at_the_stop(
@@ -148,8 +150,13 @@ def platform_joints(
     panel = Panel(
         "Farthest beyond the limit", "step [s]", "angle [rad]", scale="log", footer=footer
     )  # fmt: skip
-    law = partial(overshoot_in_theory, time=TIME)
-    cases = [(name, name, engine, None) for name, engine in known.items() if name != "own code"]
+    laws: dict[str, Callable[[float], float]] = {
+        "MuJoCo": partial(overshoot_in_theory, time=TIME),
+        "PyBullet": late,
+    }
+    cases: list[Case] = [
+        (name, name, engine, None) for name, engine in known.items() if name != "own code"
+    ]
     if "MuJoCo" in known:
         cases.append((stiffer, "MuJoCo", known["MuJoCo"], stiffened))
     for label, name, engine, changed in cases:
@@ -157,7 +164,7 @@ def platform_joints(
         past = [row[0] for row in rows]
         drawn = [max(x, FINE) for x in past]
         line = Series(label, steps, drawn, name, "--" if changed else "-")
-        line.theory = {"MuJoCo": law, "PyBullet": late}.get(label)
+        line.theory = laws.get(label)
         back, rest = rows[len(steps) // 2][1:]
         line.note = (
             f"limit, {label}: beyond it by "
@@ -167,8 +174,8 @@ def platform_joints(
         )
         panel.series.append(line)
     if "own code" in known:
-        past = at_the_stop(known["own code"], middle, starts[:1])[0]
-        panel.notes.append(f"limit, own code: swings through, {past:.1f} rad beyond it")
+        through = at_the_stop(known["own code"], middle, starts[:1])[0]
+        panel.notes.append(f"limit, own code: swings through, {through:.1f} rad beyond it")
     yield panel
 
     scene = coupled(ratio)
