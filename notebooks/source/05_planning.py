@@ -1797,8 +1797,8 @@ plt.show()
 # once</td> <td>a check at points along each edge</td></tr>
 # </table>
 #
-# VAMP's authors report a median planning time of 35 µs for a seven-joint arm. We covered our arm with spheres and checked
-# 32 points of an edge at a time:
+# VAMP's authors report a median planning time of 35 µs for a seven-joint arm. We covered our arm with spheres and
+# checked 32 points of an edge at a time:
 #
 # ![Time of an edge check in batches, free edges rejected, and median planning times](../docs/charts/batch_edges.png)
 
