@@ -57,7 +57,7 @@ simulation("arms")
 
 # %% [markdown]
 # The left arm is the simulator that the gains were tuned for. The right arm is the "real" one. It is simulated too, so
-# that we know its true parameters. The slider *Reality Gap* sets how much the two differ: at gap 1 the real arm has the
+# that we know its true parameters. The slider *gap* sets how much the two differ: at gap 1 the real arm has the
 # differences written in the first picture, at gap 0 none of them. The delay of the command has its own slider. *DR
 # Range* says how different the arms were on which the gains were tuned (section 3).
 #
