@@ -20,14 +20,14 @@ def table() -> charts.Panel:
     return charts.build("contact_table", repeats=1)[0]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("sentence", models.SENTENCES)
 def test_every_sentence_of_the_table_holds(table: charts.Panel, sentence: str) -> None:
     assert models.SENTENCES[sentence]([tuple(row) for row in table.data])
     assert sentence in charts.read("contact_table")
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_sentence_fails_on_another_table(table: charts.Panel) -> None:
     """None of them is true of anything: errors handed round among the models break each."""
     rows = [list(row) for row in table.data]

@@ -130,6 +130,7 @@ def test_one_word_of_several_gets_no_reply(text: str, reply: str) -> None:
     assert reply in result and bool(result) == bool(reply)
 
 
+@pytest.mark.prove
 def test_designs_are_drawn_where_designs_are_asked_for(place: Place) -> None:
     """In full where it fits, short else; spoken questions only where no design is left."""
     for minutes, ends in ((45, ""), (15, "/short"), (30, "/short")):
@@ -491,7 +492,7 @@ def test_a_design_is_clarified_before_it_is_answered(
     assert out.index("First ask what you need") < out.index("ends your answer")
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(
     place: Place, capsys: pytest.CaptureFixture[str]
 ) -> None:

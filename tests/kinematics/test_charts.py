@@ -59,6 +59,7 @@ def test_damping_keeps_the_joints_within_their_speed_where_theory_says() -> None
         assert series.y[-1] > 5 * series.y[0]
 
 
+@pytest.mark.prove
 def test_the_four_steps_end_as_theory_says() -> None:
     usual, edge = charts.build("ik_residual", budgets=(1, 2, 3, 5, 8, 12, 20), targets=12)
     remaining = {series.label: np.asarray(series.y) for series in usual.series}
@@ -98,6 +99,7 @@ def test_the_curve_of_answers_is_complete_and_right() -> None:
     assert inverse.covered(curve, curve[:, :1]) < 0.2 < 1 == inverse.covered(curve, curve)
 
 
+@pytest.mark.prove
 def test_learned_starts_are_solved_in_fewer_steps_than_random_ones() -> None:
     solved_panel, right = charts.build(
         "learned_seeds", targets=60, steps=100, table=500, draws=(1, 8), points=2
