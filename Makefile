@@ -27,8 +27,11 @@ QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
 # One worker more than two cores: browsers and what waits for a clock leave a core free.
 WORKERS := 3
 PYTEST := env $(QUIET) $(BIN)/pytest
-NBVAL := $(PYTEST) --nbval --nbval-current-env --nbval-sanitize-with tests/nbval_sanitize.cfg \
-	--nbval-cell-timeout=120 -n $(WORKERS) --dist loadfile
+# The tests of the claims run each check and compare it with its record; a page shows the record.
+# `make prove` runs the checks for the pages as well.
+CLAIMS := recorded
+NBVAL := env COURSE_CLAIMS=$(CLAIMS) $(QUIET) $(BIN)/pytest --nbval --nbval-current-env \
+	--nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout=120 -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
 .PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean optional extras cpus
@@ -81,7 +84,7 @@ optional: extras ## add the optional libraries, and run the tests that need them
 
 prove: setup sphinx extras warm ## the long proofs: many seeds, the hostile suite, random properties, other CPUs
 	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n $(WORKERS) --dist worksteal
-	$(MAKE) cpus CPUS='haswell nehalem'
+	$(MAKE) cpus CPUS='haswell nehalem' CLAIMS=computed
 	@echo "all proofs passed"
 
 # A CPU is emulated: its instructions are those that the numerical libraries are held to.

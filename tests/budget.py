@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import hypothesis
+import pytest
 
 from course import CHAPTERS
 
@@ -36,6 +37,24 @@ def exercise_topics() -> dict[str, str]:
     from drills.cards import cards
 
     return {card.name: CHAPTER[card.chapter] for card in cards()}
+
+
+def exercise_params(*long: str) -> list[pytest.ParameterSet]:
+    """Return the name of each exercise as a test's parameter, with its topic.
+
+    Args:
+        *long: those that take seconds; only `make prove` runs them.
+    """
+    topics = exercise_topics()
+    assert topics.keys() >= set(long), "an exercise was renamed"
+    return [
+        pytest.param(
+            name,
+            id=name,
+            marks=[pytest.mark.topic(topic), *([pytest.mark.prove] if name in long else [])],
+        )
+        for name, topic in topics.items()
+    ]
 
 
 def topic_of(path: str) -> str:

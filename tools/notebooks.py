@@ -156,9 +156,11 @@ def smaller(png: str) -> str:
     if getattr(picture, "n_frames", 1) > 1:
         return png  # saving it as one picture would drop the other frames
     packed = io.BytesIO()
-    picture.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
-        packed, "PNG", optimize=True
+    # The median cut would give a rare colour to its neighbour: an amber label became orange.
+    palette = picture.convert("RGB").quantize(
+        256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
     )
+    palette.save(packed, "PNG", optimize=True)
     text = base64.b64encode(packed.getvalue()).decode("ascii")
     return text if len(text) < len(png) else png
 

@@ -69,6 +69,7 @@ import difflib
 import functools
 import importlib
 import inspect
+import os
 import pkgutil
 import re
 import textwrap
@@ -492,8 +493,7 @@ def figure(id: str, name: str) -> float | str:
         ValueError: for an unknown id or name.
     """
     item = _get(id)
-    outcome = _on_record(item, "") if item.needs else run(id)
-    figures = outcome.figures
+    figures = (_on_record(item, "") if item.needs else _settled(item)).figures
     if name not in figures:
         raise ValueError(f"name is {name!r}; figures of {id} are {', '.join(figures)}")
     return figures[name]
@@ -630,9 +630,22 @@ def show(id: str) -> Block:
         )
         return Block(_on_record(item, source))
     try:
-        return Block(run(id))
+        return Block(_settled(item))
     except ImportError as missing:
         return Block(_on_record(item, f"From the record, not run here: {missing}."))
+
+
+def _settled(item: Claim) -> Outcome:
+    """Return a claim as its check settles it, or as it is on record where COURSE_CLAIMS says so.
+
+    The tests of the pages set COURSE_CLAIMS to "recorded": the tests of the claims compare each
+    check with its record, so a page that agrees with the record agrees with the check. A claim
+    whose sentence is put together from what was computed is always run.
+    """
+    statement = _stated(item.check)
+    if os.environ.get("COURSE_CLAIMS") == "recorded" and statement:
+        return _on_record(item, statement)
+    return run(item.id)
 
 
 def _on_record(item: Claim, statement: str) -> Outcome:

@@ -637,6 +637,7 @@ def time_parameterise(
     34, 2018). Lines are exact: the speed along them is a trapezoid. A corner is either a stop or a
     parabola; there the speed is constrained at both ends of each interval, which bounds the
     acceleration between them exactly and the rate from above, so no limit is broken at any time.
+    Because of this bound on the rate, a motion with roundings is a little slower than the fastest.
 
     Args:
         path: waypoints, shape (n, k).

@@ -20,8 +20,8 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# Choose the second preset in the menu, which uses the old velocity, and then the third, which uses the new one. In
-# these presets impacts are exact and lose no energy, so every change of energy is an error of the flight.
+# Choose the second preset in the menu (old velocity) and then the third (new velocity). Their impacts are exact and
+# lose no energy, so every change of energy is an error of the flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
 # store and update an orientation so that it neither drifts nor fails at certain orientations; choose an
@@ -31,7 +31,8 @@ simulation("bouncing_box")
 # ## How this chapter works
 #
 # Every measured number comes from a cell on this page or from a check that `python -m course.derivations 1` runs again.
-# The code is the package `course.rigid_body`. Six exercises wait in section 8:
+# The code is the package `course.rigid_body`. Gravity is 9.80665 m/s² in the code, 9.81 in worked examples and 9.8 on
+# the slider above. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -136,9 +137,9 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
 # rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
 #
-# Now look at a body without torque. $L$ is constant in space. But the body turns, and $I$, seen from space, turns with
-# it. If $L = I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves.
-# Only for a spin about a principal axis, $L$ and $\omega$ are parallel and stay so.
+# Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. If $L =
+# I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves. Only for a
+# spin about a principal axis are $L$ and $\omega$ parallel, and they stay so.
 #
 # In the simulation, the tip of $\omega$ draws a green curve in space and a pink one in the body. The lines from the
 # origin to these curves form the *space cone* and the *body cone*. Because the energy $\tfrac12\,\omega\cdot L$ is
@@ -151,7 +152,7 @@ simulation("free_body")
 # ### The equations of motion
 #
 # Force changes the momentum $p = mv$, and torque about the centre of mass changes the angular momentum. Both
-# statements are meant in the world frame, a frame that does not rotate:
+# statements are meant in the world frame, which does not rotate:
 #
 # $$\dot p = F, \qquad \dot L = \tau, \qquad p = m v, \quad L = I\omega .$$
 #
@@ -323,7 +324,7 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 #
 # A spinning top leans over and does not fall. The torque of gravity is $\tau = r\times mg$ with $r$ from the tip to the
 # centre of mass. It is horizontal and perpendicular to the axis. Without spin, $L$ starts at zero and grows along the
-# torque: the top turns about a horizontal axis, it tips over. With a fast spin, there is already a large $L$ along the
+# torque: the top tips over. With a fast spin, there is already a large $L$ along the
 # axis. The torque adds a small sideways piece at every instant, so the axis turns sideways.
 #
 # This slow circling is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is
@@ -362,10 +363,10 @@ except ValueError as problem:
     print(textwrap.fill(str(problem), 96))
 # %% [markdown]
 # The second thing to check is the point about which the tensor is given. The **parallel axis** theorem says how it
-# changes: about an axis at the distance $d$ from the one through the centre of mass, and parallel to it, the moment
-# is larger by $m d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 +
+# changes: about a parallel axis at the distance $d$ from the one through the centre of mass, the moment is larger by
+# $m d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 +
 # m(\tfrac a2)^2 = \tfrac13ma^2$ about its end: four times as much. For the whole tensor and a displacement vector $d$
-# one adds $m(\lvert d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
+# add $m(\lvert d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
 #
 # ### Euler angles and gimbal lock
 #
@@ -449,8 +450,9 @@ show("quaternion_has_no_lock")
 simulation("double_cover")
 # %% [markdown]
 # Before you subtract or interpolate two quaternions, make their signs agree: if the dot product is negative, flip the
-# sign of one of them. A controller that forgets this may command a turn of nearly 360 degrees for an error of nearly
-# zero. Then compare by the angle $4\arcsin(\lvert q - p\rvert/2)$, which stays accurate for small angles.
+# sign of one of them. Otherwise a **controller**, the program that commands the motors, may order a turn of nearly 360
+# degrees for an error of nearly zero. Then compare by the angle $4\arcsin(\lvert q - p\rvert/2)$, which stays accurate
+# for small angles.
 #
 # **SLERP**, spherical linear interpolation, moves from one orientation to another at a constant rate, along the arc
 # between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. Mixing the four numbers linearly and
@@ -608,8 +610,8 @@ show("semi_implicit_unconditional")
 # overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
 # limit is $2/316$ s, or 6.3 ms. At 6.5 ms the simulation explodes within a hundred steps.
 #
-# A stiffer contact needs shorter steps than the controller. So simulators take several physics steps, **substeps**, per
-# controller step.
+# Such contacts often need steps shorter than the time between two commands of the controller. So simulators take
+# several physics steps, **substeps**, per command.
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
 #
@@ -723,9 +725,8 @@ for name, error in missed.items():
 # | implicit midpoint | 2 | about 5, to solve an equation | yes | no limit on a spring |
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 = 2.83$ |
 #
-# Semi-implicit Euler and Verlet keep area only while forces depend on positions alone (with several coordinates: come
-# from a potential). With forces that depend on the velocity too, Verlet needs the new velocity for $a'$ and estimates
-# it as $v + ha$.
+# The three *yes* are for forces that depend on positions alone and, with several coordinates, come from a potential.
+# If forces depend on the velocity too, Verlet needs the new velocity for $a'$ and estimates it as $v + ha$.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -741,8 +742,8 @@ more_claims(
 # %% [markdown]
 # ### Symplectic integrators: area in phase space
 #
-# Over a million steps, the energy error of semi-implicit Euler does not grow. That of RK4 is far smaller, but it grows
-# all the time. The reason is geometric.
+# Simulate a pendulum for a million steps. The energy error of semi-implicit Euler does not grow. That of RK4 is far
+# smaller, but it grows all the time. The reason is geometric.
 #
 # Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start not with one state but
 # with a patch of them, say all states within a small circle. As time passes, each state moves, and the patch is carried
@@ -810,10 +811,9 @@ plt.show()
 # %%
 show("area_preserved")
 # %% [markdown]
-# For a smooth system and a small fixed step, the energy error of a symplectic method
-# stays bounded for a very long time. The smaller the step, the longer: this time grows exponentially in $1/h$. The
-# method conserves a slightly different energy almost exactly. On a spring, semi-implicit Euler conserves exactly (per
-# unit of mass)
+# For a smooth system and a small fixed step, the energy error of a symplectic method stays bounded for a very long
+# time, which grows exponentially in $1/h$. The method conserves a slightly different energy almost exactly. On a
+# spring, semi-implicit Euler conserves exactly (per unit of mass)
 #
 # $$\tfrac12 v^2 + \tfrac12\omega^2x^2 - \tfrac12\omega^2h\,x\,v$$
 #
@@ -821,10 +821,9 @@ show("area_preserved")
 # %%
 show("symplectic_conserves_energy")
 # %% [markdown]
-# The word does *not* promise an exact energy or the right period. A
-# step beyond the limit, where the method has one, explodes all the same, area or not: the patch is stretched in one
-# direction and squeezed in the other. With friction, velocity-dependent forces or most rules that let the step size
-# follow the state, the guarantee is gone.
+# A symplectic method promises neither an exact energy nor the right period. Beyond its stability limit, if it has one,
+# it explodes all the same: the patch is stretched in one direction and squeezed in the other. With friction,
+# velocity-dependent forces or most rules that let the step size follow the state, the guarantee is gone.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -927,7 +926,7 @@ more_claims(
 # rest of the step:
 # %% tags=["hide-code"]
 figure_, panels = plt.subplots(1, 2, figsize=(9, 3.7), layout="constrained")
-g, h, y0, v0 = 9.81, 0.1, 0.25, -3.2
+g, h, y0, v0 = problems.STANDARD_GRAVITY, 0.1, 0.25, -3.2
 steps = [(y0, v0)]
 for _ in range(2):
     y, v = steps[-1]
@@ -972,8 +971,9 @@ print(f"energy per kilogram: before {before:.2f} J, bounce at the end of the ste
 print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J")
 # %% [markdown]
 # RK4 is exact in flight, and it still gains energy with the rule at the end of the step. Do the two errors of
-# semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? Half of the loss does on average:
-# a flight from bounce to bounce at the speed $v$ loses $mghv$, and the depth $d$ is anything between 0 and $hv$.
+# semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? On average the floor gives back
+# half of the loss. A flight from bounce to bounce at the speed $v$ loses $mghv$. A bounce adds $mgd$, and the depth $d$
+# is anything between 0 and $hv$.
 #
 # <details><summary>Derive it: the loss of a flight, and the gain of a bounce</summary>
 #
@@ -1011,16 +1011,16 @@ more_claims(
 # ### The tasks of a loop, and their rates
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. It performs seven tasks:
-# it reads the **sensors**, exposes the **camera**, asks the **controller**, a program that computes what the motors do,
-# for a command, collects the **forces**, **integrates** the state, detects **collisions**, and now and then **renders**
-# an image for the screen. The physics step is fixed, and the loop schedules the other tasks by counting physics steps.
-# The drawing shows three of the rates:
+# it reads the **sensors**, exposes the **camera**, asks the **controller** for a command, collects the **forces**,
+# **integrates** the state, detects **collisions**, and now and then **renders** an image for the screen. The physics
+# step is fixed, and the loop schedules the other tasks by counting physics steps. The drawing shows three of the rates:
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(10, 2.6), layout="constrained")
 for row, (period, colour) in enumerate(
     ((1000 / 60, "tab:purple"), (2.0, "tab:orange"), (1.0, "tab:blue"))
 ):
-    times = np.arange(0, 18.01, period)
+    # An image closes its period, so none is due at time 0.
+    times = np.arange(period if row == 0 else 0, 18.01, period)
     axes_.plot(times, np.full(len(times), row), "o", color=colour, ms=7)
     if row == 1:
         for t in times[:-1]:
@@ -1042,11 +1042,12 @@ axes_.set(
 plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
-# The course's loop records what it does. In the table, *age* says how old a command is when a physics step applies
-# it, or a state when an image shows it. Every other physics step applies a command that is 1 ms old. An image is
-# interpolated between the last two states, so it shows the motion one step late: the image due at 16.667 ms shows
-# 15.667 ms, between the states at 15 and 16 ms:
+# The course's loop records what it does. *Age* is the age of the command that a step applies, or of the motion that an
+# image shows. Every other physics step applies a command that is 1 ms old. An image is interpolated between the last
+# two states, so it shows the motion one step late: the image due at 16.667 ms shows 15.667 ms:
 # %% tags=["hide-code"]
+from fractions import Fraction
+
 from course.rigid_body.loop import FixedStepLoop, Phases, float_clock_error, trace_table
 
 spring = problems.oscillator().system
@@ -1057,14 +1058,14 @@ def integrate(state, force, dt):
 
 
 loop = FixedStepLoop((spring.q0, spring.v0), Phases(integrate=integrate), record=True)
-_ = loop.advance(0.018)
+_ = loop.advance(Fraction(18, 1000))  # 0.018 as a float is a little less than 18 steps
 rows = trace_table(loop.trace).splitlines()
 figures(
     "\n".join(rows),
     rows[0],
     "1.000",
     "16.667",
-    summary="All 18 ms, in the order of execution: an image is drawn once both its states exist",
+    summary="All 18 steps in the order of execution: an image is drawn once both its states exist",
 )
 # %% [markdown]
 # Three details decide whether the loop works:
@@ -1074,7 +1075,6 @@ figures(
 #   reads the clock, so two runs give the same result.
 # * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight of the newer of the last
 #   two states; the older one gets the rest. If you draw the latest state instead, the motion judders by up to one step.
-#   Interpolation costs one step of delay.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add up 0.001 s millions of times, the
 #   rounding errors add up too, and two clocks in the same program no longer agree on which step an event belongs to.
 # %% tags=["hide-code"]
@@ -1193,8 +1193,8 @@ for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalise
     error, by_energy, by_momentum = (f"{x:.0e}" if x > 1e-11 else "<1e-11" for x in numbers)
     print(f"{name:<20} {error:>12} {by_energy:>17} {by_momentum:>12}")
 # %% [markdown]
-# `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to length one after each step. It is as
-# good here. The drifts are relative.
+# The drifts are relative. `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to length one
+# after each step.
 # %%
 more_claims("rotation_stages_add")
 # %% [markdown]
@@ -1237,9 +1237,9 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# The box of the first screen with all controls. The dashed path is the same box with very small steps. The two separate
-# because each impact enlarges small differences. Impacts slower than the *rest speed* end the bouncing. *Steps not
-# resolved* counts the steps with more impacts than the solver may process in one step.
+# The box of the first screen with all controls. The dashed path is the same box with very small steps. The two paths
+# separate because each impact enlarges small differences. Impacts slower than the *rest speed* end the bouncing. *Steps
+# not resolved* counts the steps with more impacts than the solver may process in one step.
 #
 # Predict each preset before you choose it:
 #
@@ -1264,7 +1264,7 @@ simulation("bouncing_box")
 # horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
 # logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order. The problem here is a
 # double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. The
-# counted evaluations are exact; measured times are not, because other programs run, too:
+# counted evaluations are exact; measured times are disturbed by other programs:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1278,9 +1278,9 @@ TradeOff(result)
 
 
 # %% [markdown]
-# The buttons switch on the other methods, MuJoCo's among them. On systems without orientations, MuJoCo's `Euler` and
-# our semi-implicit Euler have the same errors to several digits, and so have the two RK4s. Only the time per step
-# differs, because MuJoCo is a general engine that does more in each step.
+# The buttons switch on the other methods, MuJoCo's among them. On systems without orientations and without joint
+# damping, MuJoCo's `Euler` and our semi-implicit Euler have the same errors to several digits, and so have the two
+# RK4s. Only the time per step differs, because MuJoCo is a general engine that does more in each step.
 #
 # You can put an integrator of your own on the chart. It runs as plain Python, so compare it in the left panel, which
 # counts evaluations instead of time:
@@ -1309,8 +1309,9 @@ predict("method_for_a_tumble")
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
-# *Exact flight* corrects the first error, *impact times* the second; *impulse* is a MuJoCo contact tuned to turn $v$
-# into $-ev$ in one step.
+# *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
+# into $-ev$ in one step, *spring* one with a spring and a damper. Our runs are so short that a fixed cost per call
+# dominates them, in the right chart and in the table.
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
@@ -1368,8 +1369,8 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine:
-# it models only what the task needs, and runs whole batches. As soon as two bodies can touch, it no longer applies.
+# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine.
+# As soon as two bodies can touch, it no longer applies.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
@@ -1383,13 +1384,13 @@ figures(
 # ### The smallest model that answers the question
 #
 # The largest savings come before the integrator, from what you do *not* simulate. State the question and the
-# tolerance. Then compute the answer with and without each effect. Leave out effects as long as the errors that they
-# cause (in the fold-out) add up to less than the tolerance. Then check once with all of them left out.
+# tolerance. Then compute the answer with and without each effect. Leave out effects as long as their errors add up to
+# less than the tolerance. Then check once with all of them left out.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
-# In the table *error* is the change of the answer when an effect is neglected, in metres, and *saves* is how many times
-# faster the simulation is without it:
+# In the table, *error* is the change of the answer when an effect is neglected, in metres. *Saves* is how many times
+# longer MuJoCo takes than our planar program: the price of a general engine, not of the effect alone:
 # %% jupyter={"source_hidden": true}
 figures(
     read("scene_bouncing_box"),
@@ -1480,10 +1481,9 @@ figures(
     summary="All methods: largest relative energy error in the first and last 1 % of the run",
 )
 # %% [markdown]
-# Bounded energy is what "symplectic" buys, and only for a fixed step (or one chosen reversibly: see the claims above).
-# Alternate two steps that are both below the limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product
-# of two area-preserving steps preserves area, but it may stretch one direction again and again. Even a fixed step gets
-# the period slightly wrong:
+# Bounded energy needs a fixed step (or one chosen reversibly: see the claims above). Alternate two steps that are both
+# below the limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product of two area-preserving steps
+# preserves area, but it may stretch one direction again and again. Even a fixed step gets the period slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1541,7 +1541,7 @@ simulation("tunnelling")
 #
 # There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
 # step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens
-# at the penetration $D/2$. In the chart, $b$ is the stretch of the path on which a check turns the ball back: $D$ in
+# at the penetration $D/2$. In the chart, $b$ is the length of the path on which a check still stops the ball: $D$ in
 # our model, $D/2$ in MuJoCo:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
@@ -1577,8 +1577,8 @@ predict("impacts_at_rest")
 # slower is set to rest. It works if impacts are found within the step.
 #
 # If impacts are noticed only at the end of a step, a ball at rest keeps hitting the floor at $gh/(1+e)$, and the
-# corners of a rocking box at about $gh$. A rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops neither. A rest
-# speed of 10 mm/s makes these bounces lower but more frequent. With MuJoCo's spring contact the corners lift off in
+# corners of a rocking box at about $gh$. A rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops neither ball nor
+# box; 10 mm/s makes the box's bounces lower but more frequent. With MuJoCo's spring contact the corners lift off in
 # turn, at a speed that shrinks with the step:
 #
 # ![Chatter](../docs/charts/chatter.png)
@@ -1590,7 +1590,7 @@ figures(
     "semi_implicit_euler, end of step, rest speed 0.01",
     "MuJoCo Euler, impulse",
     "MuJoCo Euler, spring",
-    summary="All methods and contacts: impacts per second and the remaining speed",
+    summary="All methods and contacts: impacts per second, and the root mean square (rms) of the speed",
 )
 # %% [markdown]
 # ### Orientation over a million steps
@@ -1613,8 +1613,9 @@ figures(
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$, where $\omega_{\max}^2$ is the
-# largest eigenvalue of $M^{-1}K$, with the stiffness and mass matrices $K$ and $M$. Then halve the step several times.
+# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$. Many springs obey $M\ddot x = -Kx$
+# with the mass and stiffness matrices $M$ and $K$; $\omega_{\max}^2$ is the largest eigenvalue of $M^{-1}K$. Then halve
+# the step several times.
 # If that does not help, the step is not the cause, or the integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
@@ -1656,8 +1657,8 @@ predict("perfect_energy_wrong_momentum")
 # per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint: Verlet or RK4</td></tr>
 # <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
 # $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr> <tr><td>box jitters on the floor
-# for ever</td> <td>gravity adds $gh$ in each step, and the impact returns $e\,gh$</td> <td>count impacts per
-# second</td> <td>impact times and a rest speed, or a contact solver that works on velocities</td></tr> <tr><td>fast
+# for ever</td> <td>gravity adds $gh$ in each step, and each impact turns the velocity upwards</td> <td>count impacts
+# per second</td> <td>impact times and a rest speed, or a contact solver that works on velocities</td></tr> <tr><td>fast
 # object passes a thin wall</td> <td>$vh$ larger than both thicknesses together (in MuJoCo: than half of that), or a
 # contact that is too soft</td> <td>print $vh/D$; record the depth</td> <td>continuous collision detection; stiffer
 # contact</td></tr> <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not
@@ -1665,13 +1666,14 @@ predict("perfect_energy_wrong_momentum")
 # normalised)</td> <td>$q\exp(h\omega)$</td></tr> <tr><td>a jump of $2\pi$, or a controller that turns the long way</td>
 # <td>$q$ compared with $-q$</td> <td>dot product of the two</td> <td>flip the sign if it is negative</td></tr>
 # <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world frame</td> <td>body rate
-# multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat, from a tilted
-# start, with three equal moments (no gyroscopic term): if the error is gone, that term was the bug</td>
+# multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat with three equal
+# moments (no gyroscopic term) and the start turned away from $q = 1$: if the error is gone, that term was the bug</td>
 # <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates;
 # $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td> <td>gyroscopic term in
 # an Euler step from the old rates</td> <td>kinetic energy over time</td> <td>RK4, implicit midpoint, smaller
 # step</td></tr> <tr><td>joints creep without a command</td> <td>gravity is on and no motor balances it, or the engine's
-# friction is soft</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffer friction</td></tr>
+# friction is soft and creeps under load</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffer
+# friction</td></tr>
 # </table>
 # %%
 predict("drift_of_joints")
@@ -1939,15 +1941,15 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # runs the simulation once forward, stores its states, and goes through it once backward. It returns the derivatives
 # of one number, such as the error, with respect to *all* parameters, for about the cost of a few runs.
 #
-# But an impact depends on *when* the ball hits the floor, and a fixed-step program never computes that time. It checks
-# at the end of each step and puts the ball on the floor if it is below.
+# However, the bounce depends on *when* the ball hits the floor, and a fixed-step program never computes that time. At
+# the end of each step it puts the ball on the floor if it is below.
 # %%
 predict("gradient_through_an_impact")
 # %% tags=["hide-code"]
 figure_, (upper, lower) = plt.subplots(
     2, 1, figsize=(9, 4.4), sharex=True, height_ratios=(2, 1), layout="constrained"
 )
-g, e, time = 9.81, 0.6, np.linspace(0, 0.8, 801)
+g, e, time = problems.STANDARD_GRAVITY, 0.6, np.linspace(0, 0.8, 801)
 heights = {}
 for H, colour in ((1.0, "tab:blue"), (1.05, "tab:orange")):
     hit = np.sqrt(2 * H / g)
@@ -1981,7 +1983,7 @@ print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[
 #
 # A fixed-step program loses this. Its floor rule sets the height to 0, and the speed there is $gh$ times the number of
 # steps. So after the bounce only this *number of steps* depends on the drop height. It is an integer, and its
-# derivative is zero. The error of the height shrinks with the step; the gradient stays wrong at every step:
+# derivative is zero. The error of the height shrinks with the step; the gradient stays wrong:
 # %% tags=["hide-code"]
 from course.rigid_body.differentiable import (
     Setup,
@@ -2006,10 +2008,10 @@ for dt in (1e-2, 1e-3):
 #
 # ### What a recording can tell
 #
-# Here is a small differentiable simulator, written in PyTorch. A block is thrown, bounces, slides and is pushed. It
-# solves for the impact times, so their derivatives are right. We record the block with 1 mm of noise and recover its
-# restitution, its friction coefficient and its mass. The result's `chi^2` is the mean squared misfit in units of the
-# noise. Near 1, nothing but noise is left:
+# Here is a small differentiable simulator in PyTorch. It solves for the impact times, so their derivatives are right. A
+# block is thrown, bounces, slides and is pushed. We record it with 1 mm of noise and recover its restitution, friction
+# coefficient and mass. Behind `+-` is the *standard error*, the scatter that the noise causes. `chi^2 per degree` is
+# the mean squared misfit in units of the noise. Near 1, nothing but noise is left:
 # %% tags=["show-code"]
 # The push: from 1.2 s to 1.5 s with 8 N.
 scene = Setup(position=(0.0, 0.5), velocity=(2.0, 0.0), push=((1.2, 1.5, 8.0),))

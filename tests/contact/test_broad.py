@@ -30,7 +30,7 @@ def box_sets(draw):
     return np.stack((low, low + edge)) * draw(st.sampled_from([1.0, 0.1, 1e-3, 1e3]))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @given(box_sets(), st.randoms(use_true_random=False))
 @examples(150)
 def test_every_method_finds_the_same_pairs(boxes, random):

@@ -283,7 +283,7 @@ def test_a_matrix_read_by_colours_is_the_matrix():
         assert product.products == 2 * max(np.bincount(layer)) * min(3, max(layer) + 1)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_worked_answer_reaches_every_bar_and_gauss_seidel_only_the_lowest():
     for seed in range(100 if PROVE else 6):
         lowest: list[bool] = []

@@ -155,6 +155,7 @@ def test_a_wrong_inertia_leaves_the_error_of_theory(w, ratio):
     assert abs(2.0 * fine - coarse - truth) < 1e-3 * abs(truth)
 
 
+@pytest.mark.prove
 def test_perfect_tracking_costs_the_sample_time_and_with_preview_its_square():
     worst = {
         preview: [

@@ -89,6 +89,7 @@ def test_the_presets_of_the_joint_show_what_they_say():
     assert outcome("The quoted gains")[3] > 1.0
 
 
+@pytest.mark.prove
 def test_the_probe_is_the_chapters_and_stands_where_it_is_said_to():
     growth = {}
     for preset in probe.MODEL.presets:

@@ -7,7 +7,7 @@ from course.charts import build
 from course.charts.control import structures as chart
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_feed_forward_gains_more_than_feedback_and_the_predictor_goes_furthest() -> None:
     tracking, load = build("loop_structures", points=8)
     assert min(tracking["cascade + feed-forward"].y) < 0.1 * min(tracking["cascade (PID)"].y)
@@ -37,7 +37,7 @@ def test_a_faster_predictor_stands_less_and_a_high_notch_harms() -> None:
     assert (gains[(shares > 1.1) & (shares < 2.0)] < plain).all()
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_each_cure_bounds_or_slows_the_drift() -> None:
     drift, price = build("adaptive_cures", seconds=12.0, seeds=10)
     uncured = drift["none"].y

@@ -24,15 +24,12 @@ from drills.grader import attempt
 from drills.reasons import Reason
 from drills.values import identical
 from drills.verify import in_this_process
-from tests.budget import PROVE, examples, exercise_topics
+from tests.budget import PROVE, examples, exercise_params
 from tests.drills.place import Place, a_place
 
 __all__ = ["a_place"]
 
-EXERCISES = [
-    pytest.param(name, id=name, marks=pytest.mark.topic(topic))
-    for name, topic in exercise_topics().items()
-]
+EXERCISES = exercise_params("hopper_filter", "solve_stack")
 
 
 def run(card: Card, source: str, case: str) -> dict[str, Any]:

@@ -483,7 +483,7 @@ def test_the_home_page_shows_the_robot_and_plays_its_next_level(
     assert "Levels passed: 1, 2 of 6." in repr(notebook.your_robot())
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_button_plays_and_shows_what_a_part_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -20,7 +20,7 @@ from drills.case_judge import WHOLE, Case
 from drills.grader import attempt
 from drills.inprocess import InProcess
 from drills.verify import in_this_process
-from tests.budget import PROVE, exercise_topics
+from tests.budget import PROVE, exercise_params, exercise_topics
 
 pytestmark = pytest.mark.slow
 
@@ -198,10 +198,7 @@ def test_no_case_is_decided_by_rounding(name: str) -> None:
     assert set(decided_by_rounding(name)) <= set(EXPECTED.get(name, {}))
 
 
-EVERY = [
-    pytest.param(name, id=name, marks=pytest.mark.topic(topic))
-    for name, topic in exercise_topics().items()
-]
+EVERY = exercise_params("hopper_filter")
 
 
 def changed_verdicts(name: str) -> list[str]:

@@ -643,7 +643,7 @@ open("end", "w").close()
     scratch.remove(str(top))  # nothing there: nothing to do
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_nothing_is_left_behind() -> None:
     gc.collect()
     before = len(os.listdir("/dev/fd"))

@@ -18,17 +18,29 @@ from drills.cards import Quantity
 from drills.exercise import Slip
 from drills.sandbox import Limits
 from drills.verify import Effort
-from tests.budget import exercise_topics
+from tests.budget import exercise_params
 
 pytestmark = pytest.mark.slow
 
 
 # The long tier takes 50 seeds, in the sandbox.
 EFFORT = Effort(seeds=1, slip_seeds=1, place=verify.in_this_process)
-EXERCISES = [
-    pytest.param(name, id=name, marks=pytest.mark.topic(topic))
-    for name, topic in exercise_topics().items()
-]
+EXERCISES = exercise_params(
+    "hopper_filter",
+    "standing_qp",
+    "randomize",
+    "solve_stack",
+    "bounce",
+    "rrt",
+    "catch_the_slip",
+    "certify_edge",
+    "tumble",
+    "rrt_star",
+    "rrt_connect",
+    "vector_env",
+    "compare_engines",
+    "plane_ransac",
+)
 
 
 @pytest.mark.parametrize("name", EXERCISES)
@@ -109,6 +121,12 @@ def test_a_judge_that_accepts_the_starter_is_found(monkeypatch: pytest.MonkeyPat
         attempt.require("x", bool(attempt.call([1.0] * 3, [0.0] * 3) is not None), sentence="s")
 
     assert "the starter runs and fails" in _failed(monkeypatch, exercise={"judge": lenient})
+
+
+def test_a_starter_that_raises_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its body may use what the module of the worked answer imports, and no other name."""
+    unproved = _failed(monkeypatch, card={"start": "return FACTOR * np.ones((4, 2))"})
+    assert unproved == {"the starter runs and fails"}
 
 
 @pytest.mark.parametrize(

@@ -120,6 +120,7 @@ def test_an_executor_with_a_bad_number_is_refused_when_it_is_made(make, value, m
 # --- commit or react ------------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 def test_noise_injected_into_demonstrations_turns_which_is_best():
     """Without it nothing says how to come back, so that reacting gains little; with it, much."""
     gains = []

@@ -129,7 +129,7 @@ def diffusion():
     return diffusion_policy(STATES, CHUNKS, 0, width=64, steps=1500, rate=3e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_trained_policies_pass_on_both_sides_as_the_data_do(flow, diffusion):
     remaining = np.sum(WAYS.sides(SHOWN.states) > 0)
     for policy in (replace(flow, solver="heun"), diffusion, replace(diffusion, solver="ddpm")):

@@ -167,10 +167,15 @@ def test_it_names_its_interfaces_and_rejects_others(program, tmp_path):
     ("call", "report"),
     [
         ("const double x = one.get_value(); (void)x;", "get_value"),
-        ("one.set_value(1.0);", "nodiscard|unused-result"),
-        ("auto copy = one; (void)copy;", "deleted"),
-        ("ArmController().on_configure();", "on_configure"),
-        ("ArmController().update({}, {});", "explicit|convert|initializer"),
+        *(
+            pytest.param(*call, marks=pytest.mark.prove)
+            for call in (
+                ("one.set_value(1.0);", "nodiscard|unused-result"),
+                ("auto copy = one; (void)copy;", "deleted"),
+                ("ArmController().on_configure();", "on_configure"),
+                ("ArmController().update({}, {});", "explicit|convert|initializer"),
+            )
+        ),
     ],
 )
 def test_the_older_calls_do_not_compile(program, tmp_path, call: str, report: str):

@@ -101,7 +101,7 @@ def test_no_value_is_torn_or_old_and_the_newest_arrives(method, thread_checked, 
         assert 0 < int(done.stdout) <= count
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_relaxed_order_a_double_buffer_and_a_plain_seqlock_are_races(folder):
     text = handover.SOURCE.with_suffix(".hpp").read_text()
     relaxed = text.replace("std::memory_order_acq_rel", "std::memory_order_relaxed")
@@ -115,7 +115,7 @@ def test_relaxed_order_a_double_buffer_and_a_plain_seqlock_are_races(folder):
         assert "data race" in done.stderr, name
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_latency_counts_calls_and_sorts_its_quantiles(folder):
     program = handover.build(folder)
     for method in handover.METHODS:

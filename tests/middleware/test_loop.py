@@ -78,7 +78,7 @@ def test_collections_are_counted():
     assert record.collections >= (1 in record.release)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_loop_among_busy_processes_counts_every_period():
     result = loop.among_busy(("default", "SCHED_FIFO"), busy=1, periods=100, work=1e-5)
     for row in result:

@@ -228,6 +228,22 @@ def test_a_picture_is_kept_in_few_colours_and_stays_the_same_picture() -> None:
     assert retained.shape == blurred.shape and np.abs(retained - blurred).mean() < 8
 
 
+def test_a_rare_colour_is_not_given_to_its_neighbour() -> None:
+    """The name of a curve has few pixels, and its colour says which curve it names."""
+    rng = np.random.default_rng(0)
+    drawn = np.full((200, 200, 3), 255, dtype=np.uint8)
+    # Blended edges of many orange letters, and a few amber pixels.
+    shares = rng.uniform(0.0, 1.0, (100, 200, 1))
+    drawn[:100] = (1.0 - shares) * 255 + shares * rng.normal((170, 75, 0), 3.0, (100, 200, 3))
+    amber = np.array([184, 127, 0])
+    drawn[150, :12] = amber
+    raw = io.BytesIO()
+    Image.fromarray(drawn).save(raw, "PNG", compress_level=0)
+    small = notebooks.smaller(base64.b64encode(raw.getvalue()).decode())
+    retained = np.asarray(Image.open(io.BytesIO(base64.b64decode(small))).convert("RGB"))
+    assert np.abs(retained[150, :12].astype(int) - amber).max() < 16
+
+
 def test_an_animated_picture_retains_all_its_frames() -> None:
     rng = np.random.default_rng(0)
     frames = [Image.fromarray(rng.integers(0, 255, (9, 9, 3), dtype=np.uint8)) for _ in range(3)]

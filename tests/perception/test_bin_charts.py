@@ -6,7 +6,7 @@ from course import charts
 from course.charts.perception import bins
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_small_parts_are_lost_as_neighbours_and_found_again_by_the_cures():
     retained, best = charts.build("small_parts", sizes=(0.012, 0.02, 0.04), pictures=2)
     small = {stage: retained[stage].y[0] for stage in bins.STAGES}
@@ -18,7 +18,7 @@ def test_small_parts_are_lost_as_neighbours_and_found_again_by_the_cures():
     assert least["tolerance 3 sigma"] == 40.0 > least["3 sigma, 0.2 pi (eps/v)^2"]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_only_what_fits_the_shape_is_right_and_only_an_outside_length_tells_scale():
     shift, turn = charts.build("large_parts", turns=4, model=1500)
     mm = {series.label: dict(zip(bins.SHORT, series.y, strict=True)) for series in shift.series}

@@ -41,7 +41,7 @@ def test_refits_find_what_the_law_of_draws_misses():
     assert np.all(one > bare) and two.mean() > one.mean() > bare.mean() + 0.05
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_every_step_is_timed_beside_its_library():
     steps, growth = charts.build("cloud_speed", repeats=1, sizes=(300, 600, 1200))
     assert len(steps["library"].x) == 8 and min(steps["library"].x) > 0.0

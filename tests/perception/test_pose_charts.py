@@ -42,7 +42,7 @@ def test_averages_lag_and_predictions_say_their_error():
     assert np.all((ratio > 0.3) & (ratio < 1.3))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_a_picture_leaves_out_is_below_what_the_gripper_needs(monkeypatch):
     known = neglected.known_part()
     assert known.check() == []

@@ -23,7 +23,7 @@ def measured():
     return budget(SCENE, PLANNED, range(60), PARTS)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_each_part_alone_and_all_together_are_what_was_predicted(measured):
     for some in subsets(PARTS):
         (mean, deviation), (report, covariance) = measured.mean(some), measured.moments[some]

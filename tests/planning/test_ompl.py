@@ -112,6 +112,7 @@ def compare_roadmaps(scene: scenes.Scene, seeds: range) -> None:
     assert stats.fisher_exact(table).pvalue > 1e-4
 
 
+@pytest.mark.prove
 def test_roadmaps_are_alike() -> None:
     compare_roadmaps(scenes.discs(), SEEDS)
 

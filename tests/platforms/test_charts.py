@@ -44,7 +44,7 @@ def test_the_table_is_complete_and_its_verdicts_follow_from_its_errors() -> None
     assert all(table.costs(ROWS, name)["MuJoCo"] == 1.0 for name in table.TABLE)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_small_table_is_measured_as_the_stored_one() -> None:
     result = charts.build("platforms_table", scenes=("tumble",), rounds=5)[0].data["rows"]
     result += table.scene_rows("brake", 1e-3, rounds=2)

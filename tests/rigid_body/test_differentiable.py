@@ -333,7 +333,7 @@ def test_finite_differences_of_fixed_steps_need_a_step_far_above_dt():
 # Parameters from recordings.
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_recovers_parameters_within_their_standard_errors():
     """Twenty recordings at 1 mm noise; the normalised errors must look like the normal law."""
     guess = [0.5, 0.4, 1.0]

@@ -57,7 +57,7 @@ def oscillator_loop(log, **settings):
     return FixedStepLoop(np.array([0.3, -1.0]), phases, **(defaults | settings))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_an_hour_has_the_exact_number_of_steps_and_pictures():
     loop = FixedStepLoop(0, Phases(integrate=counting), max_frame=None)
     done = loop.advance(3600)

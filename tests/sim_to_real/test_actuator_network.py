@@ -67,7 +67,7 @@ def test_the_error_is_the_root_of_the_mean_square_of_each_run() -> None:
     np.testing.assert_allclose(an.torque_error(still, run), [1.0, 2.0])
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_network_wins_as_recorded_and_gets_worse_off_the_recording() -> None:
     rows = [an.compare(seed, 12, 1500) for seed in range(3)]
 

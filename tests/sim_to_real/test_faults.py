@@ -43,6 +43,7 @@ def interaction(rates, *pair):
     return faults.lost(rates, number(*pair)) - faults.added(rates, number(*pair))
 
 
+@pytest.mark.prove
 def test_all_combinations_are_those_of_the_chapter(experiment):
     for size in range(6):
         for some in itertools.combinations(faults.FAULTS, size):

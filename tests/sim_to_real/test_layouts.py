@@ -22,6 +22,7 @@ def test_layouts_hold_the_same_numbers_in_other_places():
         layouts.blocks(arms, 7)
 
 
+@pytest.mark.prove
 def test_a_step_is_the_same_in_all_layouts_and_in_mujoco():
     between, theirs = layouts.disagreement(256)
     assert between < 1e-14 and theirs < 1e-13

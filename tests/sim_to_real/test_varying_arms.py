@@ -169,7 +169,7 @@ def test_the_student_drives_every_round_but_the_first(monkeypatch: pytest.Monkey
     assert drivers == [(True, False), (False, True), (False, True)]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_every_gain_set_is_bounded_by_the_best_in_hindsight_and_memory_is_not() -> None:
     means: dict[str, list[float]] = {}
     for seed in range(3):

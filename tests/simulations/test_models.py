@@ -44,7 +44,11 @@ def assert_sound(experiment):
 
 
 # Models of which each start replays: the long tier tries all of their controls.
-EXPENSIVE = ("The whole pipeline: see, plan, control, move",)
+EXPENSIVE = (
+    "The whole pipeline: see, plan, control, move",
+    "Faults that can be combined",
+    "A table under a depth camera",
+)
 
 
 def test_the_expensive_models_are_there():

@@ -87,9 +87,9 @@ def test_a_recorded_simulation_has_no_module() -> None:
     assert retained == {wasm.file_of(name) for name in LIVE}
 
 
-# They count thousands of reaches at each start, which takes minutes in this host, and a blink in a
-# browser.
-MINUTES = {"sim_to_real.arms", "sim_to_real.faults"}
+# They count thousands of reaches, render depth images or draw whole curves at each start: many
+# seconds in this host, and a blink in a browser.
+MINUTES = {"sim_to_real.arms", "sim_to_real.faults", "perception", "control.nyquist"}
 
 
 @pytest.mark.parametrize(

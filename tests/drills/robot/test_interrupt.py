@@ -170,7 +170,10 @@ def stop_at(place: Place, seconds: float, *arguments: str) -> tuple[str, float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("own", [False, True], ids=["known", "own"])
+@pytest.mark.parametrize(
+    "own",
+    [pytest.param(False, id="known", marks=pytest.mark.prove), pytest.param(True, id="own")],
+)
 def test_ctrl_c_at_any_moment_of_a_run(place: Place, own: bool) -> None:
     """At moments that are spread from the first import to the middle of the tasks."""
     place.work.mkdir()

@@ -36,6 +36,7 @@ def the_planner(place: Place) -> Path:
     return path
 
 
+@pytest.mark.prove
 def test_the_documented_planner_moves_the_robot(place: Place, planner: Path) -> None:
     data = place.json(
         "robot", "run", "--no-libraries", "--level", "5", "--tasks", "6", "--own", f"plan={planner}"

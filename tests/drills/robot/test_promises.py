@@ -68,6 +68,7 @@ def sample(count: int) -> tuple[int, int, list[str]]:
     return shown, right, missed
 
 
+@pytest.mark.prove
 def test_faults_are_named() -> None:
     shown, right, missed = sample(5)
     assert shown == 5 and right >= 4, missed

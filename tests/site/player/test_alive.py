@@ -202,7 +202,6 @@ SAMPLE = {
     "rigid_body.spring",
     "contact.friction_cone",
     "learning.clipped_objective",
-    "interview",
     "learning.gae_weights",
     "pipeline",
 }

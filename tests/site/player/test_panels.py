@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from course.simulations import declaration as told
-from tests.budget import PROVE
+from tests.budget import PROVE, sampled
 from tests.conftest import chromium
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -127,7 +127,7 @@ STRUCK = """() => {
 }"""
 
 
-@pytest.mark.parametrize("name", told.names())
+@pytest.mark.parametrize("name", sampled(told.names(), 4))
 def test_words_are_whole_and_free_of_legends(browser: Any, tmp_path: Path, name: str) -> None:
     page = opened(browser, tmp_path, name, 1280, before=DRAWN)
     # The widest and the narrowest; those between them in the long tier.
