@@ -197,7 +197,8 @@ def checkpoint(topic: str, **answers: str) -> Gate:
         The questions with what is right and what is not; the gate opens when all are right.
 
     Raises:
-        ValueError: for a topic without a checkpoint, or a name that is not in it.
+        ValueError: for a topic without a checkpoint, a name that is not in it, or an answer that is
+            no text.
     """
     from course.derivations import answer, formula
 
@@ -205,6 +206,8 @@ def checkpoint(topic: str, **answers: str) -> Gate:
     for name in answers:
         if name not in desired:
             raise invalid("answers", name, f"one of {', '.join(desired)}")
+        if not isinstance(answers[name], str):
+            raise invalid(name, answers[name], "a formula as text")
     lines, plain, right = [], [], 0
     for name in desired:
         text = answers.get(name, "").strip()

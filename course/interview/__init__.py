@@ -5,6 +5,17 @@ two lines of `+++`, then a part `## In a minute` and a part `## In full`. Number
 field such as `{claim.figure:.3g}` is filled when it is shown (`course.interview.fields`), so the
 answer moves with the measurement.
 
+The chapter's algorithms, and the functions of their steps:
+
+- Score intervals of a success rate (Wilson, 1927): `estimates.wilson_low`, `wilson_high`; the
+  trials that a width, a gate or a comparison takes are `trials_for_width`, `trials_for_gate` and
+  `trials_each`.
+- Diagnosis by elimination: `scenarios.ruled_out` compares a probe with the range of each cause,
+  `evidence` goes through the probes, `model_path` chooses them greedily.
+- Metamorphic tests (Chen, Cheung and Yiu, 1998): `invariants.shift_error`, `mirror_error`,
+  `turn_error` and the others need no right answer.
+- Convergence as a test (Roache, 1998): `invariants.refined_ratio`.
+
 Examples:
     >>> from course import interview
     >>> len(interview.questions("contact")) >= 12

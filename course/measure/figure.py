@@ -144,6 +144,12 @@ KEYS: dict[str, tuple[str, str]] = {
     "saturated LQR": (LIME, "d"),
     "MPC": (BROWN, "h"),
     "MPPI": (WINE, "p"),
+    "cascade": (VERMILION, "s"),
+    "cascade + feed-forward": (PURPLE, "X"),
+    "observer": (GREEN, "D"),
+    "observer with delay": (PINK, "v"),
+    "predictor": (SKY, "^"),
+    "predictor, half the delay": (AMBER, "P"),
     # kinematics
     "forward": (BLUE, "o"),
     "central": (VERMILION, "s"),

@@ -34,7 +34,13 @@ from course.planning import World
 from course.planning.worlds import DISC, LAST_SIDE
 
 Array = NDArray[np.float64]
-PLANNERS = {"rrt": "RRT", "rrt_connect": "RRTConnect", "rrt_star": "RRTstar"}
+PLANNERS = {
+    "rrt": "RRT",
+    "rrt_connect": "RRTConnect",
+    "rrt_star": "RRTstar",
+    "informed_rrt_star": "InformedRRTstar",
+    "bit_star": "BITstar",
+}
 # A test of ours on states of OMPL, which are read by index.
 StateTest = Callable[[Any], bool]
 EdgeTest = Callable[[Any, Any], bool]
@@ -162,9 +168,10 @@ def solve(
         start: free state, shape (n,).
         goal: free state, shape (n,).
         method: a key of `PLANNERS`. RRT* takes its neighbours by radius, as ours, and uses the
-            whole budget; RRT joins the goal by a checked edge of at most a step.
+            whole budget, as do Informed RRT* and BIT* (Gammell, Srinivasa and Barfoot, 2015), both
+            with OMPL's settings; RRT joins the goal by a checked edge of at most a step.
         step: the longest edge, OMPL's `range`.
-        max_samples: how many targets to draw at most.
+        max_samples: how many targets to draw at most; of BIT* how many edges of its queue to take.
         seed: of OMPL's random numbers, positive.
         state: whether a state is free; without it all are, and OMPL calls no Python for it.
         edge: whether an edge is; without it OMPL tries states along it.
@@ -257,8 +264,9 @@ def solve(
         region.setState(aim)
     problem.setGoal(region)
     planner = getattr(geometric, PLANNERS[method])(information)
-    planner.setRange(float(step))
-    if method != "rrt_connect":
+    if method != "bit_star":  # BIT* joins all samples of a batch within a radius, at any length
+        planner.setRange(float(step))
+    if method not in ("rrt_connect", "bit_star"):
         planner.setGoalBias(float(goal_bias))
     if method == "rrt_star":
         # Neighbours within a shrinking radius, as in our RRT*.
@@ -488,7 +496,7 @@ def rrt(
         discs: obstacles, rows (x, y, radius), shape (n, 3) [m]; touching one is a collision.
         bounds: the world, rows (xmin, ymin) and (xmax, ymax), shape (2, 2) [m].
         step: the longest edge, OMPL's `range` [m].
-        max_samples: how many targets to draw at most.
+        max_samples: how many targets to draw at most; of BIT* how many edges of its queue to take.
         seed: of OMPL's random numbers, positive.
         goal_bias: probability that a target is the goal.
         exact: check edges exactly, in pure Python, or by OMPL's points along the edge.

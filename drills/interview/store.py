@@ -76,7 +76,7 @@ def rate(
     """
     import fsrs
 
-    if isinstance(rating, bool) or rating not in RATINGS:
+    if type(rating) is not int or rating not in RATINGS:
         raise invalid("rating", rating, ", ".join(f"{n} ({word})" for n, word in RATINGS.items()))
     if now.tzinfo is None:
         raise invalid("now", now.isoformat(), "a time with its zone")

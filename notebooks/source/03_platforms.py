@@ -1344,6 +1344,38 @@ world.close()
 # its solver starts (the **warm start**). In MuJoCo this changes the last digits only, and the run repeats once the
 # warm start is written back, too. Test your own scene, and reset it in the middle of a contact.
 #
+# ### A joint limit and a mimic joint
+#
+# A `<limit>` says where a joint ends, but not how stiff the stop is. A `<mimic>` makes one joint copy another, as in
+# many grippers. All engines got the same files: a rod falls on its limit; two rods swing, and the second joint should
+# copy the first times two.
+#
+# ![Angle beyond a limit, and error of a mimic joint, in four engines](../docs/charts/platform_joints.png)
+
+# %%
+print_figures("platform_joints", "limit, own", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
+
+# %% [markdown]
+# MuJoCo's limits and copies are soft springs, and the course's own code has none. PyBullet's reader drops the copy
+# without a message. So after loading a file, drive each joint into its stops, and check each copy.
+#
+# <details><summary>What each engine does, and the cures</summary>
+#
+# Upper row: Drake's joint stops at the limit (overshoots below 0.1 mrad are drawn at 0.1 mrad). In MuJoCo the rod
+# passes it by about $v\,T/e$ at any step. Here $v$ is its speed at the impact and $T$ the time constant in
+# `solreflimit`, by default 20 ms (line *theory*). PyBullet notices the limit up to one step late, so half the step is
+# about half the overshoot; correcting the overshoot throws the rod back.
+#
+# Lower row: with an exact copy, the error is proportional to the step. In MuJoCo smaller steps don't help; a smaller
+# time constant (*stiffer*, 5 ms) does. In PyBullet the joint swings freely. The cure is `createConstraint` with
+# `JOINT_GEAR`.
+#
+# </details>
+
+# %%
+more_claims("limit_is_a_wall")
+
+# %% [markdown]
 # ### Models that can't exist
 #
 # A negative mass, a mass of NaN, a joint axis of length zero, a lower limit above the upper one: such files exist,
@@ -1355,9 +1387,13 @@ world.close()
 # that it swallowed or that made it crash. Repaired files are not drawn. (The claim below counts repaired files as
 # swallowed.)
 #
-# Among the names in the fold-out, *triangle* means moments of inertia that no body can have (one exceeds
+# <details><summary>The names of the faults</summary>
+#
+# *Triangle* means moments of inertia that no body can have (one exceeds
 # the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue, *short origin* and *comma*
 # broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint that copies another one.
+#
+# </details>
 #
 # ![Faulty models and features, by reader: rejected or swallowed](../docs/charts/platform_readers.png)
 

@@ -189,9 +189,8 @@ show("error_derivative_kick")
 
 # %% [markdown]
 # The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
-# switch to the derivative of the measurement. The spike is gone. Stability does not change, because for a constant
-# set-point both derivatives are the same. So differentiate the measurement if the set-point can jump. On a planned
-# motion use $\dot q_d - \dot q$, as section 2 does.
+# switch to the derivative of the measurement. The spike is gone, and stability does not change. So differentiate the
+# measurement if the set-point can jump. On a planned motion use $\dot q_d - \dot q$, as section 2 does.
 #
 # <details><summary>A continuous joint: wrap the error</summary>
 #
@@ -233,11 +232,11 @@ predict("jammed")
 # limit. But this range does not know whether the motor is at its limit. A range that the sum never reaches changes
 # nothing, and one that is narrower than the load leaves an error for ever.
 #
-# The chart shows another case: a jam of 2 s, a set-point of 0.25 rad, and a constant load. Right:
-# without anti-windup (orange) the command stays at the upper limit after the jam has ended and the joint has passed the
-# set-point. With conditional integration (blue) it leaves the limit at once. The joint still passes the set-point, by
-# two thirds of the step: during the jam the I term grew until the command reached the limit. Lines: exact solution;
-# dots: MuJoCo:
+# The chart shows another case: a jam of 2 s, a set-point of 0.25 rad, and a constant load on a joint with a tenth of
+# the inertia. Right: without anti-windup (orange) the command stays at the upper limit after the jam has ended and the
+# joint has passed the set-point. With conditional integration (blue) it leaves the limit at once. The joint still
+# passes the set-point, by two thirds of the step: during the jam the I term grew until the command reached the limit.
+# Lines: exact solution; dots: MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -307,7 +306,7 @@ predict("more_p")
 # of these values is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the matrix,
 # which is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So without
 # friction, P alone is unstable at any gain. With a delay, the vector also contains the commands that were computed but
-# have not reached the motor. The matrix becomes larger; the method is the same.
+# have not reached the motor. The method is the same.
 
 # %%
 show("hold_is_half_a_sample")
@@ -483,10 +482,10 @@ predict("faster_loop")
 
 # %% [markdown]
 # An estimator that sees only angles trades noise for lag. A plain difference has the least lag and the most noise. A
-# low-pass filter averages the difference over about its time constant. A **tracking observer**
-# predicts angle and rate one sample ahead, and corrects both with the error of the predicted angle. Under constant
-# acceleration the filtered rate is late by the filter's time constant plus the half sample of the difference. An
-# observer whose errors decay with that time constant is late by about two time constants.
+# low-pass filter averages the difference over about its time constant. A **tracking observer** predicts angle and rate
+# one sample ahead, and corrects both with the error of the predicted angle. Under constant acceleration the filtered
+# rate is late by the filter's time constant plus the half sample of the difference. An observer with the same time
+# constant is about twice as late, because it filters both the angle and the rate.
 #
 # The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
 # noise than the filter (orange):
@@ -531,8 +530,8 @@ plt.show()
 # falls over by itself, like an upright pendulum. In the map, the motor has half of the torque that holds the pendulum
 # horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$, and a decaying
 # one. The controller commands a high gain times the growing part. Purple states are caught, orange ones are lost. (The
-# numbers of the colour bar mean nothing.) From a state on the border, full torque all the time only just suffices. So
-# no other gains catch more:
+# numbers of the colour bar mean nothing.) On the border, even constant full torque only just keeps the pendulum from
+# falling. So no controller catches more:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -857,8 +856,8 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 #
 # $$J\int \ddot w\,q\,dt - b\int \dot w\,q\,dt = \int w\,\tau\,dt .$$
 #
-# Only the measured angle appears, not its derivatives. (Coulomb friction also needs the sign of the velocity. Noise
-# changes this sign only near standstill.) Each window gives one linear equation for $J$ and $b$, and least squares over
+# Only the measured angle appears, not its derivatives. (Coulomb friction needs the sign of the velocity as well, which
+# noise changes only near standstill.) Each window gives one linear equation for $J$ and $b$, and least squares over
 # many windows gives both:
 
 # %% tags=["hide-code"]
@@ -1068,9 +1067,9 @@ more_claims("samples_find_the_plan")
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
-# You choose the mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. Mind the sign: $F$ is the
-# *external* force with which somebody moves the arm along $x(t)$. The force that the controller commands points the
-# other way. If $M$ is the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
+# You choose the mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. $F$ is the *external* force
+# with which somebody moves the arm along $x(t)$. The force that the controller commands points the other way. If $M$ is
+# the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
 
 
 # %% tags=["hide-code"]
@@ -1169,9 +1168,9 @@ show("damping_is_safe")
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, look at the green curve. It is MuJoCo's contact with its default softness: a fixed share $d$ of the
-# command turns into contact force at once. This contact allows a gain of about 1 at nearly every wall: too much at
-# stiff walls, too little at soft ones.
+# In the left chart, look at the green curve, MuJoCo's contact with its default softness. There a fixed share $d$ of the
+# command becomes contact force before anything has moved (section 7). This contact allows a gain of about 1 at nearly
+# every wall: too much at stiff walls, too little at soft ones.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1320,7 +1319,8 @@ Markdown("\n".join(lines))
 # %% [markdown]
 # Without a controller, $v\sqrt{m k_e}$ would give 20 N. The soft controller and the damping of the force controller
 # slow the hand down before it touches. The chart leaves out all damping. There the peak hardly changes while the
-# controller is softer than the wall. A stiffer one (last point of each curve) pushes the hand on into the wall.
+# controller is softer than the wall. A controller stiffer than the wall (last point of each curve) pushes the hand on
+# into it.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
@@ -1379,8 +1379,8 @@ predict("delay_predicted")
 # In the chart, all loops drive the joint with 10 ms of delay. Each curve ends at its fastest stable tuning. Left, the
 # feed-forward (90 % of the true torque) gains more than any feedback. Right, cascade and observer integrate the error
 # of a load away. The predictor reaches the fastest tunings, but at equal noise it rejects a load no better than PD.
-# Also drawn: a predictor that assumes half of the true delay, and (right) an observer that delays $u$ as the drive
-# does:
+# Also drawn are a predictor that assumes half of the true delay, and an observer that includes the delay in its model
+# (*observer with delay*):
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1471,9 +1471,8 @@ source(control.computed_torque, "half = 0.5")
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Back to the first simulation, here with the preset *Hunting*. The joint is integrated exactly, so the limits that you
-# see come from the control loop and not from an integrator. Now predict the outcome of four other presets before you
-# choose them:
+# Back to the first simulation, with the preset *Hunting*. The joint is integrated exactly, so the limits come from the
+# control loop. Now predict the outcome of four other presets before you choose them:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1501,8 +1500,9 @@ simulation("joint", "Hunting")
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
 # *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below: the error against
 # computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from these libraries. (LQR, MPC
-# and MPPI correct the deviation from the planned motion. MPC is drawn only below. Upper right, computed torque
-# coincides with half-sample preview, and the two triangles at the upper edge are runs of MPPI that are off the chart.)
+# and MPPI correct the deviation from the planned motion. The line at the foot names the curves that some panel omits.
+# Upper right, computed torque coincides with half-sample preview, and the two triangles at the upper edge are runs of
+# MPPI that are off the chart.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1522,13 +1522,12 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
-# about the same time. (The adaptive law is called from Python, the others are compiled, so its time says little about
-# the method.)
+# about the same time. (The adaptive law is called from Python, the others are compiled.)
 #
-# With the wrong model, computed torque is far behind PD with gravity compensation. But this compares gains, not
-# controllers: PD's gain at the elbow is seven times $M_{22}K_p$ of computed torque with the wrong model (with the right
-# one it is a little over twice). At equal stiffness computed torque errs more with the wrong model, by less than a
-# factor of two. With the right one it is ahead by a factor of more than a hundred:
+# With the wrong model, computed torque is far behind PD with gravity compensation. But the gains differ, too. At the
+# elbow, PD is seven times as stiff as computed torque, whose stiffness is $M_{22}K_p$. (With the right model it is a
+# little over twice as stiff.) At equal stiffness computed torque errs more with the wrong model, by less than a factor
+# of two. With the right one it is ahead by a factor of more than a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
@@ -1560,8 +1559,8 @@ predict("one_step_a_sample")
 
 # %% [markdown]
 # The picture shows one sample with a constant torque. The real joint accelerates gradually (grey), and the area under
-# the line is its displacement. With one step per sample, the simulated joint has the velocity of the sample's end from
-# its start (orange). It moves half a sample too early, and this cancels the delay of the hold. With ten steps (blue)
+# the line is its displacement. With one step per sample, the simulated joint moves with its final velocity during the
+# whole sample (orange). It moves half a sample too early, and this cancels the delay of the hold. With ten steps (blue)
 # nine tenths of the delay remain:
 
 # %% tags=["hide-code"]
@@ -1956,10 +1955,10 @@ your_robot(6)
 predict("taught_elsewhere")
 
 # %% [markdown]
-# The example starts from a wrong model, without payload and friction. It fits 200 random waves (sines of random
-# combinations of angles, rates and accelerations) to the torque that this model misses. Then it drives the motion again
-# with the improved controller, adds the new data, and repeats this for six rounds. For comparison, adaptive control
-# changes the seven physical parameters of the arm:
+# The example starts from a wrong model, without payload and friction. A weighted sum of 200 sines is fitted to the
+# torque that this model misses; each is the sine of a random combination of angles, rates and accelerations. The
+# example then drives the motion with the improved controller, adds the new data, and repeats this for six rounds. For
+# comparison, adaptive control changes the seven physical parameters of the arm:
 #
 # ![Learned and adapted, on the trained motion and on a larger one](../docs/charts/learned_beside_adaptive.png)
 

@@ -27,7 +27,7 @@ simulation("perception")
 # ## The pipeline in six stages
 #
 # A gripper needs a position and an orientation. A camera delivers a few hundred thousand numbers. Between them lie six
-# stages, and each of them can lose the part or move it. The list below shows the exercises of section 8.
+# stages, and each of them can lose the part or move it. The list below is a different one: the exercises of section 8.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -150,12 +150,13 @@ plt.show()
 # experiments. Orange points are avoidable mistakes; blue ones remain when you work carefully. The hollow point is
 # a height: parts much lower than this are lost with the table.*
 #
-# The noise of a single pixel is nearly as large as the tolerance,
-# but the pose is far more accurate, because it averages thousands of pixels. The two largest errors don't come
-# from the noise of the image. One is the age of the pose. The other comes from a camera whose position was computed
-# from only three points that the arm touched: small errors at these points grow with the distance.
+# The noise of a single pixel is nearly as large as the tolerance, but the pose is far more accurate, because it
+# averages thousands of pixels. The two largest errors don't come from the noise of the image. One is the age of the
+# pose. The other belongs to a camera that was calibrated with only three touched points: the small errors of these
+# points grow with the distance from them.
 #
-# The values come from different experiments, so they don't add up to a total.
+# The values come from different experiments, so they don't add up to a total. Those of the poses come from 20 images
+# each.
 #
 # A number in the text comes from the cell above it, or from a check that `python -m course.derivations 7` runs again.
 # All images are computed, so the true poses are known.
@@ -308,10 +309,10 @@ print(f"{what}, and nobody told the program: the box moves by {shift} mm")
 # *A straight grid as three lenses show it. The middle one is the pinhole of this chapter. The printed line is an
 # experiment with a lens that is a fifth of a pixel off at the corners.*
 #
-# Undo the distortion before everything else. Most drivers deliver a **rectified** image, in which this has already
-# been done, and publish intrinsics that belong to the rectified image. Mixing the raw image with the rectified
-# intrinsics is a classic mistake; its error grows towards the corners. And don't interpolate
-# a *depth* image on the way, because that mixes two surfaces at every edge. Undistort its rays instead.
+# Undo the distortion before everything else. Most drivers deliver a **rectified** image, in which this has already been
+# done, and publish intrinsics that belong to the rectified image. Mixing the raw image with the rectified intrinsics is
+# a classic mistake; its error grows towards the corners. And don't interpolate a *depth* image on the way, because that
+# mixes two surfaces at every edge. Keep its values, and correct the viewing direction of each pixel instead.
 #
 # ### Noise: the square of the distance
 #
@@ -401,9 +402,8 @@ plt.show()
 # a matrix that holds the variances of all its numbers and how their errors are correlated. Noise that is independent
 # from pixel to pixel is called **white noise**. Then the variance of a mean of $N$ pixels falls as $1/N$.
 #
-# But are the pixels of a depth image independent? A stereo camera compares *windows* of several pixels, and the
-# windows of two neighbours overlap almost completely. Both therefore make nearly the same error: they have **shared
-# noise**.
+# But a stereo camera compares *windows* of several pixels, and the windows of two neighbours overlap almost completely.
+# Both therefore make nearly the same error: they have **shared noise**.
 
 # %%
 show("pixels_are_independent")
@@ -517,8 +517,8 @@ plt.show()
 # one mean is left of each. The slanted points at the right of the box are its side.*
 #
 # The principal point deserves attention. If pixel centres have integer coordinates, the middle of $W$ columns is
-# $(W-1)/2$ and not $W/2$. The difference of half a pixel moves each point sideways in proportion to its depth. The
-# whole scene shifts together, so no test inside the pipeline notices. The pipeline figure shows what it costs.
+# $(W-1)/2$ and not $W/2$. The difference of half a pixel moves each point sideways in proportion to its depth. All
+# points move almost alike, so no test inside the pipeline notices. The pipeline figure shows what it costs.
 #
 # ### The table: RANSAC
 #
@@ -590,10 +590,10 @@ show("inverse_depth_is_better")
 # ![Angle of the table against time, and its offset against the noise](../docs/charts/plane_precision.png)
 #
 # *This chart uses a better camera than the card: 320 x 240 pixels and a baseline of 75 mm, so its offsets are smaller.
-# Left: error of the plane's angle against computing time. On the two RANSAC curves, each point uses more samples than
-# the one before it, which hardly helps after the second. On the other two, each point uses more pixels. Right:
-# systematic offset of the plane against the noise. The fit of $1/z$ has none; the fit to the points (by a singular
-# value decomposition, SVD) has one.*
+# Left: error of the plane's angle against computing time. Follow each curve from its largest error: RANSAC uses more
+# samples, which hardly helps after the second point; the other two use more pixels. Small differences of time are
+# scatter. Right: systematic offset of the plane against the noise. The fit of $1/z$ has none; the fit to the points (by
+# a singular value decomposition, SVD) has one.*
 #
 # One question remains: is the largest plane the table? It may be the lid of a large box. Three tests cost nothing. Is
 # the plane where the calibration puts the table? Does its normal point up? Are the other points above it?
@@ -647,7 +647,7 @@ print(f"pixels: clusters of {counts[counts >= 40]}, {counts[counts < 40].sum()} 
 # %% [markdown]
 # *The same image, clustered in two ways. Colours are clusters, black is noise.*
 #
-# The printed counts show how many points each stage passes on. Section 7 finds lost parts with them.
+# Section 7 finds lost parts with the printed counts.
 
 # %%
 more_claims(
@@ -759,8 +759,8 @@ more_claims("icp_comes_home", "own_points_come_home", "picture_to_picture")
 # J}{\sigma^2}, \qquad \text{covariance} = \text{information}^{-1} .$$
 #
 # **A worked example.** A hundred points on one flat face, each with 1 mm of independent noise, determine the position
-# along the normal to $1/\sqrt{100}$, which is 0.1 mm. About a shift *along* the face they say nothing at all: that
-# entry of every row is zero.
+# of their centroid along the normal to $1/\sqrt{100}$, which is 0.1 mm. About a shift *along* the face they say nothing
+# at all: that entry of every row is zero.
 #
 # The information matrix is also called the **normal matrix**, because it is the matrix of the normal equations that
 # each step of ICP solves. A direction without information is **unobserved**. The matrix then has a zero eigenvalue
@@ -776,7 +776,7 @@ show("what_is_not_seen")
 # Many programs add a small number to the diagonal so that the matrix can be inverted. This produces a finite variance
 # for something that was never measured. The honest answer is infinity, together with the name of the direction.
 #
-# And are the *finite* variances honest? Divide the squared error by the predicted variance, over many images. The mean
+# Are the *finite* variances honest? Divide the squared error by the predicted variance, over many images. The mean
 # should be one. Near an edge, a noisy point may be closest to a face that the camera cannot even see. ICP then
 # believes that it has measured this face.
 
@@ -788,7 +788,7 @@ show("normal_matrix_is_covariance")
 #
 # *Left: squared error divided by predicted variance, for 150 images of each view (the card used fewer, so its numbers
 # differ a little). Right: the spread of the pose, divided by its spread with independent pixels, against the width of
-# the matching window.*
+# the matching window. The band covers the six directions; the thin line is the width itself.*
 
 # %%
 print_figures("pose_covariance", "closest", "along", "window 7")
@@ -806,11 +806,11 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 # The **outline** is the set of border pixels where the part hides something farther away. The true edge lies between
 # the centres of such a pixel and the next one outside, at most half a pixel from the point midway. The distance from
 # this point to the model's contour is one more residual, with a row $(n^\mathsf{T}, (q \times n)^\mathsf{T})$ as above.
-# Here $q$ is the point of the part at the contour. The vector $n$ points across the contour, perpendicular to the ray.
-# It turns metres into pixels: its length is $f/z$ in the middle of the image and somewhat more towards the border.
-# These rows determine $x$, $y$ and the turn.
+# Here $q$ is the point of the part at the contour. Here $n$ is not a unit vector. It points across the contour,
+# perpendicular to the ray, and converts metres to pixels, so its length is about $f/z$. These rows determine $x$, $y$
+# and the turn.
 #
-# One caution: where something nearer covers the part, the border belongs to *that* object and must not be used.
+# Where something nearer covers the part, the border belongs to *that* object and must not be used.
 
 # %%
 more_claims("outline_tells", "spread_of_symmetric_poses")
@@ -931,8 +931,8 @@ more_claims("a_residual_tells")
 # The arm needs the pose in its base frame, so you need the camera's own pose in the base: its **extrinsics**.
 #
 # **A fixed camera.** Touch several points with the arm and measure the same points with the camera. That is a rigid fit
-# with known pairs. Its residual says little about its quality: of the nine coordinates of three points, the fit uses up
-# six for the camera's pose. Only the three distances between the points can still disagree. The error at the part
+# with known pairs. Its residual says little about its quality: the camera's pose uses up six of the nine coordinates of
+# three points. What remains are the three distances between the points, which no pose can change. The error at the part
 # depends on how many points there are and how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm from one pose to another
@@ -1005,8 +1005,9 @@ more_claims("motions_calibrate_any_arm")
 #
 # ![Averages of a part that moves, and prediction over an age](../docs/charts/tracking.png)
 #
-# *Left: error of the mean of the last images, against their number, for a part at rest and for moving ones. Right:
-# error against the age of the pose, for parts that move at about 150 mm/s (root mean square).*
+# *Each coordinate of a pose has 1 mm of noise here. (The pipeline figure has 0.2 mm, and a filter that allows for
+# faster changes.) Left: error of the mean of the last images, against their number, for a part at rest and for moving
+# ones. Right: error against the age of the pose, for parts that move at about 150 mm/s (root mean square).*
 
 # %%
 print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
@@ -1023,9 +1024,9 @@ more_claims("averaging_pictures_helps")
 # %% [markdown]
 # The same filter estimates a robot's own motion. A one-legged hopping robot has an accelerometer with a constant error,
 # a **bias**, and a leg encoder, which measures the height while the foot touches the ground. If the contact sensor
-# reports lift-off too late, the filter takes the leg's length for the height while the robot flies. The chart compares
-# four rules for using the leg's length. *Flag*: the contact sensor reports contact. *Load*: the accelerometer shows
-# that the leg pushes. *Gate*: the innovation is possible.
+# reports lift-off too late, the filter takes the leg's length for the height while the robot flies. The chart combines
+# three tests into four rules for using the leg's length. *Flag*: the contact sensor reports contact. *Load*: the
+# accelerometer shows that the leg pushes. *Gate*: the innovation is possible.
 #
 # ![Height error of four contact rules beside the Cramér-Rao bound](../docs/charts/hopper_errors.png)
 #
@@ -1180,16 +1181,16 @@ table_of(*answers)
 predict("keeps_up")
 
 # %% [markdown]
-# Two numbers are easily confused. **Throughput** is how many images per second the pipeline processes: one over the
+# **Throughput** is how many images per second the pipeline processes: one over the
 # slowest stage, if the stages overlap. **Latency** is how old an answer is: the sum of all stages, plus exposure and
 # transport. Workers that take whole images in turn raise the throughput and leave the latency of an image as it is.
 # Only workers that share one image, such as one for each cluster, shorten it.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds $3\sigma$ of the position, and how far a turn of
-# $3\sigma$ moves the part at the edge of a finger. The covariance contains no systematic error, so a bound for the
-# calibration is added, here the shift by half a pixel (section 2). It contains no shared noise either (see the
-# docstring). The result is True if the pose is *found* and the sum is smaller than the gap between finger and part.
+# **`closes`**, decides whether the gripper may close. It adds up $3\sigma$ of the position and the shift that a turn of
+# $3\sigma$ causes at the edge of a finger. The covariance contains no systematic error, so a bound for the calibration
+# is added, here the shift by half a pixel (section 2). It contains no shared noise either (see the docstring). The
+# result is True if the pose is *found* and the sum is smaller than the gap between finger and part.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1236,7 +1237,7 @@ print(f"after the image   {whole:.0f} ms; the gripper may close: {closes(one)}")
 
 # %% [markdown]
 # *Nearly all of the time goes into the poses: several starts for each cluster, whether it is the part or not. The image
-# is simulated here, so its time is not shown.*
+# is simulated here, so its time is not shown. The table is fitted to one point in 37.*
 #
 # With a narrower gap, `closes` would return False for the same *found* pose. Whether 2 mm are good enough depends on
 # the gripper (section 8).
@@ -1335,11 +1336,11 @@ Markdown(
 #
 # <details><summary>Answers</summary>
 #
-# 1. A plane tolerance of 8 mm, about three standard deviations here. Parts that are clearly lower are lost.
-# 2. No: parts that touch are one cluster at any eps. The position along the block is uncertain.
-# 3. Nothing unusual. The warning comes from the border of the image and from the unobserved shift.
-# 4. No. The predicted error stays below 0.1 mm while the pose is about 8 mm off. Both *errors* and *plane is off* show
-#    it, but they compare with the truth, which a robot doesn't have.
+# 1. A plane tolerance of 8 mm, about three standard deviations here. Parts that are clearly lower are lost. 2. No:
+# parts that touch are one cluster at any eps at which they are clusters at all. The position along the block is
+# uncertain. 3. Nothing unusual. The warning comes from the border of the image and from the unobserved shift. 4. No.
+# The predicted error stays below 0.1 mm while the pose is about 8 mm off. Both *errors* and *plane is off* show it, but
+# they compare with the truth, which a robot doesn't have.
 #
 # </details>
 
@@ -1399,10 +1400,10 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 # *Points: voxel sizes of Open3D, or 1 and 4 starts of `locate`, which also turns the best start. Percentages: poses
 # within 2 mm and 2 degrees.*
 #
-# Flat faces have the same feature everywhere, so few pairs are right. `locate` uses what it knows: the table, the
-# part's shape and that the part stands (not in the panel *held anyhow*). The features do without all of these.
-# TEASER++ (Yang, Shi and Carlone, TEASER: fast and certifiable point cloud registration, 2021) tolerates far more
-# wrong pairs, and returns a bound for how far its result is from the best one. It was not measured here.
+# Flat faces have the same feature everywhere, so few pairs are right. `locate` knows the table, the part's shape and,
+# except in the panel *held anyhow*, that the part stands. The features do without all of these. TEASER++ (Yang, Shi and
+# Carlone, TEASER: fast and certifiable point cloud registration, 2021) tolerates far more wrong pairs, and returns a
+# bound for how far its result is from the best one. It was not measured here.
 #
 # **What to choose.** Take the fastest method whose error stays below the gripper's tolerance, and test its answer with
 # see-through. For errors of a tenth of the tolerance, fitting the shape on a grid of a few millimetres is fastest. With
@@ -1510,9 +1511,8 @@ figures(
 # as *found*, because the program finds the table in the same wrong image. With a known table it refutes the wrong
 # scale, and a tilt that moves the table under the part.
 #
-# A median hides wrong poses: of the cut-off parts in section 3, half. None
-# of the ten here is reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and
-# one is *refuted*.
+# A median hides wrong poses: half of the cut-off poses in section 3 were wrong. None of the ten here is reported as
+# *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
 #
 # ### Debugging
 #
@@ -1744,9 +1744,9 @@ your_robot(7)
 # tolerance is among its tests</td></tr>
 # </table>
 #
-# None of these is measured here. What runs here is small: a network that looks at a patch of heights and estimates
-# how an L-shaped part is turned. It was trained on a few thousand computed images. Its answer is used as the start of
-# ICP, in place of several starts.
+# None of these is measured here. What runs here is small: a network that looks at a patch of heights and estimates how
+# an L-shaped part, with legs of different length, is turned. It was trained on a few thousand computed images. Its
+# answer is used as the start of ICP, in place of several starts.
 
 # %% tags=["hide-code"]
 print(f"weights         {yaw_net.WEIGHTS:,}")

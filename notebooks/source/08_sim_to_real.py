@@ -58,8 +58,8 @@ simulation("arms")
 # %% [markdown]
 # The left arm is the simulator that the gains were tuned for. The right arm is the "real" one. It is simulated too, so
 # that we know its true parameters. The slider *gap* sets how much the two differ: at gap 1 the real arm has the
-# differences written in the first picture, at gap 0 none of them. The delay of the command has its own slider. The
-# simulation starts at gap 0.3 with 10 ms of delay.
+# differences written in the first picture, at gap 0 none of them. The delay of the command has its own slider. *DR
+# Range* says how different the arms were on which the gains were tuned (section 3).
 #
 # <details><summary>What the buttons and the numbers mean</summary>
 #
@@ -1628,10 +1628,9 @@ for attempt in (
 # %% [markdown]
 # ### The simulation, with everything you now know
 #
-# The left arm is the simulator that the gains were tuned for. The right arm is the real one, with the simulated motion
-# overlaid as a ghost. Whenever you change something, both success rates are computed again on the same tasks. The
-# slider for the randomisation range acts only when *Tuned on* is set to a range. Say what will happen before you choose
-# a preset:
+# The right arm is the real one, with the simulated motion overlaid as a ghost. Whenever you change something, both
+# success rates are computed again on the same tasks. In the preset *No range*, *DR Range* does nothing. Say what will
+# happen before you choose a preset:
 #
 # 1. *Gap and range*: what does randomisation cost on the left?
 # 2. *Delay beyond the margin*: does the arm fail at the delay margin of the linear loop?

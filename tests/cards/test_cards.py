@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from typing import cast
 
 import pytest
 
@@ -282,6 +283,8 @@ def test_the_checkpoint_opens_when_all_is_right():
         closed = cards.checkpoint("rigid_body", **(right | {name: "omega"}))
         assert "gate closed" in repr(closed) and f"{len(right) - 1} of {len(right)}" in repr(closed)
         assert "not right" in repr(closed) and "**Not right.**" in closed.markdown  # not "open"
+        with pytest.raises(ValueError, match=f"{name} must be a formula as text, got 3"):
+            cards.checkpoint("rigid_body", **{name: cast(str, 3)})
     blank = cards.checkpoint("rigid_body")
     assert f"0 of {len(right)} right" in repr(blank)
     for name, expression in right.items():

@@ -263,7 +263,7 @@ def test_a_clock_that_ran_backwards_holds_no_card_back() -> None:
     assert [one["rating"] for one in reviews.log] == [4, 3]
 
 
-@pytest.mark.parametrize("rating", [0, 5, True, "3", None])
+@pytest.mark.parametrize("rating", [0, 5, True, 2.0, "3", None])
 def test_an_unknown_rating_is_refused_and_nothing_changes(rating: int, tmp_path: Path) -> None:
     path = tmp_path / "reviews.json"
     store.rate(path, ONE, 3, NOON)

@@ -42,7 +42,7 @@ def gains(kind, gap=0.0, width=0.0, delay=0.01):
 
 
 def test_both_rates_are_those_of_the_chapter_and_their_bands_hold_on_other_tasks():
-    home, real, report = outcome("Gap")
+    home, real, report = outcome("No range")
     posed, record = counted_tasks(), chapter.recorded()["range"][0, 0]
     assert home == chapter.rollouts(chapter.nominal(), record, posed).rate == 1.0
     assert real == chapter.rollouts(chapter.real(0.3, 0.01), record, posed).rate
@@ -72,10 +72,19 @@ def test_the_arms_and_the_costliest_part_are_those_of_the_chapter(preset):
     assert report[arms.COSTS] == costs.max() and report[arms.PART] == np.argmax(costs)
 
 
+def test_every_slider_acts_in_the_opening_preset():
+    """Pull the gap up and successes are lost; pull the range up and part of them comes back."""
+    start = outcome("Gap")[1]
+    assert outcome("Gap", width=0.0)[1] < start < outcome("Gap", width=1.0)[1]
+    assert outcome("Gap", gap=1.0)[1] < start - 0.2
+    assert outcome("Gap", delay=30.0)[1] < start - 0.2
+    assert outcome("Gap", width=0.0)[1] == outcome("No range", width=1.0)[1]
+
+
 def test_a_gap_costs_and_a_range_brings_part_of_it_back():
     assert outcome("No gap")[:2] == (1.0, 1.0)
     home, real, _ = outcome("Gap and range")
-    assert home == 1.0 and real > outcome("Gap")[1] > outcome("Gap", gap=1.0)[1]
+    assert home == 1.0 and real > outcome("No range")[1] > outcome("No range", gap=1.0)[1]
     empty, some, wide = (gains(arms.RANGE, width=w) for w in (0.0, 0.4, 1.0))
     assert better(empty, some, chapter.real(0.3, 0.01)) > 0.0
     far = chapter.real(1.0, 0.01)
@@ -128,7 +137,7 @@ def test_the_target_is_dragged_and_the_ghost_is_the_simulated_arm():
         end = plants.tip(now.state["q"][:, :, -1].T)  # columns: simulated and real
         assert np.hypot(*(end[:, 0] - [-0.5, 0.0])) < plants.RADIUS
     posed = chapter.Tasks(np.reshape(arms.START, (2, 1)), np.array([[-0.5], [0.0]]), arms.SEED)
-    run = chapter.watch(chapter.nominal(), gains(arms.NOMINAL), posed)
+    run = chapter.watch(chapter.nominal(), gains(arms.RANGE, width=0.2), posed)
     np.testing.assert_allclose(now.state["q"][arms.SIMULATED], run.q[:, 0], rtol=0, atol=1e-12)
     panel = simulation("arms", "No gap")
     assert "success, real: 100 % (99-100)" in repr(panel)

@@ -133,18 +133,31 @@ def loop_structures(points: int = 22) -> Iterator[Panel]:
             "torque; each curve ends at the fastest stable tuning"
         ],
     )
-    for label, law, held_back, model in (
-        ("PD", pd, derivative, 0.0),
-        ("cascade (PID)", cascade, weights, 0.0),
-        ("cascade + feed-forward", cascade, no_spread, LIGHT),
-        ("observer + feed-forward", observer(LATE), no_spread, LIGHT),
-        ("predictor + feed-forward", predictor(LATE), no_spread, LIGHT),
-        ("predictor, half the delay", predictor(LATE // 2), no_spread, LIGHT),
+    for label, key, law, held_back, model in (
+        ("PD", "PD", pd, derivative, 0.0),
+        ("cascade (PID)", "cascade", cascade, weights, 0.0),
+        ("cascade + feed-forward", "cascade + feed-forward", cascade, no_spread, LIGHT),
+        (
+            "observer with delay + feed-forward",
+            "observer with delay",
+            observer(LATE),
+            no_spread,
+            LIGHT,
+        ),
+        ("predictor + feed-forward", "predictor", predictor(LATE), no_spread, LIGHT),
+        (
+            "predictor, half the delay, + feed-forward",
+            "predictor, half the delay",
+            predictor(LATE // 2),
+            no_spread,
+            LIGHT,
+        ),
     ):
         used = fastest(law, plant, speeds)
         noise = [NOISE * shapes.torque_noise(plant, law(p)) for p in used]
         errors = [tracking_error(law(p), held_back(p), model) for p in used]
-        panel.series.append(Series(label, noise, errors, note=_best(label, used, noise, errors)))
+        note = _best(label, used, noise, errors)
+        panel.series.append(Series(label, noise, errors, key, note=note))
     yield panel
 
     panel = Panel(
@@ -153,26 +166,27 @@ def loop_structures(points: int = 22) -> Iterator[Panel]:
         "RMS error in the second after 1 N m [rad]",
         scale="log",
     )
-    for label, law in (
-        ("PD", pd),
-        ("cascade (PID)", cascade),
-        ("PD + observer", observer()),
-        ("PD + observer, with delay", observer(LATE)),
-        ("predictor", predictor(LATE)),
-        ("predictor, half the delay", predictor(LATE // 2)),
+    for label, key, law in (
+        ("PD", "PD", pd),
+        ("cascade (PID)", "cascade", cascade),
+        ("observer", "observer", observer()),
+        ("observer with delay", "observer with delay", observer(LATE)),
+        ("predictor", "predictor", predictor(LATE)),
+        ("predictor, half the delay", "predictor, half the delay", predictor(LATE // 2)),
     ):
         used = fastest(law, plant, speeds)
         noise = [NOISE * shapes.torque_noise(plant, law(p)) for p in used]
         runs = [shapes.respond(plant, law(p), 1.0, samples=1000).error for p in used]
         errors = [float(np.sqrt(np.mean(run**2))) for run in runs]
-        panel.series.append(Series(label, noise, errors, note=_best(label, used, noise, errors)))
+        note = _best(label, used, noise, errors)
+        panel.series.append(Series(label, noise, errors, key, note=note))
     yield panel
 
 
 def _best(label: str, speeds: Array, noise: list[float], errors: list[float]) -> str:
     k = int(np.argmin(errors))
     return (
-        f"{label:<26} stable up to p = {speeds[-1]:5.1f} 1/s; smallest error {errors[k]:.1e} rad "
+        f"{label:<41} stable up to p = {speeds[-1]:5.1f} 1/s; smallest error {errors[k]:.1e} rad "
         f"at {noise[k]:.2f} N m of noise"
     )
 

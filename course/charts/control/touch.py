@@ -75,13 +75,19 @@ def stiffest(wall: float, delay: float = DELAY, damping: float = 0.0) -> float:
 
 def stiffest_damped(wall: float, delay: float = DELAY, points: int = 25) -> float:
     """Return the same with the best active damping."""
-    # No damping and a logarithmic range of it.
-    tried = np.append(0.0, np.geomspace(20.0, 6e3, points))
-    return max(
-        stiffest(wall, delay, float(d))
-        for d in tried
-        if growth(TouchLaw(1.0, float(d)), wall, delay) <= 1.0
-    )
+    from scipy.optimize import minimize_scalar
+
+    def edge(damping: float) -> float:
+        stable = growth(TouchLaw(1.0, damping), wall, delay) <= 1.0
+        return stiffest(wall, delay, damping) if stable else 0.0
+
+    # A logarithmic range up to 2 m/dt, above which a held damper alone is unstable; then refined.
+    tried = np.geomspace(20.0, 2.0 * ARM.mass / DT, points)
+    edges = [edge(float(d)) for d in tried]
+    best = int(np.argmax(edges))
+    bounds = tried[max(best - 1, 0)], tried[min(best + 1, points - 1)]
+    fine = minimize_scalar(lambda d: -edge(d), bounds=bounds, method="bounded")
+    return max(edge(0.0), edges[best], -float(fine.fun))
 
 
 def lightest(wall: float, delay: float = 0.0, damping: float = 1.0) -> float:

@@ -232,7 +232,7 @@ def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
         lines=[("y", 0.9, "promised")],
     )
     sigmas = (1.5, 2.0, 2.5, 3.3, 4.0, 5.0, 7.0)
-    largest = round(perception.draws_needed(0.5, 0.9))
+    largest = math.ceil(perception.draws_needed(0.5, 0.9))
     exact = share_found(None, 0, trials, points, largest)
     for refits, name in enumerate(("no refit", "one refit", "two refits")):
         share = [share_found(k, refits, trials, points, largest) for k in sigmas]

@@ -35,8 +35,10 @@ def integral_clamp(result):
 
     dt, steps = 0.002, 5000
     ki_jam = result.input("ki_jam", 6.0)
+    inertia, friction = result.input("inertia", 0.05), result.input("friction", 0.2)
+    push, damping_gain = result.input("load_n_m", 0.3), result.input("kd", 0.5)
 
-    def run(bound=None, kp=4.0, ki=ki_jam, load=0.3, jam=3.0, target=1.0, kd=0.5):
+    def run(bound=None, kp=4.0, ki=ki_jam, load=push, jam=3.0, target=1.0, kd=damping_gain):
         """Return (overshoot, error at the end) [rad] of a joint that is blocked first.
 
         Bound None is conditional integration.
@@ -45,7 +47,7 @@ def integral_clamp(result):
         controller = PID(**gains) if bound is None else Clamped(**gains)
         if isinstance(controller, Clamped):
             controller.bound = bound
-        joint = Joint(inertia=0.05, damping=0.2, dt=dt, load=-load)
+        joint = Joint(inertia=inertia, damping=friction, dt=dt, load=-load)
         blocked = np.arange(steps) < round(jam / dt)
         angles, _ = closed_loop(controller, joint, np.full(steps, target), blocked)
         return np.max(angles) - target, target - angles[-1]

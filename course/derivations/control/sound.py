@@ -47,8 +47,9 @@ def hold_is_half_a_sample(result):
     "A rate that is low-passed with a time constant tau is late by tau.",
     "Under constant acceleration it is late by tau and the half sample of the difference: "
     "{filtered_ms:.2f} ms with {tau_ms:g} ms at {rate_hz:.0f} Hz. In a motion at the angular "
-    "frequency w the filter delays by atan(w tau)/w: at w = 1/tau, the rate is only {sine_ms:.2f} "
-    "ms late. A tracking observer with the same time constant is late by {observer_ms:.2f} ms "
+    "frequency w a filter delays by about atan(w tau)/w, and the difference by half a sample: at "
+    "w = 1/tau, the rate of this sampled filter is only {sine_ms:.1f} ms late. A tracking observer "
+    "with the same time constant is late by {observer_ms:.2f} ms "
     "under constant acceleration, and its noise is {share:.0%} of the filter's.",
 )
 def filtered_rate_is_late(result):
@@ -176,9 +177,9 @@ def friction_leaves_an_error(result):
 
 
 @claim(
-    "With its set-point inside a wall, an impedance controller presses as two springs in "
-    "series would: its own and the wall's.",
-    "At rest the force is {formula}. A set-point {deep_mm:g} mm deep in a wall of {ke:.0e} "
+    "With its set-point inside a wall, an impedance controller without torque limit and dry "
+    "friction presses, once at rest, as two springs in series would: its own and the wall's.",
+    "The force is {formula}. A set-point {deep_mm:g} mm deep in a wall of {ke:.0e} "
     "N/m presses with {soft_n:.2f} N at a stiffness of {soft:g} N/m, and with {stiff_n:.1f} "
     "N at {stiff:g} N/m. The simulated runs agree to {worst:.0e}.",
     ask=(

@@ -135,10 +135,10 @@ def stiffness_depends_on_the_wall(result):
 @claim(
     "More damping in an impedance controller always makes contact safer.",
     "Only up to a point, and less with a delay. At a wall of {soft:.0e} N/m the best active "
-    "damping raises the largest stable stiffness from {own:.0f} to {active:.1e} N/m. With "
-    "{delay_ms:.0f} ms of delay it reaches {late_soft:.1e} N/m there and {late_hard:.1e} N/m "
-    "at a wall of {hard:.0e} N/m. With that delay, a damping of {too_much:.0f} N s/m is "
-    "unstable even with next to no stiffness.",
+    "damping raises the largest stable stiffness from {own:.0f} to {active:.1e} N/m, the tip of "
+    "the triangle of stable PD gains. With {delay_ms:.0f} ms of delay it reaches {late_soft:.1e} "
+    "N/m there and {late_hard:.1e} N/m at a wall of {hard:.0e} N/m. With that delay, a damping of "
+    "{too_much:.0f} N s/m is unstable even with next to no stiffness.",
 )
 def damping_is_safe(result):
     from course.charts.control import touch
@@ -160,7 +160,12 @@ def damping_is_safe(result):
     result.statement = "Largest stiffness by the loop's matrix, the damping varied."
     result.statement_holds(all(held(d) for d in np.geomspace(20, 1e5, 30)))
     result.correction_holds(
-        active > 50 * own, late_hard < late_soft / 3, not held(2 * edge), held(0.5 * edge)
+        active > 50 * own,
+        # The largest Kp of the triangle of PD gains with the exact rate.
+        abs(active * touch.DT**2 / (4.0 * touch.ARM.mass) - 1) < 0.02,
+        late_hard < late_soft / 3,
+        not held(2 * edge),
+        held(0.5 * edge),
     )
 
 

@@ -86,8 +86,8 @@ def perfect_model_perfect_tracking(result):
     "If the inertia in the model is too small, the error of computed torque follows the "
     "acceleration: its slope over q'' is the relative error of the inertia, over Kp.",
     "The error obeys e'' + Kd e' + Kp e = (r - 1) q'', with r the true over the modelled "
-    "inertia. The slope is that only for slow motion. At {w:g} rad/s with both poles at "
-    "{p:g} rad/s it is {formula}, {share:.0%} of it.",
+    "inertia. The slope is that only for slow motion. With both poles at {p:g} rad/s it is "
+    "{formula}: {tenth:.0%} of it at a tenth of that frequency, {share:.0%} at {w:g} rad/s.",
     ask=(
         "e'' + 2 p e' + p^2 e = (r - 1) q'' and q = sin(w t). Which multiple of q'' is the "
         "component of e in phase with q''?",
@@ -137,6 +137,7 @@ def error_follows_acceleration(result):
         return -(e @ q) / (rate**2 * (q @ q)) / ((ratio - 1) / pole**2)
 
     result.measure("share", share(1.2, fast, pole), 0.01)
+    result.measure("tenth", share(1.2, 0.1 * pole, pole), 0.01)
     draws = result.rng.uniform([0.75, 5], [1.3, 15], (8, 2))
     slow = [
         share(a, s * b, b)
@@ -153,7 +154,7 @@ def error_follows_acceleration(result):
     )
     result.statement_holds(
         abs(share(1.2, fast, pole) - 1) < 0.1,
-        only_if="the motion is ten times slower than the poles and only the inertia of the model "
+        only_if="the motion is much slower than the poles and only the inertia of the model "
         "is wrong",
         inside=[abs(x - 1) < 0.1 for x in slow],
         outside=[abs(x - 1) < 0.1 for x in quick] + [abs(x - 1) < 0.1 for x in loaded],

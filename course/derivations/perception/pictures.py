@@ -183,10 +183,11 @@ def half_a_pixel(result):
 
 @claim(
     "A calibration is as good as its residual says.",
-    "Three touched points up to {wide} m apart, each known to {sigma_mm:.0f} mm, leave a residual "
-    "of {three_mm:.2f} mm and an error of {far_mm:.1f} mm at {away} m above them. More points "
-    "raise the residual and lower the error. The error is {formula} at the points' middle, and "
-    "grows outside of them with the distance divided by their extent.",
+    "Three touched points up to {wide} m apart, each coordinate known to {sigma_mm:.0f} mm, leave "
+    "a residual of {three_mm:.2f} mm per point and an error of {far_mm:.1f} mm at {away} m above "
+    "them. More points raise the residual, for {many:.0f} points to {many_mm:.2f} mm, and lower "
+    "the error. The error is {formula} at the points' middle, and grows outside of them with the "
+    "distance divided by their extent.",
     ask=(
         "A rigid motion is fitted to N touched points, each coordinate with a standard deviation "
         "sigma. What is the root mean square position error at the points' middle?",
@@ -208,7 +209,7 @@ def calibration_residual(result):
     result.formula = sympy.sqrt(3 * sigma**2 * N / N**2)  # of a mean of N, three coordinates
     at, seen_at, report = np.array([[0, 0], [0, 0], [0, result.input("away", 0.6)]]), [], []
     wide, error = result.input("wide", 0.3), result.input("sigma_mm", 1) / 1000
-    for n in (3, 30):
+    for n in (3, int(result.input("many", 30))):
         points = result.rng.uniform(-0.5, 0.5, (3, n)) * [[wide], [0.7 * wide], [0.1 * wide]]
         if n == 3:  # a thin triangle, drawn by chance, has any error
             points = wide * np.array([[-0.5, 0.5, 0.0], [-0.35, -0.35, 0.35], [0.0, 0.0, 0.0]])
@@ -225,12 +226,17 @@ def calibration_residual(result):
     (three, near, far), (count, _, less) = 1000 * np.array(seen_at)
     result.measure("three_mm", three, 0.05)
     result.measure("far_mm", far, 0.05)
-    result.statement = "1,000 fits to 3 and to 30 points with 1 mm of noise."
+    result.measure("many_mm", count, 0.05)
+    result.statement = "1,000 fits to 3 and to 30 points with 1 mm of noise in each coordinate."
     result.statement_holds(far < 2 * three)
     result.correction_holds(
         np.allclose([x[[1, 2, 1]] for x in seen_at], report, rtol=0.1),
         near < far,
-        count > three,
+        # Of three coordinates a point, the fit uses up six numbers in all.
+        all(
+            abs(x / (1e3 * error * np.sqrt(3 - 6 / n)) - 1) < 0.05
+            for n, x in ((3, three), (result.inputs["many"], count))
+        ),
         less < 0.5 * far,
     )
 

@@ -72,6 +72,50 @@ def hello_world_winds(result):
 
 
 @claim(
+    "A joint limit in a MuJoCo model is a wall at which the joint stops.",
+    "By default it is a critically damped spring with a time constant T of {ms:.0f} ms. A joint "
+    "that arrives with the speed v passes it by about v T / e: a falling rod by {past:.0f} mrad, "
+    "and it came to rest {rest:.2f} mrad beyond. With solreflimit of a quarter, a quarter of it.",
+    source="MuJoCo 4.0 manual, 2026, Modeling, Solver parameters, solref",
+)
+def limit_is_a_wall(result):
+    import mujoco
+
+    from course.platforms.joint_scenes import stop
+
+    ms = result.input("ms", 20.0)
+
+    def fallen(start, time, dt=1e-4):
+        """Return how far the rod passed its limit, where it rests beyond it, and v T / e."""
+        problem = stop(start)
+        model = mujoco.MjModel.from_xml_string(problem.scene.urdf)
+        model.opt.timestep, model.opt.gravity[:] = dt, problem.scene.gravity
+        default = model.jnt_solref[0, 0]
+        model.jnt_solref[0, 0] = 1e-3 * time
+        data, past = mujoco.MjData(model), 0.0
+        data.qpos[0] = start
+        for _ in range(round(1.0 / dt)):
+            mujoco.mj_step(model, data)
+            past = max(past, problem.limit - data.qpos[0])
+        rest = problem.limit - data.qpos[0]
+        return past, rest, problem.speed * 1e-3 * time / np.e, 1e3 * default
+
+    past, rest, _, default = fallen(0.0, ms)
+    result.measure("past", 1e3 * past, 0.05)
+    result.measure("rest", 1e3 * rest, 0.05)
+    starts = result.rng.uniform(-0.5, 0.8, 8)
+    soft, stiff = ([fallen(x, time) for x in starts] for time in (ms, 0.25 * ms))
+    result.statement = "A rod of 0.4 m that falls on its limit, from eight random angles."
+    result.statement_holds(past < 1e-3)
+    result.correction_holds(
+        default == ms,
+        all(abs(each[0] / each[2] - 1.0) < 0.1 for each in soft + stiff),
+        all(0.2 < b[0] / a[0] < 0.3 for a, b in zip(soft, stiff, strict=True)),
+        rest > 1e-4,
+    )
+
+
+@claim(
     "MuJoCo's actuators put their control on the joint as a torque unless one asks for something "
     "else.",
     "`motor` does and so does a bare `general`: {ctrl:.1f} gave {torque:.1f} N m. A `position` "

@@ -47,6 +47,7 @@ CONTROLS = Record(
             "the simulator, delay mended",
             "the simulator, load mended",
         ),
+        1,  # a range, so that each slider acts from the start
     ),
     aim=Field((-0.28, 0.56), low=-1.0, high=1.0, unit="m"),
 )
@@ -369,21 +370,23 @@ def drag(controls, state, x, y):
 
 PRESETS = {
     "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that is not quite "
-        "it. Pull the gap up; drag the target: the ghost is what the simulator promised. DR Range "
-        "acts once 'Tuned on' is a range."),
-    "No gap": Preset({"gap": 0.0, "delay": 0.0}, "The arm it was tuned on. All succeed, and it "
-        "is the only place where that says anything. Then give it 10 ms of delay."),
-    "Gap and range": Preset({"width": 0.4, "policy": RANGE}, "Tuned on arms drawn anew for each "
+        "it. Pull the gap up, and successes are lost; then pull DR Range up, and part of them "
+        "comes back. Drag the target: the ghost is what the simulator promised."),
+    "No range": Preset({"policy": NOMINAL}, "The same arm with a policy that was tuned on the "
+        "simulator as it was. DR Range does nothing here: no range was used."),
+    "No gap": Preset({"gap": 0.0, "delay": 0.0, "policy": NOMINAL}, "The arm it was tuned on. All "
+        "succeed, and it is the only place where that says anything. Then give it 10 ms of delay."),
+    "Gap and range": Preset({"width": 0.4}, "Tuned on arms drawn anew for each "
         "episode: part of the loss comes back, and none of it costs a success at home."),
-    "Wide range, far gap": Preset({"gap": 1.0, "width": 1.0, "policy": RANGE}, "The widest range "
+    "Wide range, far gap": Preset({"gap": 1.0, "width": 1.0}, "The widest range "
         "at the full gap: little more than half. It costs no success at home, only time in the "
         "target; and one identified arm does far better."),
-    "Delay beyond the margin": Preset({"gap": 0.0, "delay": 20.0}, "No gap but delay, later than "
-        "the limit of joint 2: hardly one succeeds. At 12 ms, well below it, most do: those whose "
-        "arm ends folded."),
-    "Cancelling errors": Preset({"gap": 0.3, "delay": 20.0}, "The same delay on an arm that is "
-        "wrong in all else too: most succeed. Its load makes it slower, and a slower arm stands a "
-        "later command: see the limit. Take the gap away, and they fail."),
+    "Delay beyond the margin": Preset({"gap": 0.0, "delay": 20.0, "policy": NOMINAL}, "No gap but "
+        "delay, later than the limit of joint 2: hardly one succeeds. At 12 ms, well below it, "
+        "most do: those whose arm ends folded."),
+    "Cancelling errors": Preset({"gap": 0.3, "delay": 20.0, "policy": NOMINAL}, "The same delay on "
+        "an arm that is wrong in all else too: most succeed. Its load makes it slower, and a "
+        "slower arm stands a later command: see the limit. Take the gap away, and they fail."),
     "Mended delay alone": Preset({"gap": 1.0, "policy": DELAY}, "The simulator learned the true "
         "delay, and the arm does worse than with the one that knew nothing: its gains are "
         "lower, and the load needs more. Mend the load."),

@@ -131,7 +131,7 @@ SLIPS = slips(
     two_forgotten_in_coriolis=(
         _SPIN,
         "np.array([-v[0] * v[1] - v[1] ** 2, v[0] ** 2])",
-        "The Coriolis torque on the first joint is -c (2 v1 v2 + v2^2): the 2 is missing.",
+        "The Coriolis torque on the first joint is -h (2 v1 v2 + v2^2): the 2 is missing.",
     ),
     acceleration_forgotten=(
         "a = a_ref + ",
