@@ -374,7 +374,7 @@ def kinodynamic_rrt(
             break
     else:
         # All that is random, before the loop: a sampled state, controls and how long each lasts.
-        targets = generator.uniform(*box, (most, 4))
+        targets = generator.uniform(*box, size=(most, 4))
         targets[generator.random(most) < BIAS] = end
         controls = generator.uniform(-limit, limit, (most, TRIES, 2))
         steps = generator.integers(1, STEPS + 1, (most, TRIES))
@@ -405,7 +405,7 @@ def kinodynamic_rrt(
         status,
         nodes[branch].T.copy(),
         applied[branch[1:]].T.copy(),
-        tick * lasted[branch[1:]],
+        np.asarray(tick * lasted[branch[1:]], dtype=float),
         int(drawn),
         nodes[:size].T.copy(),
         parents[:size].copy(),

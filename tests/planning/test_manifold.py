@@ -28,7 +28,7 @@ def world():
 
 def test_the_tilt_is_the_angle_of_the_rotated_axis(world) -> None:
     rng = np.random.default_rng(0)
-    for q in rng.uniform(*world.bounds, (20, 7)):
+    for q in rng.uniform(*world.bounds, size=(20, 7)):
         u = to_matrix(tip(ARM, q)[3:]) @ np.array(manifold.CUP)
         assert manifold.tilt(ARM, q) == pytest.approx(math.acos(u[2]), abs=1e-9)
 
@@ -36,14 +36,15 @@ def test_the_tilt_is_the_angle_of_the_rotated_axis(world) -> None:
 def test_a_projection_is_upright_within_the_limits_and_idempotent(world) -> None:
     rng = np.random.default_rng(1)
     done = 0
-    for q in rng.uniform(*world.bounds, (200, 7)):
+    for q in rng.uniform(*world.bounds, size=(200, 7)):
         p = manifold.constrain_config(world, q)
         if p is None:
             continue
         done += 1
         assert manifold.tilt(ARM, p) <= 1.01 * manifold.PROJECTED
         assert (p >= world.bounds[0]).all() and (p <= world.bounds[1]).all()
-        assert np.array_equal(manifold.constrain_config(world, p), p)
+        again = manifold.constrain_config(world, p)
+        assert again is not None and np.array_equal(again, p)
     assert done > 40
 
 
@@ -118,6 +119,7 @@ def test_the_planner_keeps_the_cup_upright_with_the_proof_and_not_without() -> N
 def test_a_seed_gives_one_answer_and_bad_input_an_error(world) -> None:
     start, goal = missing_methods.carried("open", 0)
     one, other = (manifold.cbirrt(world, start, goal, rng=3) for _ in range(2))
+    assert one.path is not None and other.path is not None
     assert np.array_equal(one.path, other.path)
     with pytest.raises(ValueError, match="start must be"):
         manifold.cbirrt(world, start + 0.1, goal)

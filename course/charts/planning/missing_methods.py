@@ -86,10 +86,10 @@ def upright_cup(
     questions = [carried("open", k) for k in range(queries)]
     free_way = 0.5 * math.pi  # the proof of the tilt switched off
     manifold.warm()
-    angles = np.degrees(manifold.tilt(_arm(), rng.uniform(*world.bounds, (samples, 7)).T))
+    angles = np.degrees(manifold.tilt(_arm(), rng.uniform(*world.bounds, size=(samples, 7)).T))
     projected = sum(
         manifold.constrain_config(world, q) is not None
-        for q in rng.uniform(*world.bounds, (2000, 7))
+        for q in rng.uniform(*world.bounds, size=(2000, 7))
     )
     # A uniformly random direction is within an angle of the vertical with this probability.
     cap = 0.5 * (1.0 - math.cos(math.radians(TOLERATED)))
@@ -144,7 +144,8 @@ def upright_cup(
         scale="log x", ylim=(0.0, 1.02), footer=footer,
     )  # fmt: skip
     manifold.cbirrt(world, *questions[0])
-    spent, own = {"ours, tilt proved": [], "ours, no proof": [], "OMPL": []}, []
+    names, own = ("ours, tilt proved", "ours, no proof", "OMPL"), list[float]()
+    spent: dict[str, list[float]] = {name: [] for name in names}
     tilts = {name: [0.0] for name in spent}
     wrong = dict.fromkeys(spent, 0)
     for k, query in enumerate(questions):
@@ -169,7 +170,9 @@ def upright_cup(
         if name in tilts:
             note += f", worst tilt {max(tilts[name]):.2f} degrees, {wrong[name]} paths collide"
         shares = np.arange(1, solved + 1) / queries
-        panel.series.append(Series(name, order_[:solved], shares, style="steps", note=note))
+        panel.series.append(
+            Series(name, order_[:solved], shares, style="steps", marker="", note=note)
+        )
     yield panel
 
 
@@ -292,7 +295,9 @@ def kinodynamic_bounds(
             solved = int(np.isfinite(order).sum())
             shares = np.arange(1, solved + 1) / seeds
             note = notes[name] if values is drawn else ""
-            panel.series.append(Series(name, order[:solved], shares, style="steps", note=note))
+            panel.series.append(
+                Series(name, order[:solved], shares, style="steps", marker="", note=note)
+            )
     panels[1].lines = (("x", 1.0, "bound"),)
     yield from panels
 
@@ -318,7 +323,7 @@ def kinodynamic_bounds(
         "share of the trajectories", scale="log x", ylim=(-0.02, 1.0), footer=footer,
     )  # fmt: skip
     for name, proved in (("points alone", False), ("with the margin", True)):
-        shares, solved = [], []
+        hits, counts = list[float](), list[int]()
         for tick in ticks:
             motions = [
                 kinodynamic.kinodynamic_rrt(
@@ -327,9 +332,9 @@ def kinodynamic_bounds(
                 for seed in range(seeds)
             ]
             paths = [m for m in motions if m.solved]
-            solved.append(len(paths))
-            shares.append(float(np.mean([touches(discs, m) for m in paths])))
+            counts.append(len(paths))
+            hits.append(float(np.mean([touches(discs, m) for m in paths])))
         note = f"{name}, {', '.join(map(str, ticks))} s between points: hit a post "
-        note += ", ".join(f"{v:.0%}" for v in shares) + "; solved " + ", ".join(map(str, solved))
-        panel.series.append(Series(name, ticks, shares, note=f"{note} of {seeds}"))
+        note += ", ".join(f"{v:.0%}" for v in hits) + "; solved " + ", ".join(map(str, counts))
+        panel.series.append(Series(name, ticks, hits, note=f"{note} of {seeds}"))
     yield panel
