@@ -374,7 +374,7 @@ def kinodynamic_rrt(
             break
     else:
         # All that is random, before the loop: a sampled state, controls and how long each lasts.
-        targets = generator.uniform(*box, size=(most, 4))
+        targets = generator.uniform(box[0], box[1], (most, 4))
         targets[generator.random(most) < BIAS] = end
         controls = generator.uniform(-limit, limit, (most, TRIES, 2))
         steps = generator.integers(1, STEPS + 1, (most, TRIES))

@@ -28,7 +28,7 @@ def world():
 
 def test_the_tilt_is_the_angle_of_the_rotated_axis(world) -> None:
     rng = np.random.default_rng(0)
-    for q in rng.uniform(*world.bounds, size=(20, 7)):
+    for q in rng.uniform(world.bounds[0], world.bounds[1], (20, 7)):
         u = to_matrix(tip(ARM, q)[3:]) @ np.array(manifold.CUP)
         assert manifold.tilt(ARM, q) == pytest.approx(math.acos(u[2]), abs=1e-9)
 
@@ -36,7 +36,7 @@ def test_the_tilt_is_the_angle_of_the_rotated_axis(world) -> None:
 def test_a_projection_is_upright_within_the_limits_and_idempotent(world) -> None:
     rng = np.random.default_rng(1)
     done = 0
-    for q in rng.uniform(*world.bounds, size=(200, 7)):
+    for q in rng.uniform(world.bounds[0], world.bounds[1], (200, 7)):
         p = manifold.constrain_config(world, q)
         if p is None:
             continue

@@ -86,10 +86,12 @@ def upright_cup(
     questions = [carried("open", k) for k in range(queries)]
     free_way = 0.5 * math.pi  # the proof of the tilt switched off
     manifold.warm()
-    angles = np.degrees(manifold.tilt(_arm(), rng.uniform(*world.bounds, size=(samples, 7)).T))
+    angles = np.degrees(
+        manifold.tilt(_arm(), rng.uniform(world.bounds[0], world.bounds[1], (samples, 7)).T)
+    )
     projected = sum(
         manifold.constrain_config(world, q) is not None
-        for q in rng.uniform(*world.bounds, size=(2000, 7))
+        for q in rng.uniform(world.bounds[0], world.bounds[1], (2000, 7))
     )
     # A uniformly random direction is within an angle of the vertical with this probability.
     cap = 0.5 * (1.0 - math.cos(math.radians(TOLERATED)))
