@@ -58,6 +58,9 @@ class Model:
         recorded: the pictures were computed beforehand, as a library had to come along.
         aside: words that only a running panel shows, such as milliseconds, and no saved page.
         readouts: what each number below the picture means, by its name: a tooltip.
+        draft: (controls, state), if `initial` takes long: the state at time zero as far as it is
+            known at once. A panel in a notebook shows it.
+        complete: (state) -> whether anything is left: add a portion to what was drafted.
         upright: whether something is dragged up or down; where it is not, a finger that moves up or
             down on the picture scrolls the page.
     """
@@ -78,13 +81,20 @@ class Model:
     aside: Callable[[], str] | None = None
     readouts: Mapping[str, str] = field(default_factory=dict)
     upright: bool = True
+    draft: Callable[[Any, Any], None] | None = None
+    complete: Callable[[Any], bool] | None = None
 
 
 class Experiment:
-    """One run of a model: its controls, its state and the pen that draws it."""
+    """One run of a model: its controls, its state and the pen that draws it.
+
+    Attributes:
+        drafts: whether `start` stops at a draft, where the model has one, for `complete` to go on.
+    """
 
     def __init__(self, model: Model, **values: Any) -> None:
         self.model = model
+        self.drafts = False
         self.controls = model.controls.new(**values)
         self.state = model.state.new()
         self._pen = model.paper.pen()
@@ -94,7 +104,12 @@ class Experiment:
         """Begin anew, with the same controls."""
         # The state is a function of the controls and of time: nothing of an earlier run remains.
         self.model.state.reset(self.state)
-        self.model.initial(self.controls, self.state)
+        draft = self.model.draft if self.drafts else None
+        (draft or self.model.initial)(self.controls, self.state)
+
+    def complete(self) -> bool:
+        """Add a portion to a draft; return whether anything is left to add."""
+        return self.model.complete is not None and self.model.complete(self.state)
 
     def set(self, **values: Any) -> None:
         """Set controls; begin anew unless all of them act on the running state.

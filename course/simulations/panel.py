@@ -8,7 +8,7 @@ import contextlib
 import html
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import ipywidgets
@@ -48,6 +48,7 @@ class Panel(ipywidgets.VBox):
         self._lock = threading.RLock()
         self._setting = False
         self._task: asyncio.Task[None] | None = None
+        self._completing: asyncio.Task[None] | None = None
         self.canvas = Canvas(
             self.experiment.picture(), readouts=model.readouts, upright=model.upright
         )
@@ -73,7 +74,7 @@ class Panel(ipywidgets.VBox):
         self._play.on_click(lambda _: self.pause() if self.playing else self.play())
         self._reset.on_click(lambda _: self.reset())
         self._preset.observe(
-            lambda change: None if self._setting else self.choose(change["new"]), "value"
+            lambda change: None if self._setting else self._chosen(change["new"]), "value"
         )
         buttons = ipywidgets.HBox([self._play, self._reset])
         side = ipywidgets.VBox(
@@ -168,8 +169,39 @@ class Panel(ipywidgets.VBox):
 
     def _changed(self, name: str, value: Any) -> None:
         if not self._setting:
-            with self._lock:
+            with self._lock, self._at_once():
                 self.experiment.set(**{name: value})
+                self._show()
+
+    def _chosen(self, preset: str) -> None:
+        with self._lock, self._at_once():
+            self.choose(preset)
+
+    @contextlib.contextmanager
+    def _at_once(self) -> Iterator[None]:
+        """Answer with a draft, where the model has one, and complete it between other messages."""
+        try:
+            loop = asyncio.get_running_loop()
+        except RuntimeError:
+            yield
+            return
+        self.experiment.drafts = True
+        try:
+            yield
+        finally:
+            self.experiment.drafts = False
+        if self.model.draft is not None and self._completing is None:
+            self._completing = loop.create_task(self._complete())
+
+    async def _complete(self) -> None:
+        """Complete a draft portion by portion."""
+        left = True
+        while left:
+            await asyncio.sleep(0.005)  # the picture, and what the page has sent, come first
+            with self._lock:
+                left = self.comm is not None and self.experiment.complete()
+                if not left:
+                    self._completing = None
                 self._show()
 
     def _drag(self, pointer: Pointer) -> None:

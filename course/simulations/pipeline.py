@@ -64,10 +64,11 @@ REASONS = (
 )
 # What `told` holds: share of successes and its band, checks, age of what is acted upon [s], the
 # largest stable step of the physics [s], energy that came from nowhere, how it ended, the contract
-# broken first, whose repair alone cures (0 for nobody's), plans; then the signed parts [m].
-SHARE, LOW, HIGH, CHECKS, AGE, LIMIT, GAINED, ENDED, BROKEN, CURED, ASKED, REPLAYED, PARTS = range(
-    13
-)
+# broken first, whose repair alone cures (0 for nobody's), plans, whether stages are replayed, how
+# many runs are missing until all of this is complete; then the signed parts [m].
+SHARE, LOW, HIGH, CHECKS, AGE, LIMIT, GAINED, ENDED, BROKEN, CURED, ASKED, REPLAYED = range(12)
+LEFT, PARTS = 12, 13
+PORTION = 2  # runs at a time, while a notebook goes on answering
 
 CONTROLS = Record(
     noise=slider("Perception Noise", 0.05, 0.0, 0.2, 0.005, "m", 3),
@@ -137,19 +138,53 @@ def agreed(scenario, settings):
     return replace(promised, physics=settings.physics, control=settings.control)
 
 
+class Count:
+    """The report of the run as the controls have it, complete after several portions.
+
+    A notebook shows the run at once, and counts and replays while it goes on answering.
+
+    Attributes:
+        report: of what has been computed so far.
+    """
+
+    def __init__(self, values):
+        self.report = np.zeros(PARTS + 2 * len(STAGES))
+        self._portions = _portions(values, self.report)
+        self.more()
+
+    def more(self):
+        """Compute the next portion; return whether any is left."""
+        next(self._portions, None)
+        # A run that diverged leaves numbers that no readout can show.
+        self.report[~np.isfinite(self.report)] = 0.0
+        return bool(self.report[LEFT] > 0.0)
+
+
 @lru_cache(maxsize=32)
+def count(values):
+    """Return the count that belongs to the controls, wherever it has come to."""
+    return Count(values)
+
+
 def counted(values):
-    """Return `told` of the run as the controls have it."""
+    """Return the complete report of the run as the controls have it."""
+    whole = count(values)
+    while whole.more():
+        pass
+    return whole.report
+
+
+def _portions(values, report):
+    """Fill in the report: first what the run itself says, then a few other runs at a time."""
     scenario, settings = scenario_and_settings(values)
     # One recorded run is diagnosed in detail; the success rate comes from several seeds, fewer of
     # them if planning is expensive.
     record = chapter.run(scenario, settings, seed=SEED)
-    report = np.zeros(PARTS + 2 * len(STAGES))
     report[CHECKS], report[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
     dear = report[CHECKS] > DEAR
-    count = FEWER if report[CHECKS] > MANY else COUNTED
-    good = int(successes(chapter.run_many(scenario, settings, range(count))).sum())
-    report[SHARE], (report[LOW], report[HIGH]) = good / count, wilson(good, count)
+    seeds = FEWER if report[CHECKS] > MANY else COUNTED
+    stages = () if dear else blame.REPLAYED
+    report[LEFT] = seeds + len(stages)
     report[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
     # The step limit is that of the loop at the planned posture, or at the start without a plan.
     posture = record.plans[0].value.goal if record.plans else np.full(2, np.nan)
@@ -166,17 +201,24 @@ def counted(values):
         what = broken[0].what.split(":")[0]
         report[BROKEN] = CONTRACTS.index(what) if what in CONTRACTS else len(CONTRACTS) - 1
     report[REPLAYED] = not dear
+    yield
+    good = 0
+    for seed in range(seeds):
+        good += int(successes(chapter.run_many(scenario, settings, [seed])).sum())
+        report[LEFT] -= 1
+        if seed % PORTION == PORTION - 1 and seed < seeds - 1:
+            yield
+    report[SHARE], (report[LOW], report[HIGH]) = good / seeds, wilson(good, seeds)
     # Counterfactual replays with the same seed: repair one stage and see whether this alone cures
     # the run, and by how much the error changes.
-    for stage in () if dear else blame.REPLAYED:
+    for stage in stages:
+        yield
         k = STAGES.index(stage)
         better = chapter.run(scenario, chapter.repair(settings, stage), seed=SEED)
         if not record.success and better.success and report[CURED] == 0.0:
             report[CURED] = k + 1.0
         report[PARTS + 2 * k : PARTS + 2 * k + 2] = record.error - better.error
-    # A run that diverged leaves numbers that no readout can show.
-    report[~np.isfinite(report)] = 0.0
-    return report
+        report[LEFT] -= 1
 
 
 def shown(values, moves):
@@ -280,8 +322,8 @@ def _fill(state):
 
 
 @register_jitable
-def initial(controls, state):
-    """Set up the run, its repairs, and the successes of other seeds."""
+def _take(controls, state):
+    """Write the controls, as numbers, into the state."""
     c = controls
     x, y = _reachable(c["aim"][0], c["aim"][1])
     v = state["values"]
@@ -295,7 +337,31 @@ def initial(controls, state):
     )
     v[6], v[7], v[8], v[9], v[10] = c["speed"], 1.0 * c["filtered"], 1.0 * c["mended"], x, y
     v[11], v[12], v[13] = c["margin"], c["bias"][0], c["bias"][1]
+
+
+@register_jitable
+def initial(controls, state):
+    """Set up the run, its repairs, and the successes of other seeds."""
+    _take(controls, state)
     _fill(state)
+
+
+def draft(controls, state):
+    """Set up the run alone; `complete` adds its repairs and the successes of other seeds."""
+    _take(controls, state)
+    key = tuple(state["values"].tolist())
+    state["report"][:] = count(key).report
+    fields = "q", "reference", "target", "sightings", "tree", "paths", "ready"
+    for name, value in zip(fields, shown(key, np.empty((3, 0))), strict=True):
+        state[name][:] = value
+
+
+def complete(state):
+    """Add a few more runs to what was drafted; return whether any are left."""
+    whole = count(tuple(state["values"].tolist()))
+    left = whole.more()
+    state["report"][:] = whole.report
+    return left
 
 
 def advance(state, controls, seconds):
@@ -351,6 +417,7 @@ _NOBODY, _DEAR, _NOTHING, _MILLI, _MS, _BAND, _UP_TO, _CLOSE, _PERCENT, _PLANS =
     " %",
     ", plans: ",
 )
+_RUNS_LEFT, _TRYING = word(" runs to go", "being tried")
 _COLOUR = (draw.BLUE, draw.GREEN, draw.ORANGE, draw.PURPLE, draw.RED)
 _SCENE, _VIEW = (0.1, 4.4, 0.35, 4.65), (-0.65, 0.95, -0.5, 1.1)
 _CHART, _SIGNED = (5.2, 8.85, 3.05, 4.5), (5.2, 6.9, 0.75, 2.25)
@@ -457,10 +524,13 @@ def frame(pen, state, controls):
     draw.key(pen, 2.45, 0.15, _PATH, draw.ORANGE, 2.0)
     draw.key(pen, 3.65, 0.15, _WANTED, draw.ORANGE, 4.0, 0.35)
     draw.reading(pen, _NOW, 1e3 * far, 1, _MILLI)
-    draw.reading(pen, _GOOD, 100.0 * report[SHARE], 0)
-    draw.words(pen, _BAND)
-    draw.number(pen, 100.0 * report[LOW], 0, _UP_TO)
-    draw.number(pen, 100.0 * report[HIGH], 0, _CLOSE)
+    if report[HIGH] > 0.0:
+        draw.reading(pen, _GOOD, 100.0 * report[SHARE], 0)
+        draw.words(pen, _BAND)
+        draw.number(pen, 100.0 * report[LOW], 0, _UP_TO)
+        draw.number(pen, 100.0 * report[HIGH], 0, _CLOSE)
+    else:
+        draw.reading(pen, _GOOD, report[LEFT], 0, _RUNS_LEFT)
     draw.reading(pen, _AGE, 1e3 * report[AGE], 0, _MS)
     draw.reading(pen, _CHECKS, report[CHECKS], 0, _PLANS)
     draw.number(pen, report[ASKED], 0)
@@ -469,6 +539,8 @@ def frame(pen, state, controls):
     draw.reading(pen, _END, 0.0, 0, 0, _REASON + int(report[ENDED]))
     cured = int(report[CURED])
     nobody = _NOTHING if report[ENDED] == 0.0 else _NOBODY if report[REPLAYED] > 0.0 else _DEAR
+    if report[LEFT] > 0.0:
+        nobody = _TRYING
     draw.reading(pen, _CURE, 0.0, 0, 0, _STAGE + cured - 1 if cured > 0 else nobody)
 
 
@@ -555,4 +627,6 @@ MODEL = Model(
     drag,
     live_drag=True,
     readouts=READOUTS,
+    draft=draft,
+    complete=complete,
 )

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -65,6 +66,17 @@ properties = found["schema"]["properties"]
 print(json.dumps({name: properties[name]["default"] for name in ("fetchNews", "checkForUpdates")}))
 """
 
+TOOL_BAR = """
+import json, sys
+from pathlib import Path
+from jupyterlab_server.settings_utils import get_settings
+
+lab = Path(sys.prefix, "share", "jupyter", "lab")
+found, _ = get_settings(str(lab / "settings"), str(lab / "schemas"), sys.argv[1],
+                        "@jupyterlab/cell-toolbar-extension:plugin")
+print(json.dumps(found["schema"]["properties"]["showToolbar"]["default"]))
+"""
+
 PAGE = """
 import json
 from jupyterlab_server.config import get_page_config
@@ -74,7 +86,7 @@ print(json.dumps({name: page.get(name) for name in ("buildCheck", "buildAvailabl
 """
 
 
-def ask(program: str, folder: Path, config: bool, *arguments: str) -> dict:
+def ask(program: str, folder: Path, config: bool, *arguments: str) -> Any:
     """Run `program`, with the course's Jupyter configuration or without, and read its answer."""
     environment = os.environ | {
         "JUPYTER_CONFIG_DIR": str(folder / "config"),
@@ -109,6 +121,12 @@ def test_lab_asks_for_no_news(config: bool, tmp_path: Path) -> None:
         assert news == {"fetchNews": "false", "checkForUpdates": False}
     else:
         assert news != {"fetchNews": "false", "checkForUpdates": False}
+
+
+@pytest.mark.parametrize("config", [True, False])
+def test_no_tool_bar_lies_over_the_text_of_a_cell(config: bool, tmp_path: Path) -> None:
+    # JupyterLab's own default is a tool bar inside the active cell.
+    assert ask(TOOL_BAR, tmp_path, config, str(tmp_path)) is not config
 
 
 def test_lab_does_not_ask_to_be_built(tmp_path: Path) -> None:

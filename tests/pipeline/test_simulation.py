@@ -136,3 +136,24 @@ def test_presets_between_the_extremes_show_what_their_notes_say():
     assert report[whole.SHARE] == 0.0 == outcome("Stale camera")[1][whole.SHARE]
     scenario, _ = whole.scenario_and_settings(tuple(experiment.state["values"].tolist()))
     assert 0.015 < report[whole.AGE] * np.hypot(*scenario.velocity) < 0.02
+
+
+def test_a_draft_that_is_completed_is_what_the_start_computes():
+    whole_run, drafted = Experiment(whole.MODEL), Experiment(whole.MODEL)
+    whole.count.cache_clear()
+    drafted.drafts = True
+    for run in (drafted, whole_run):
+        run.set(kp=60.0, noise=0.02)
+        if run is drafted:
+            # The run that is drawn is there at once, its successes and repairs are still to come.
+            early = run.state["report"].copy()
+            assert early[whole.LEFT] == whole.COUNTED + len(whole.blame.REPLAYED)
+            assert early[whole.HIGH] == 0.0 < early[whole.LIMIT]
+            drawn = run.state["q"].copy()
+            portions = 1
+            while run.complete():
+                portions += 1
+            assert portions > 8
+    assert drafted.state.tobytes() == whole_run.state.tobytes()
+    assert np.array_equal(drawn, whole_run.state["q"])
+    assert whole_run.state["report"][whole.LEFT] == 0.0 < whole_run.state["report"][whole.HIGH]

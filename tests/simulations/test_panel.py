@@ -3,6 +3,7 @@
 import asyncio
 import base64
 import html
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -171,3 +172,41 @@ def test_closing_ends_the_task():
 def test_play_without_an_event_loop_says_so(panel):
     with pytest.raises(RuntimeError, match="no running event loop"):
         panel.play()
+
+
+def test_a_slider_shows_a_draft_at_once_which_is_completed_between_messages():
+    portions = []
+
+    def initial(controls, state):
+        state["x"] = 3.0
+
+    def draft(controls, state):
+        state["x"] = 1.0
+
+    def complete(state):
+        state["x"] += 1.0
+        portions.append(float(state["x"]))
+        return bool(state["x"] < 3.0)
+
+    made = Panel(replace(WALK, initial=initial, draft=draft, complete=complete))
+    assert made.state["x"] == 3.0  # a cell waits until all is there
+
+    async def run():
+        made.inputs["seed"].value = 7
+        assert made.state["x"] == 1.0 and made.canvas.frame.numbers == {"place": "+1.00 m"}
+        while made.state["x"] < 3.0:
+            await asyncio.sleep(0.002)
+        await asyncio.sleep(0.02)
+        assert made._completing is None and made.canvas.frame.numbers == {"place": "+3.00 m"}
+        # Two changes in a row share what completes the second.
+        made._preset.value = "Jump"
+        made.inputs["seed"].value = 8
+        assert made.state["x"] == 1.0
+        while made._completing is not None:
+            await asyncio.sleep(0.002)
+
+    asyncio.run(run())
+    assert portions == [2.0, 3.0, 2.0, 3.0]
+    made.inputs["seed"].value = 9  # without an event loop nobody could complete it
+    assert made.state["x"] == 3.0
+    made.close()
