@@ -674,7 +674,8 @@ print_figures(
 # Here are seven jobs, written as limits on the numbers of the two charts above. A position may be off by 1 mm, and a
 # braking block by 1 cm during its motion. Two more facts are not in the charts: the share of faulty models that an
 # engine rejects or warns about (section 7), and whether `make lab`, which opens this course, installs it. (RL is
-# reinforcement learning; a certificate is a proof of safety.)
+# reinforcement learning; a certificate is a proof of safety. Isaac Sim is NVIDIA's simulator for robots, and PhysX its
+# physics engine. Path tracing computes images ray by ray; RTX is a series of graphics cards.)
 
 # %%
 facts = jobs.facts()
@@ -1271,9 +1272,9 @@ for name, share in least.items():
 #
 # PyBullet has no threshold at 1 ms. It holds the part, and drops it again when squeezed harder. Its sweeps end with
 # most of the force on one corner of a finger. This satisfies Coulomb's law, since four corners can share a load in many
-# ways. But the part swings about that corner. At 2 ms and more there is a threshold, and as shipped, where PyBullet
-# multiplies two coefficients of 0.5, it drops the part at every squeeze. (The product of 0.25 explains this up to twice
-# the marked force only; we did not look for the cause above.)
+# ways. But the part swings about that corner. At 2 ms and more there is a threshold. As shipped, it drops the part at
+# every squeeze: PyBullet starts a motor at each joint, and these hold the fingers back. With these motors off, it drops
+# the part up to twice the marked force, because it multiplies the two coefficients of 0.5.
 
 # %%
 show("grasp_threshold")
