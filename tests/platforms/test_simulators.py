@@ -221,6 +221,15 @@ def test_pybullet_puts_the_load_of_a_face_on_one_corner_and_the_part_turns_about
 
 
 @pytest.mark.optional
+def test_pybullet_as_shipped_drops_the_part_because_motors_hold_the_fingers_back():
+    bullet, free = engine("PyBullet"), AS_SHIPPED.using(but=("motors",))
+    for ratio in (1.5, 2.5, 3.0, 6.0):
+        assert not measures.squeezed(bullet, ratio, 2e-3, AS_SHIPPED)[0]
+        # Without motors the product of two coefficients of 0.5 is left: a threshold of 2.
+        assert measures.squeezed(bullet, ratio, 2e-3, free)[0] == (ratio > 2.0)
+
+
+@pytest.mark.optional
 def test_pybullet_says_nothing_and_gives_back_its_client(capfd):
     one = engine("PyBullet")
     import pybullet
