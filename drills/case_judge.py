@@ -291,13 +291,14 @@ def swapped(answers: Sequence[Answer]) -> str:
 
 def constant_factor(answers: Sequence[Answer]) -> str:
     """Return a sentence on values that are all the same multiple of the right ones, or ""."""
-    if len(answers) < 3 or len(answers[0].truth) > 1:
+    if len(answers) < 3:
         return ""
+    pairs = [pair for a in answers for pair in zip(a.parts, a.truth, strict=True)]
     try:
-        got = np.concatenate([as_float64(a.parts[0], a.truth[0].shape).ravel() for a in answers])
+        got = np.concatenate([as_float64(part, truth.shape).ravel() for part, truth in pairs])
     except Mismatch:
         return ""
-    truth = np.concatenate([a.truth[0].ravel() for a in answers])
+    truth = np.concatenate([one.ravel() for _, one in pairs])
     # Components near zero have no meaningful ratio and are left out of the median.
     moving = np.abs(truth) > 1e-9 * np.max(np.abs(truth), initial=0.0)
     # The median is not thrown off by a few values that are wrong for another reason.
@@ -306,9 +307,22 @@ def constant_factor(answers: Sequence[Answer]) -> str:
     if abs(factor) < 1e-9 or abs(factor - 1.0) < 1e-6 or not near.all():
         return ""
     return (
-        f"Every value is {factor:.4g} times the right one, in every case: the way is right, and a "
-        "factor is missing or one too many."
+        f"Every value is {factor:.4g} times the right one, in every case: the method is right, and "
+        "a factor is missing or one too many."
     )
+
+
+def _long_rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
+    """Return which rows of matrices with different numbers of columns are right, case by case."""
+    shapes = {a.truth[0].shape[:-1] for a in answers}
+    if len(answers) < 3 or len(shapes) > 1 or len(shape := shapes.pop()) != 1 or shape[0] < 2:
+        return None
+    errors = [np.abs(as_float64(a.parts[0], a.truth[0].shape) - a.truth[0]) for a in answers]
+    pairs = zip(errors, answers, strict=True)
+    right = np.array([(e <= 1e-9 * (1.0 + np.abs(a.truth[0]))).all(axis=1) for e, a in pairs])
+    moving = np.ptp(np.concatenate([a.truth[0] for a in answers], axis=1), axis=1) > 0.0
+    retained = np.flatnonzero(moving)
+    return right[:, retained], [f"row {i}" for i in retained]
 
 
 def whole_numbers(answers: Sequence[Answer]) -> str:
@@ -332,7 +346,7 @@ def whole_numbers(answers: Sequence[Answer]) -> str:
 
 
 def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[str]) -> str:
-    """Return a sentence on the parts that are right in every case where others never are, or ""."""
+    """Return a sentence on parts that are right in every case where others are not, or ""."""
     if len(answers) < 3:
         return ""
     if len(answers[0].truth) > 1:
@@ -343,24 +357,32 @@ def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[
         if result is None:
             return ""
         table, text = result
-    # Always right against mostly wrong; what lies between tells nothing and is not named.
     good = [bool(column.all()) for column in table.T]
     bad = [bool(column.mean() < 0.7) for column in table.T]
-    right, wrong = (list(itertools.compress(text, mask)) for mask in (good, bad))
-    if not right or not wrong:
+    some = [not all_right for all_right in good]
+    right, wrong, at_times = (list(itertools.compress(text, mask)) for mask in (good, bad, some))
+    if not right or not at_times:
         return ""
+    always = f"Right in every case: {listed(right, 'and')}."
+    # Where parts are mostly wrong, they are named, and not what is wrong now and then beside them.
+    if wrong:
+        look = "Look for the mistake where only the latter is computed."
+        return f"{always} Wrong: {listed(wrong, 'and')}. {look}"
+    count = int((~table.all(axis=1)).sum())
     return (
-        f"Right in every case: {listed(right, 'and')}. Wrong: {listed(wrong, 'and')}. Look for the "
-        "mistake where only the latter is computed."
+        f"{always} Wrong in {count} of {len(answers)} cases: {listed(at_times, 'and')}. Look for "
+        "what these cases have and the others don't, where only the latter is computed."
     )
 
 
 def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
     """Return which rows (or components) of a single array are right, case by case."""
     shapes = {a.truth[0].shape for a in answers}
-    if len(shapes) > 1 or not (shape := shapes.pop()) or shape[0] < 2:
-        return None
     if any(largest_error(a.parts[0], a.truth[0]) == np.inf for a in answers):
+        return None
+    if len(shapes) > 1:  # as many rows, such as x, y and z, of more columns or fewer
+        return _long_rows_right([a for a in answers if a.truth[0].size])
+    if not (shape := shapes.pop()) or shape[0] < 2:
         return None
     # Rows first, then columns: the first axis along which the answers separate is reported.
     for axis in range(len(shape)):

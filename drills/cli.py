@@ -140,10 +140,10 @@ def _list(session: Session, cards: list[Card], last: Sequence[str] = ()) -> int:
             mark = task_text.sign(loaded.of(card.name).state, terminal)
             right = f"{card.difficulty}/5 {card.minutes:>3} min"
             right = f"ch {card.chapter:>2}  {right}" if card.drill else right
-            left = terminal.width - len(right) - name_width - (8 if terminal.unicode else 10)
-            first, *more = wrapped(card.title, left)
-            session.say(f"  {mark} {card.name:<{name_width}}  {first:<{left}}  {right}")
-            indent = " " * (terminal.width - left - len(right) - 2)
+            title_width = terminal.width - len(right) - name_width - (8 if terminal.unicode else 10)
+            first, *more = wrapped(card.title, title_width)
+            session.say(f"  {mark} {card.name:<{name_width}}  {first:<{title_width}}  {right}")
+            indent = " " * (terminal.width - title_width - len(right) - 2)
             for line in more:
                 session.say(f"{indent}{line}")
         session.say()
@@ -169,10 +169,10 @@ def next_(
 ) -> int:
     """Suggest the next unsolved task, in the order of the chapters."""
     loaded, terminal = session.records(), session.terminal
-    left = agenda.to_solve(loaded, _fitting(chapter, level, minutes))
+    unsolved = agenda.to_solve(loaded, _fitting(chapter, level, minutes))
     reading = agenda.to_read(loaded, agenda.standings(loaded))
-    if left:
-        card = left[0]
+    if unsolved:
+        card = unsolved[0]
         tried = loaded.of(card.name).state == ATTEMPTED
         verb = "Go on with" if tried else "Next:"
         session.wrap(terminal.paint(f"{verb} {card.name}: {card.title}", "head"))
@@ -181,15 +181,15 @@ def next_(
         session.say()
         session.say(f"  drills {'check' if tried else 'start'} {card.name}")
         session.say()
-        if left[1:FEW]:
+        if unsolved[1:FEW]:
             session.say("Or")
-        for card in left[1:FEW]:
+        for card in unsolved[1:FEW]:
             lead = f"  {card.name}: "
             right = f"{card.difficulty}/5 {card.minutes:>3} min"
             room = terminal.width - len(lead) - len(right) - 2
             session.say(f"{lead}{task_text.cut(card.title, room):<{room}}  {right}")
-        time = agenda.duration(sum(card.minutes for card in left))
-        session.say(f"{len(left)} to solve, about {time}.")
+        time = agenda.duration(sum(card.minutes for card in unsolved))
+        session.say(f"{len(unsolved)} to solve, about {time}.")
     else:
         chose = chapter or level or minutes
         session.say("Nothing that fits is unsolved." if chose else "All solved.")
@@ -200,8 +200,8 @@ def next_(
             f"{agenda.duration(part.about)}). drills start {where.number} copies it."
         )
     payload = {
-        "exercises": [_card_data(card, loaded.of(card.name)) for card in left],
-        "minutes": sum(card.minutes for card in left),
+        "exercises": [_card_data(card, loaded.of(card.name)) for card in unsolved],
+        "minutes": sum(card.minutes for card in unsolved),
         "reading": {"chapter": reading[0].number, "section": reading[1].number}
         if reading
         else None,
@@ -279,11 +279,13 @@ def read(
         lead = f"  {mark_of} {part.number:>2}  "
         room = terminal.width - len(right) - (11 if terminal.unicode else 13)
         session.say(f"{lead}{task_text.cut(part.title, room):<{room}}  {right}")
-    left = [part for part in parts if part.number not in reading.read]
+    unread = [part for part in parts if part.number not in reading.read]
     session.say()
-    time = agenda.duration(round(sum(part.minutes for part in left)))
+    time = agenda.duration(round(sum(part.minutes for part in unread)))
     passed = f"passed on {reading.checkpoint[:10]}" if reading.checkpoint else "open"
-    session.say(f"{len(left)} of {len(parts)} sections to read, about {time}; checkpoint {passed}")
+    session.say(
+        f"{len(unread)} of {len(parts)} sections to read, about {time}; checkpoint {passed}"
+    )
     payload = {
         "chapter": chapter,
         "sections": [{**asdict(part), "read": part.number in reading.read} for part in parts],

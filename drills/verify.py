@@ -180,8 +180,11 @@ def _starter(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding
         card.name, "an untouched starter is no attempt", untouched is Reason.NOT_ATTEMPTED
     )
     judged = grade(card.name, card.starter(), seed=0, starter_too=True)
-    honest = not judged.passed and judged.reason not in (Reason.SYNTAX_ERROR, Reason.MISSING_NAME)
-    yield Finding(card.name, "the starter runs and fails", honest, str(judged.reason))
+    # A starter that raises shows a learner an error in code that they did not write.
+    broken = (Reason.SYNTAX_ERROR, Reason.MISSING_NAME, Reason.RAISED)
+    honest = not judged.passed and judged.reason not in broken
+    detail = judged.sentence if judged.reason in broken else str(judged.reason)
+    yield Finding(card.name, "the starter runs and fails", honest, detail)
 
 
 def _solution(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:

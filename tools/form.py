@@ -6,6 +6,7 @@ chapter is. Prose is the text of Markdown cells outside of what
 a click unfolds; a formula counts as one word, code and pictures as none.
 """
 
+import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -134,6 +135,13 @@ def faults(cells: Sequence[NotebookNode], limits: Limits = LIMITS) -> list[str]:
                 f"cell {number}: a line of the formula {formula!r} begins like a list"
                 for formula in formulas
                 if re.search(r"\n[-+*>] ", formula)
+            ]
+            # A row that goes on in the next line loses its last columns to a row of their own.
+            lines = _FENCE.sub("", cell.source).splitlines()
+            result += [
+                f"cell {number}: a row of a table is broken after {row[-40:]!r}"
+                for above, row in itertools.pairwise(lines)
+                if above.startswith("|") and row.startswith("|") and not row.rstrip().endswith("|")
             ]
             for paragraph in paragraphs(cell.source):
                 if (count := words(paragraph)) > PARAGRAPH:

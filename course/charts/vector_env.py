@@ -292,7 +292,7 @@ def vector_env(
         repeats: rounds.
     """
     rates = measure_rates(CONTENDERS, sizes, repeats)
-    left = Panel(
+    rate_panel = Panel(
         "Reaching task, one step of 20 ms",
         "number of environments N",
         "environment steps per second",
@@ -300,15 +300,15 @@ def vector_env(
     )
     disturbed = max(result.busy for row in rates.values() for result in row.values())
     # The footer says in what share of the rounds the machine was disturbed.
-    left.footer = machine(disturbed)
-    left.notes.append(f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes))
+    rate_panel.footer = machine(disturbed)
+    rate_panel.notes.append(f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes))
     for name, contender in CONTENDERS.items():
         row = rates[name]
         speed, low, high = (
             [n / value(result) for n, result in row.items()]
             for value in (lambda t: t.median, lambda t: t.high, lambda t: t.low)
         )
-        left.series.append(
+        rate_panel.series.append(
             Series(
                 name,
                 [*row],
@@ -321,16 +321,16 @@ def vector_env(
             )
         )
         cells = dict(zip(row, (f"{value:.3g}" for value in speed), strict=True))
-        left.notes.append(f"{name:<38}" + "".join(f"{cells.get(n, '-'):>10}" for n in sizes))
+        rate_panel.notes.append(f"{name:<38}" + "".join(f"{cells.get(n, '-'):>10}" for n in sizes))
     at = COMPARED_AT if COMPARED_AT in sizes else sizes[-1]
     for fast, slow in ((BATCH, SYNC), (CLOSED, SYNC), (CLOSED, SYNC_CLOSED)):
         # Ratios are measured in pairs, not as quotients of two medians from different moments.
         times_as_fast = paired_ratio(CONTENDERS[slow], CONTENDERS[fast], at, repeats)
-        left.notes.append(
+        rate_panel.notes.append(
             f"at N = {at}, median of {repeats} interleaved pairs: {fast} beside {slow}: "
             f"{times_as_fast}"
         )
-    yield left
+    yield rate_panel
 
     turned = {
         (name, s): Contender(partial(make, substeps=s))

@@ -48,6 +48,83 @@ def rotation_error(matrix: ArrayLike) -> float:
     return max(gap(turn.T @ turn, np.eye(len(turn))), abs(float(np.linalg.det(turn)) - 1.0))
 
 
+def norm_error(vectors: ArrayLike) -> float:
+    """Return how far the lengths of unit vectors, such as quaternions, are from 1.
+
+    Args:
+        vectors: shape (n,), or (n, count) with one vector in each column.
+    """
+    units = np.asarray(vectors, dtype=float)
+    if units.ndim not in (1, 2):
+        raise check.invalid("vectors.shape", units.shape, "(n,) or (n, count)")
+    return gap(np.linalg.norm(units, axis=0), np.ones(units.shape[1:]))
+
+
+def inertia_error(inertia: ArrayLike) -> float:
+    """Return by how much a tensor fails to be the inertia of any body.
+
+    It is symmetric, and no principal moment exceeds the sum of the two others. (With the moments
+    J1, J2, J3 about the axes, J1 + J2 - J3 is twice the integral of z^2 over the mass.) A tensor
+    that is only positive definite may still belong to no body. Source: Traversaro and others,
+    Identification of fully physical consistent inertial parameters, 2016.
+
+    Args:
+        inertia: about the centre of mass, shape (3, 3) [kg m^2].
+
+    Returns:
+        The larger of both violations, as a share of the largest moment.
+    """
+    tensor = np.asarray(inertia, dtype=float)
+    if tensor.shape != (3, 3):
+        raise check.invalid("inertia.shape", tensor.shape, "(3, 3)")
+    if not np.isfinite(tensor).all():
+        return np.inf
+    moments = np.linalg.eigvalsh(0.5 * (tensor + tensor.T))
+    excess = float((2.0 * moments - moments.sum()).max())
+    return max(gap(tensor, tensor.T), excess, 0.0) / (float(np.abs(moments).max()) or 1.0)
+
+
+def shift_error(step: Mapped, state: ArrayLike, shift: ArrayLike) -> float:
+    """Return how far a step depends on where the origin of the world is.
+
+    The invariant: far from fixed objects a motion that begins elsewhere is the same motion, moved.
+
+    Args:
+        step: state -> the next state.
+        state: where to try it, shape (n,).
+        shift: what moves a state, shape (n,): the same for all positions along an axis, and 0 for
+            angles and velocities.
+    """
+    begin, moved = np.asarray(state, dtype=float), np.asarray(shift, dtype=float)
+    return gap(step(begin + moved), np.asarray(step(begin), dtype=float) + moved)
+
+
+def saturation_error(
+    make: Callable[[], Callable[[float], float]],
+    pushed: float,
+    after: Sequence[float],
+    samples: tuple[int, int] = (50, 500),
+) -> float:
+    """Return how much commands depend on how long the actuator was at its limit before.
+
+    A controller whose integral grows while the command is clipped (windup) has to unwind first, for
+    as long as it was at the limit. The invariant: how long that was makes no difference.
+
+    Args:
+        make: returns a new controller, error -> clipped command, called once a sample.
+        pushed: error that holds the command at its limit.
+        after: errors of the samples that follow.
+        samples: with the error `pushed`, a short and a long time [samples].
+    """
+    commands = []
+    for count in samples:
+        control = make()
+        for _ in range(check.count("samples", count, 1)):
+            control(pushed)
+        commands.append([control(error) for error in after])
+    return gap(*commands)
+
+
 def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: float = 1e-5) -> float:
     """Return the difference of a derivative from the limit of difference quotients.
 

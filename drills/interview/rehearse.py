@@ -471,13 +471,22 @@ class Talk:
         return item.fill(text, figure)
 
     def debug(self, item: Item, entry: Entry) -> None:
-        """Run a scenario, as `drills debug` does; lines typed before a stop are run again."""
+        """Run a scenario, as `drills debug` does.
+
+        After a stop the probes are run again, and so is a conclusion that was not judged yet.
+        """
         name, seed = item.key.removeprefix("scenario/"), self.interview.seed % 1000
         self.show_time()
         case = scenarios.diagnose(name, seed)
+        typed = [line.split() for line in entry.answer.splitlines()]
+        known = {probe.name for probe in scenarios.scenario(name).probes}
+        for line in typed:
+            if len(line) == 2 and line[0] == "probe" and line[1] in known:
+                case.probe(line[1])
 
         def lines() -> Iterator[str]:
-            yield from entry.answer.splitlines()
+            if typed and typed[-1][:1] in (["conclude"], ["quit"]):
+                yield " ".join(typed[-1])
             while True:
                 line = clean(self.read_line()[:LONGEST])
                 self.add(entry, "answer", line)

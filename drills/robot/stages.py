@@ -124,8 +124,8 @@ def build(cell: Cell, bench: Bench, engine: Engine = PLAIN) -> Stages:
             # Half of the limit: beyond it the correction oscillates.
             if variance < 0.0 or gain > 0.5 * limit:
                 continue
-            left = loop.offset * math.exp(-gain * (loop.frames - loop.delay))
-            cost = variance * loop.noise**2 + left**2
+            remaining = loop.offset * math.exp(-gain * (loop.frames - loop.delay))
+            cost = variance * loop.noise**2 + remaining**2
             if cost < best:
                 best, chosen = cost, gain
         return chosen

@@ -1371,8 +1371,7 @@ show("nconmax_helps")
 # | a block curves while it brakes | friction pyramid | push it off in several directions | elliptic cone |
 # | rattling on a mesh or an edge | the normal flips; one point instead of a manifold | draw the normals over time | manifold; rounded edges (a radius) |
 # | passes a wall at any step | soft contact pushed past the middle | compare depth with wall thickness | stiffer contact, thicker wall |
-# | every run differs | contacts in another order, threads, a random generator without a seed | hash the state at each
-# step | sort the pairs; fix threads and seed |
+# | every run differs | contacts in another order, threads, a random generator without a seed | hash the state at each step | sort the pairs; fix threads and seed |
 # | NaN now and then | concentric centres, a degenerate simplex | place two centres at one point | handle that case separately |
 # %%
 more_claims("mujoco_timer")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import contact
-from course.charts.contact.models import step_limit
+from course.charts.contact.limits import step_limit
 from course.contact import scenes
 from course.contact.soft import Softness
 from course.oracles.mujoco import contact as mujoco_contact

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import charts
-from course.charts.contact import models
+from course.charts.contact import limits, models
 from course.contact import scenes
 from course.oracles.mujoco.contact import SOLVERS
 from tests.budget import examples
@@ -106,7 +106,7 @@ def test_recovery_throws_out_faster_with_a_shorter_step_unless_it_is_capped() ->
     assert capped.y == pytest.approx([0.2, 1.0, 1.0], rel=1e-9)
     assert max(panel["MuJoCo"].y) < 0.5
     for model in ("lcp", "coulomb", "convex"):
-        assert models.ejected(1e-4, model, cap=0.3) == pytest.approx(0.3, rel=1e-6)
+        assert limits.ejected(1e-4, model, cap=0.3) == pytest.approx(0.3, rel=1e-6)
     slow = replace(scenes.ball_drop(-0.01), max_recovery_speed=0.3)
     assert scenes.march(slow, 1e-4, 3)[1] == pytest.approx([0.3], rel=1e-6)
     # A share of the depth that fits the step: the speed that comes out is that of the share.
@@ -120,12 +120,12 @@ def test_penalty_limits_are_the_theorys(zeta: float) -> None:
     for scheme in ("explicit", "semi-implicit"):
         if scheme == "explicit" and abs(zeta - 1.0) < 1e-3:
             continue  # a double root, where bisection stops at the square root of rounding
-        theory = models.step_limit(zeta, scheme)
-        assert models.measured_limit(zeta, scheme) == pytest.approx(theory, rel=1e-5)
+        theory = limits.step_limit(zeta, scheme)
+        assert limits.measured_limit(zeta, scheme) == pytest.approx(theory, rel=1e-5)
 
 
 def test_two_springs_turn_a_cube_before_they_lift_it() -> None:
-    ratio = models.cube_limit() / models.cube_limit(1)
+    ratio = limits.cube_limit() / limits.cube_limit(1)
     assert ratio == pytest.approx(1.0 / math.sqrt(3.0), rel=1e-5)
 
 
@@ -142,11 +142,11 @@ def test_sweeps_have_their_slopes() -> None:
 
 def test_the_clamp_saves_what_theory_says() -> None:
     """MuJoCo without refsafe is at its limit; with it there is none above 1/sqrt(8)."""
-    panel = models._clamped((0.1, 0.3, 0.37, 1.0))
+    panel = limits._clamped((0.1, 0.3, 0.37, 1.0))
     deviation, on = panel["MuJoCo, refsafe off"], panel["MuJoCo, refsafe"]
     assert deviation.y == pytest.approx(deviation.expected, rel=0.02)
     assert list(on.x) == [0.1, 0.3] and on.y == pytest.approx(deviation.y[:2], rel=0.02)
-    assert models.soft_limit(models.SAVED) == pytest.approx(0.5, rel=1e-12)
+    assert limits.soft_limit(limits.SAVED) == pytest.approx(0.5, rel=1e-12)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -127,3 +128,40 @@ def test_numba_may_compile_on_top_of_the_limits() -> None:
     assert limits_for(usual, "import numpy\n# from numba import njit\n") == usual
     longer = limits_for(usual, "import numpy\nfrom numba import njit\n")
     assert longer.call == usual.call + COMPILING and longer.memory == usual.memory
+
+
+def test_a_part_that_is_wrong_now_and_then_is_told() -> None:
+    """The longest stage is often, not always, the one that limits the rate."""
+    right = catalogue.card("throughput").solution_text()
+    longest = right + (
+        "\n\n_right = throughput\n\n\ndef throughput(stages, workers):\n"
+        "    return (*_right(stages, workers)[:2], int(np.argmax(stages)))\n"
+    )
+    report = grade_here("throughput", longest, seed=11)
+    assert report.slip == "one_part_right"
+    assert re.search(
+        r"^Right in every case: latency and rate\. Wrong in \d+ of \d+ cases: slowest\.",
+        report.diagnosis,
+    )
+
+
+def test_rows_of_any_length_are_told_apart() -> None:
+    right = catalogue.card("back_project").solution_text()
+    upward = right + (
+        "\n\n_right = back_project\n\n\ndef back_project(*args):\n"
+        "    return _right(*args) * [[1.0], [-1.0], [1.0]]\n"
+    )
+    report = grade_here("back_project", upward, seed=11)
+    assert report.slip == "one_part_right"
+    assert report.diagnosis.startswith("Right in every case: row 0 and row 2. Wrong: row 1.")
+
+
+def test_a_factor_of_all_results_is_told() -> None:
+    right = catalogue.card("tip_resolution").solution_text()
+    halved = right + (
+        "\n\n_right = tip_resolution\n\n\ndef tip_resolution(*args):\n"
+        "    each, total = _right(*args)\n    return 0.5 * np.asarray(each), 0.5 * total\n"
+    )
+    report = grade_here("tip_resolution", halved, seed=11)
+    assert report.slip == "constant_factor"
+    assert report.diagnosis.startswith("Every value is 0.5 times the right one")

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import textwrap
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ pytestmark = pytest.mark.smoke
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / "drills").rglob("*.py"))
+NATURAL = ROOT / "tests" / "prove" / "drills" / "natural.toml"
 JUDGES = sorted((ROOT / "drills" / "catalogue").glob("*/exercise.py"))
 
 
@@ -200,8 +202,32 @@ def test_a_range_that_is_refused_is_refused_in_the_prompt() -> None:
 
 
 def test_natural_wrong_answers_still_fit_the_worked_answers() -> None:
+    """A new exercise needs none; those that are there have four or more."""
+    counts = {}
     for card in catalogue.cards():
         rows = answers(card)
-        assert len(rows) >= 4, card.name
+        counts[card.name] = len(rows)
         for row in rows:
             ast.parse(row.text)
+    few = {name: n for name, n in counts.items() if 0 < n < 4}
+    assert not few, f"fewer than four in natural.toml: {few}"
+    assert sum(n > 0 for n in counts.values()) >= 0.9 * len(counts)
+    assert set(tomllib.loads(NATURAL.read_text(encoding="utf-8"))) <= set(counts)
+
+
+def test_the_sample_of_an_exercise_in_contributing_is_complete() -> None:
+    """As printed there, with the card and the worked answer that the text describes."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", text, re.S | re.M)
+    sample: dict[str, Any] = {}
+    exec(code, sample)
+    cases = sample["cases"](np.random.default_rng(0))
+    assert list(dict.fromkeys(case.level for case in cases)) == ["simple", "core", "edge"]
+    solution = (
+        "import math\n\nTURN = 2.0 * math.pi\n\n\n"
+        "def wrap_angle(angle):\n    return (angle + math.pi) % TURN - math.pi\n"
+    )
+    edits = [slip for slip in sample["EXERCISE"].slips if slip.edits]
+    assert len(edits) >= 1
+    for slip in edits:
+        assert slip.text(solution) != solution

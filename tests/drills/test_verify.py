@@ -111,6 +111,12 @@ def test_a_judge_that_accepts_the_starter_is_found(monkeypatch: pytest.MonkeyPat
     assert "the starter runs and fails" in _failed(monkeypatch, exercise={"judge": lenient})
 
 
+def test_a_starter_that_raises_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its body may use what the module of the worked answer imports, and no other name."""
+    unproved = _failed(monkeypatch, card={"start": "return FACTOR * np.ones((4, 2))"})
+    assert unproved == {"the starter runs and fails"}
+
+
 @pytest.mark.parametrize(
     ("shape", "value", "fits"),
     [

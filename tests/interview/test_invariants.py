@@ -38,6 +38,74 @@ def test_a_rotation_is_told_from_a_mirror_and_a_stretch(seed: int, n: int, wrong
 
 @examples(30)
 @given(SEEDS, WRONG)
+def test_lengths_and_inertias_of_bodies(seed: int, wrong: float) -> None:
+    rng = np.random.default_rng(seed)
+    units = rng.normal(size=(4, 5))
+    units /= np.linalg.norm(units, axis=0)
+    assert max(invariants.norm_error(units), invariants.norm_error(units[:, 0])) < 1e-12
+    units[:, 2] *= 1.0 + abs(wrong)
+    assert invariants.norm_error(units) == pytest.approx(abs(wrong))
+    # Of point masses about their centre: the definition.
+    masses, places = rng.uniform(0.1, 2.0, 6), rng.normal(size=(3, 6))
+    places -= (places @ masses / masses.sum())[:, None]
+    second = (masses * places) @ places.T
+    inertia = np.trace(second) * np.eye(3) - second
+    assert invariants.inertia_error(inertia) < 1e-12
+    # All points in a plane are the limit: the moment about its normal is the sum of both others.
+    flat = places * [[1.0], [1.0], [0.0]]
+    second = (masses * flat) @ flat.T
+    inertia = np.trace(second) * np.eye(3) - second
+    assert invariants.inertia_error(inertia) < 1e-12
+    turn = rotation(rng, 3)
+    inertia[2, 2] *= 1.0 + abs(wrong)  # positive definite as before, and no body has it
+    assert invariants.inertia_error(turn @ inertia @ turn.T) == pytest.approx(
+        abs(wrong) / (1.0 + abs(wrong))
+    )
+    # What is not symmetric leaves the moments of the symmetric part as they are.
+    lopsided = np.diag([2.0, 2.0, 2.0]) + [[0.0, 0.1, 0.0], [-0.1, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    assert invariants.inertia_error(lopsided) == pytest.approx(0.1)
+    assert invariants.inertia_error(np.full((3, 3), np.nan)) == math.inf
+
+
+@examples(30)
+@given(SEEDS, WRONG)
+def test_a_motion_elsewhere_is_told_from_one_that_knows_the_origin(seed: int, wrong: float) -> None:
+    state = np.random.default_rng(seed).uniform(-1.0, 1.0, 4)  # two places, two velocities
+
+    def step(x, stray=0.0):
+        pull = x[1] - x[0]
+        return x + 0.1 * np.array([x[2], x[3], pull + stray * x[0], -pull])
+
+    shift = np.array([3.0, 3.0, 0.0, 0.0])
+    assert invariants.shift_error(step, state, shift) < 1e-12
+    assert invariants.shift_error(partial(step, stray=wrong), state, shift) == pytest.approx(
+        0.3 * abs(wrong)
+    )
+
+
+@examples(30)
+@given(st.floats(0.1, 5.0), st.floats(2.0, 10.0))
+def test_an_integral_that_winds_up_is_told_from_one_that_stops(gain: float, pushed: float) -> None:
+    def make(windup: bool):
+        total = 0.0
+
+        def control(error: float) -> float:
+            nonlocal total
+            raw = error + gain * (total + 0.01 * error)
+            clipped = min(max(raw, -1.0), 1.0)
+            if windup or raw == clipped:
+                total += 0.01 * error
+            return clipped
+
+        return control
+
+    after = [-0.5] * 1500  # until the shorter integral is gone
+    assert invariants.saturation_error(partial(make, False), pushed, after) == 0.0
+    assert invariants.saturation_error(partial(make, True), pushed, after) > 0.05
+
+
+@examples(30)
+@given(SEEDS, WRONG)
 def test_a_derivative_is_told_from_a_wrong_one(seed: int, wrong: float) -> None:
     rng = np.random.default_rng(seed)
     matrix, point = rng.uniform(-1.0, 1.0, (2, 3)), rng.uniform(-1.0, 1.0, 3)
@@ -186,6 +254,12 @@ def test_for_ever_and_idle_parameters(discount: float, wrong: float) -> None:
     [
         (lambda: invariants.gap([1.0], [1.0, 2.0]), "other.shape must be"),
         (lambda: invariants.rotation_error([1.0]), "matrix.shape must be"),
+        (lambda: invariants.norm_error(1.0), r"vectors.shape must be .*, got \(\)"),
+        (lambda: invariants.inertia_error(np.eye(2)), "inertia.shape must be"),
+        (
+            lambda: invariants.saturation_error(lambda: abs, 1.0, [0.0], (0, 5)),
+            r"samples must be .*, got 0",
+        ),
         (lambda: invariants.derivative_error(abs, abs, 1.0, step=0.0), r"step must be .*, got 0.0"),
         (lambda: invariants.unit_error(abs, [1.0], [], 1.0), r"factors must be 1 factors.*, got 0"),
         (lambda: invariants.weight_error([1.0], [0.0]), "masses"),

@@ -286,7 +286,7 @@ def test_a_whole_interview(
         lambda: path.write_text(right),
     ]
     message = [*lines(keys[0], "3"), *lines(keys[1], "0"), *code, *lines(keys[3], "2")]
-    left = [len(message) - len(lines(keys[0], "3")), len(lines(keys[3], "2")) + len(code), 0]
+    remaining = [len(message) - len(lines(keys[0], "3")), len(lines(keys[3], "2")) + len(code), 0]
     talk, shown = talk_of(place, message, MINUTES, PARTS, seed), []
     monkeypatch.setattr(talk, "show", lambda text: shown.append((len(message), text)))
     assert talk.run() == 0 and message == []
@@ -305,7 +305,7 @@ def test_a_whole_interview(
             assert one["answer"] in page and one["asked"] in page
             # Its model answer was shown once: when all of its lines had been said.
             answer = pool[one["key"]].fill(pool[one["key"]].answer, figure)
-            assert [at for at, text in shown if answer in text] == [left.pop(0)]
+            assert [at for at, text in shown if answer in text] == [remaining.pop(0)]
     for one in (one for one in pool.values() if one.part == "coding"):
         entry = rehearsal.Entry(one.key, "coding", one.chapter, 1, "", weakest=one.rubric[0])
         assert re.search(r"section \d+: (?!Exercises|Interview)", rehearse.to_read(entry))
@@ -371,16 +371,16 @@ def test_a_pasted_text_is_one_answer_and_none_of_its_lines_is_a_mark(place: Plac
     """Blank lines, a dot, and what was typed ahead behind it."""
     pasted = ["", "First.", "", "Second.", ".", "2", "1", "", "Third."]
     marks, reply = ["3"] * 20, ["."]
-    left = [*pasted]
+    remaining = [*pasted]
 
     def listen() -> str:
-        if left:
-            return left.pop(0)
+        if remaining:
+            return remaining.pop(0)
         return marks.pop(0) if len(talk.interview.items[0].marks) < count else reply.pop(0)
 
     talk = talk_of(place, [], 15, ("concept",), 1)
     count = len(pool_rubric(talk.interview.items[0].key))
-    talk.read_line, talk.waiting = listen, lambda: bool(left)
+    talk.read_line, talk.waiting = listen, lambda: bool(remaining)
     assert talk.run() == 0
     entry = talk.interview.items[0]
     assert entry.answer == "First.\n\nSecond.\n2\n1\n\nThird.\n"
@@ -492,15 +492,18 @@ def test_a_design_is_clarified_before_it_is_answered(
 
 
 @pytest.mark.slow
-def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(place: Place) -> None:
+def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(
+    place: Place, capsys: pytest.CaptureFixture[str]
+) -> None:
     talk = talk_of(place, [], 15, ("debugging",), 1)
     entry = rehearsal.Entry("scenario/touch", "debugging", 12, 10, "It hammers.")
     talk.interview.items = [entry]
-    talk.read_line = iter(["probe quarter_gain"]).__next__
+    talk.read_line = iter(["program", "probe quarter_gain", "conclude x y"]).__next__
     with pytest.raises((EOFError, StopIteration, RuntimeError)):
         talk.run()
     again = talk_of(place, [], 15, ("debugging",), 1)
     again.resume()
+    capsys.readouterr()
     case = scenarios.drawn("touch", again.interview.seed % 1000)
     cause = scenarios._cause(case)
     path = scenarios.model_path("touch")
@@ -510,7 +513,10 @@ def test_a_scenario_runs_in_the_interview_and_goes_on_after_a_stop(place: Place)
     assert again.run() == 0
     (done,) = again.interview.items
     assert done.score == 1 and done.attempts[0]["verdict"] == "pass"
-    assert done.answer.startswith("probe quarter_gain\nprobe ")
+    assert done.answer.startswith("program\nprobe quarter_gain\nconclude x y\nprobe ")
+    # What was found is there again, and the program is not printed once more.
+    shown = capsys.readouterr().out
+    assert "Results so far:" in shown and "class Machine" not in shown
     (page,) = place.work.glob("interview/report-*.md")
     assert "quarter_gain" in page.read_text("utf-8")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import pickle
 import re
@@ -20,6 +21,7 @@ from scipy.signal import lfilter
 
 from course.interview import scenarios
 from course.interview.scenarios import Scenario, explodes, touch
+from drills.interview import debug
 from tests.budget import PROVE, sampled
 from tests.drills.place import Place, a_place
 
@@ -212,8 +214,8 @@ def test_the_model_answer_stops_when_one_cause_is_left(name: str, cause: str) ->
         findings = [
             scenarios.Finding(row.probe, row.figure, row.unit, 0, 0) for row in verdict.model
         ]
-        left = [len(row.remaining) for row in scenarios.evidence(name, findings)]
-        assert left[-1] == 1 and min(left[:-1], default=2) > 1
+        causes = [len(row.remaining) for row in scenarios.evidence(name, findings)]
+        assert causes[-1] == 1 and min(causes[:-1], default=2) > 1
         for row in verdict.model:
             assert [r.cause for r in row.ranges] == [c.name for c in scenarios.offered(case)]
             for each in row.ranges:
@@ -333,13 +335,13 @@ def growth(tune: explodes.Tune) -> tuple[float, float]:
     for _ in range(tune.every - 1):
         period = step_matrix(tune, detect=False) @ period
     values, right = np.linalg.eig(period)
-    left = np.linalg.inv(right)  # rows: the part of a state in each mode
+    inverse = np.linalg.inv(right)  # rows: the part of a state in each mode
     k = int(np.argmax(np.abs(values)))
     start = np.zeros(len(period))
     start[[0, 2 + tune.age]] = 1.0
     # A mode that swings comes with its conjugate, which has as much of x again.
     both = 1.0 if abs(values[k].imag) < 1e-9 else 2.0
-    size = both * float(abs(right[0, k] * (left[k] @ start)))
+    size = both * float(abs(right[0, k] * (inverse[k] @ start)))
     return float(np.log(abs(values[k]))) / tune.every, size
 
 
@@ -444,6 +446,24 @@ def helped(name: str, cause: str) -> bool:
 # --- The command --------------------------------------------------------------------------------
 
 
+@EACH
+def test_a_listing_fits_a_terminal_and_is_the_same_program(one: Scenario) -> None:
+    def without_docstrings(text: str) -> str:
+        tree = ast.parse(text)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                node.body = node.body[ast.get_docstring(node) is not None :]
+        return ast.dump(tree)
+
+    text = one.listing()
+    assert max(map(len, text.splitlines())) > 80
+    for width in (60, 80):
+        result = debug.fitted(text, width)
+        assert max(map(len, result.splitlines())) <= width
+        assert without_docstrings(result) == without_docstrings(text)
+        assert sorted(re.findall(r"\w+", result)) == sorted(re.findall(r"\w+", text))
+
+
 def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
     one, seed = scenarios.scenario("touch"), seed_of("touch", "windup")
     lines = [f"probe {name}" for name in scenarios.model_path("touch")]
@@ -452,10 +472,9 @@ def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
         "debug", "touch", "--seed", str(seed), text="\n".join(lines), LC_ALL="C", NO_COLOR="1"
     )
     assert done.code == 0, done
-    output = done.out.replace(one.listing(), "")  # code is as wide as it is
-    assert max(map(len, output.splitlines())) <= 80 < len(output) and done.out.isascii()
-    assert "ruled out" in output and "fits" in output
-    assert len(done.out) - len(output) == len(one.listing())
+    assert max(map(len, done.out.splitlines())) <= 80 < len(done.out) and done.out.isascii()
+    assert "ruled out" in done.out and "fits" in done.out
+    assert debug.fitted(one.listing(), 80) in done.out and "Computing what each" in done.out
     assert "\x1b" not in done.out and "3 of 3 points" in done.out
     data = place.json("debug", "touch", "--seed", str(seed), text="\n".join(lines))
     assert data["verdict"]["cause"] == "windup" and data["verdict"]["points"] == 3

@@ -90,6 +90,6 @@ def test_each_fault_misses_by_what_it_should(seed: int) -> None:
 
 
 def test_only_what_depends_on_the_scale_leaves_a_residual() -> None:
-    left = {cause: sure.residual(cause, 0) for cause in sure.FAULTS}
-    assert left["wrong_focal"] > 5.0 > left["depth_scale"] > 2.0
-    assert max(left[c] for c in ("bent_mount", "old_pose", "other_end", "other_origin")) < 1.0
+    residuals = {cause: sure.residual(cause, 0) for cause in sure.FAULTS}
+    assert residuals["wrong_focal"] > 5.0 > residuals["depth_scale"] > 2.0
+    assert max(residuals[c] for c in ("bent_mount", "old_pose", "other_end", "other_origin")) < 1.0

@@ -20,15 +20,15 @@ def slope(series) -> float:
 
 
 def test_differences_lose_digits_on_both_sides_of_the_step_that_theory_names() -> None:
-    left, right = charts.build(
+    errors, right = charts.build(
         "jacobian_precision", steps=tuple(np.logspace(-14, -1, 14)), repeats=1
     )
     for name in ("forward", "central"):
-        measured, theory = np.asarray(left[name].y), left[name].expected
+        measured, theory = np.asarray(errors[name].y), errors[name].expected
         assert np.all(measured < 3 * theory) and np.all(theory[-4:] < 3 * measured[-4:])
         assert 0 < int(np.argmin(measured)) < measured.size - 1
         assert np.all(theory < 300 * measured)
-    assert max(left["complex step"].y[:5]) < 1e-14
+    assert max(errors["complex step"].y[:5]) < 1e-14
     wrong = {series.label: series.y[0] for series in right.series}
     assert wrong["analytic"] < 1e-14 and wrong["autograd"] < 1e-14
     assert wrong["forward"] > 1e3 * wrong["complex step"]
@@ -43,8 +43,8 @@ def test_the_null_space_drifts_with_the_square_and_one_step_mends_it() -> None:
 
 
 def test_damping_keeps_the_joints_within_their_speed_where_theory_says() -> None:
-    left, right = charts.build("damping_map", nx=41, ny=31, dampings=(1e-3, 1e-2, 0.1))
-    grid, needed = left.grid, np.asarray(left.series[0].y)
+    needed_panel, right = charts.build("damping_map", nx=41, ny=31, dampings=(1e-3, 1e-2, 0.1))
+    grid, needed = needed_panel.grid, np.asarray(needed_panel.series[0].y)
     assert grid is not None
     # One cell of the map beside the theory on either side.
     high, low = (np.interp(np.log(needed), np.log(grid.y), range(grid.y.size)) + d for d in (1, -1))
@@ -53,7 +53,7 @@ def test_damping_keeps_the_joints_within_their_speed_where_theory_says() -> None
         assert np.all(column[rows > high[i]] <= 1)
         if needed[i] > 1e-3:
             assert np.all(column[rows < low[i]] > 1)
-    assert grid.values[grid.y > left.series[1].y[0]].max() <= 1
+    assert grid.values[grid.y > needed_panel.series[1].y[0]].max() <= 1
     assert grid.values.max() > 3
     for series in right.series:
         assert series.y[-1] > 5 * series.y[0]
@@ -99,10 +99,10 @@ def test_the_curve_of_answers_is_complete_and_right() -> None:
 
 
 def test_learned_starts_are_solved_in_fewer_steps_than_random_ones() -> None:
-    left, right = charts.build(
+    solved_panel, right = charts.build(
         "learned_seeds", targets=60, steps=100, table=500, draws=(1, 8), points=2
     )
-    half = {s.label: s.x[np.argmax(s.y >= 0.5)] for s in left.series}
+    half = {s.label: s.x[np.argmax(s.y >= 0.5)] for s in solved_panel.series}
     assert half["network's starts"] < half["uniform starts"] > half["nearest of a table"]
     for series in right.series:
         assert series.y[0] <= series.y[1] <= 1
@@ -154,10 +154,10 @@ def test_the_plane_ends_at_a_fault_of_a_tenth_of_a_degree() -> None:
 
 
 def test_the_closed_form_misses_only_what_its_grid_leaves_out() -> None:
-    left, right = charts.build(
+    postures, right = charts.build(
         "seven_joint", targets=60, slow=3, grids=(1, 8, 64), starts=(1, 32), batches=1
     )
-    fits = next(s for s in left.series if s.label == "within the limits")
+    fits = next(s for s in postures.series if s.label == "within the limits")
     # The posture that the pose was made from lies on the curve.
     q = seven_joint.POSTURE
     place = [q[6], float(swivel_angle(panda(), q))]

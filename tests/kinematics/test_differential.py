@@ -172,11 +172,11 @@ def test_the_library_solves_the_same_program(name):
 
 @pytest.mark.slow
 def test_the_program_follows_best_within_the_limits():
-    left, right = charts.build("velocity_limits", cycles=(0.05,), paths=30, libraries=False)
-    error = {series.label: series.y[0] for series in left.series}
+    accuracy, right = charts.build("velocity_limits", cycles=(0.05,), paths=30, libraries=False)
+    error = {series.label: series.y[0] for series in accuracy.series}
     program = error["quadratic program"]
     assert error["no limits"] < program < 0.5 * error["clipped"] < error["scaled"]
-    assert "beyond a limit on 0% of the paths" in left["quadratic program"].note
+    assert "beyond a limit on 0% of the paths" in accuracy["quadratic program"].note
     assert {series.label for series in right.series} == {*error}
 
 

@@ -95,10 +95,10 @@ def test_bias_and_deviation_are_those_of_many_sampled_paths(trace, end):
 
 
 def test_both_ends_of_lambda_have_their_textbook_bias():
-    for end, left in ((gae_weights.TERMINATED, 0.0), (gae_weights.TRUNCATED, 0.99**20)):
+    for end, factor in ((gae_weights.TERMINATED, 0.0), (gae_weights.TRUNCATED, 0.99**20)):
         controls = gae_weights.CONTROLS.new(end=end, error=0.4)
         assert gae_weights.bias(controls, 0.0) == pytest.approx(0.99 * 0.4)
-        assert gae_weights.bias(controls, 1.0) == pytest.approx(left * 0.4, abs=1e-12)
+        assert gae_weights.bias(controls, 1.0) == pytest.approx(factor * 0.4, abs=1e-12)
         assert gae_weights.deviation(controls, 0.0) == pytest.approx(0.1)
 
 

@@ -123,7 +123,10 @@ def test_the_first_screen_moves_and_asks(name: str) -> None:
     source = notebooks.FOLDER / "source" / f"{name}.py"
     minutes = form.reading(jupytext.read(source, fmt="py:percent").cells)
     shown = [int(n) for n in counted.groups()]
-    assert shown[:2] == [minutes["open"], minutes["folded"]]
+    assert shown[:2] == [minutes["open"], minutes["folded"]], (
+        f"The first screen of {name} announces other minutes than its source has now. Run "
+        f"`.venv/bin/python -m tools.notebooks {name}`."
+    )
 
 
 @pytest.mark.parametrize("name", WRITTEN)
@@ -258,6 +261,13 @@ def test_a_formula_that_a_line_break_makes_a_list_is_a_fault() -> None:
     for text in ("a gap $a\n- b$ of", "so $x\n+ 1 > 0$, then $c$", "$c$ and $a\n> b$"):
         assert len(form.faults([markdown(text)])) == 1
     for text in ("a gap\n$a - b$ of", "for 5 \\$\n- and $b$", "$a$ and\n- a list $b$", "$$a\n$$"):
+        assert form.faults([markdown(text)]) == []
+
+
+def test_a_row_of_a_table_on_two_lines_is_a_fault() -> None:
+    head = "| cause | fix |\n|---|---|\n"
+    assert len(form.faults([markdown(f"{head}| threads | sort\nthe pairs |\n")])) == 1
+    for text in (f"{head}| threads | sort the pairs |\n", "of $a$ given\n|b| or\nc"):
         assert form.faults([markdown(text)]) == []
 
 

@@ -201,6 +201,26 @@ def test_a_path_comes_into_force_without_a_jump():
     assert np.abs(reference[-1] - reference[0]).max() > 1e-3
 
 
+@pytest.mark.parametrize("follows", [False, True])
+def test_while_a_plan_is_made_the_arm_waits_or_follows_the_old_one(follows: bool):
+    """Either way the new path begins where the reference was when the plan was requested."""
+    settings = Settings(noise=0.1, filtered=False, check_cost=2e-3, replan=0.3, hysteresis=follows)
+    away = []
+    for seed in range(3):
+        record = run(Scenario(), settings, seed=seed)
+        for requested, plan in list(zip(record.plan_requests, record.plans, strict=False))[1:]:
+            if plan.value.motion is None or 1e-6 * plan.arrived >= record.scenario.seconds:
+                continue
+            first, last = (round(t / record.step) for t in (requested, plan.arrived))
+            begin = plan.value.motion.table[0, 4:6]
+            from_begin = np.abs(record.log[first - 1 : last + 1, REFERENCE:SENT] - begin)
+            assert from_begin[0].max() < 1e-9 and from_begin[-1].max() < 1e-6
+            away.append(from_begin[1:-1].max())
+    assert len(away) > 5
+    # On the old path it is somewhere else by then, so the new one brings it back with a jump.
+    assert np.median(away) > 0.05 if follows else np.max(away) < 1e-9
+
+
 # --- what a run must be ---------------------------------------------------------------------------
 
 

@@ -194,9 +194,9 @@ def test_a_guided_finger_stays_on_its_rail_and_feels_its_force(name):
     far = [scenes.replace(b, pose=(5.0 * b.pose[0], *b.pose[1:])) for b in scene.bodies]
     run = engine(name).build(scenes.replace(scene, bodies=tuple(far)), 1e-4)
     run.run(500)
-    left, right = run.state().q[:3, 1:].T
-    assert left[0] + 0.15 == pytest.approx(0.5 * 60.0 * 0.05**2, rel=5e-3)
-    assert right == pytest.approx(-left, abs=1e-12) and not left[1:].any()
+    first, second = run.state().q[:3, 1:].T
+    assert first[0] + 0.15 == pytest.approx(0.5 * 60.0 * 0.05**2, rel=5e-3)
+    assert second == pytest.approx(-first, abs=1e-12) and not first[1:].any()
     assert run.energy() == pytest.approx(run.scene.energy(run.state()), rel=1e-9)
     run.close()
 

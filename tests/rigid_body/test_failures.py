@@ -78,14 +78,14 @@ def test_discrete_is_implicit_euler_on_a_spring_and_pays_half_of_omega_dt_in_dam
 
 
 def test_the_chart_of_the_spring_agrees_with_its_theory():
-    left, middle, right = build("mujoco_stiff_spring", points=13)
-    assert left["discrete"].y[-1] == pytest.approx(1e-3, rel=1e-5)
-    assert max(left["Euler"].y[:5]) == pytest.approx(1.0) and left["Euler"].y[-1] > 1e5
+    growth, middle, right = build("mujoco_stiff_spring", points=13)
+    assert growth["discrete"].y[-1] == pytest.approx(1e-3, rel=1e-5)
+    assert max(growth["Euler"].y[:5]) == pytest.approx(1.0) and growth["Euler"].y[-1] > 1e5
     series = [middle["discrete"], right["discrete (too low)"], right["Euler (too high)"]]
     for s in series:
         np.testing.assert_allclose(s.y, s.expected, rtol=1e-5)
     assert right["RK4 (too low)"].y[0] < 1e-4 * right["Euler"].y[0]
-    assert left.notes[0].endswith("limit of omega dt 2.0001, theory 2.0000")
+    assert growth.notes[0].endswith("limit of omega dt 2.0001, theory 2.0000")
 
 
 # --- long runs ------------------------------------------------------------------------------------
@@ -164,19 +164,20 @@ def test_small_steps_in_tune_with_the_motion_grow_and_out_of_tune_do_not():
 
 @pytest.mark.slow
 def test_quaternions_grow_and_lag_as_the_closed_form_says():
-    left, middle, right = build(
+    norm_panel, attitude_panel, order_panel = build(
         "quaternion_drift", at_most=100_000, points=3, angles=(1e-3, 2e-2), counts=(500, 1000)
     )
+    panels = (norm_panel, attitude_panel)
     for size in ("1 mrad a step", "20 mrad a step"):
-        for panel in (left, middle):
+        for panel in panels:
             added = panel[f"added, {size}"]
             np.testing.assert_allclose(added.y, added.expected, rtol=1e-4)
         # Rescaled, the length is right and the lag stays; multiplied, both are right.
-        rescaled = middle[f"added and renormalised, {size}"]
+        rescaled = attitude_panel[f"added and renormalised, {size}"]
         np.testing.assert_allclose(rescaled.y, rescaled.expected, rtol=1e-4)
-        assert left[f"added and renormalised, {size}"].y.max() < 1e-15
-        assert max(panel[f"exponential map, {size}"].y.max() for panel in (left, middle)) < 1e-11
-    assert all(series.y[1] < series.y[0] / 14.0 for series in right.series)
+        assert norm_panel[f"added and renormalised, {size}"].y.max() < 1e-15
+        assert max(panel[f"exponential map, {size}"].y.max() for panel in panels) < 1e-11
+    assert all(series.y[1] < series.y[0] / 14.0 for series in order_panel.series)
     # Independent of the closed forms: to first order n (h w)^2 / 8 and n (h w)^3 / 12.
     assert drift.added_length(1e-3, 10) - 1.0 == pytest.approx(10 * 1e-6 / 8, rel=1e-5)
     assert drift.added_lag(1e-3, 10) == pytest.approx(10 * 1e-9 / 12, rel=1e-5)
@@ -224,7 +225,7 @@ def test_the_ball_sinks_in_by_a_third_of_the_time_constant_times_its_speed():
 
 
 def test_the_chart_of_tunnelling_agrees_with_its_theory():
-    left, right = build(
+    missed_panel, right = build(
         "tunnelling",
         ratios=(0.8, 2.0, 5.0),
         balls=10_000,
@@ -234,8 +235,8 @@ def test_the_chart_of_tunnelling_agrees_with_its_theory():
         walls=((0.02, 0.01),),
     )
     for label in ("point, checked", "MuJoCo, one-step"):
-        assert left[label].y == pytest.approx(left[label].expected, abs=0.02)
-    assert left["impact as an event"].y == [0.0, 0.0, 0.0]
+        assert missed_panel[label].y == pytest.approx(missed_panel[label].expected, abs=0.02)
+    assert missed_panel["impact as an event"].y == [0.0, 0.0, 0.0]
     for label in ("default contact", "one-step contact"):
         assert right[label].y == pytest.approx(right[label].expected, rel=0.04)
 

@@ -132,7 +132,7 @@ def velocity_limits(
                 rows = runs.setdefault(name, [[] for _ in cycles])
                 rows[cycles.index(dt)].append(follow(arm, velocity, motion, dt))
     versions = ("mujoco", "mink", "pin-pink") if libraries else ("mujoco",)
-    left = Panel(
+    accuracy_panel = Panel(
         "Accuracy against time",
         "computing time for a second of path [s]",
         "largest error of the hand [m]",
@@ -148,7 +148,7 @@ def velocity_limits(
         ]
         beyond = np.mean([run.beyond > TOLERANCE for run in rows[-1]])
         banded = name in ("clipped", "quadratic program")  # six bands would hide one another
-        left.series.append(
+        accuracy_panel.series.append(
             Series(
                 name,
                 computing,
@@ -163,18 +163,18 @@ def velocity_limits(
             )
         )
     program = runs["quadratic program"]
-    left.notes = [f"{paths} paths; key figures at a cycle of {1e3 * cycles[-1]:g} ms"]
+    accuracy_panel.notes = [f"{paths} paths; key figures at a cycle of {1e3 * cycles[-1]:g} ms"]
     for name in runs:
         if name != "quadratic program":
             ratio = [
                 a.seconds / b.seconds for a, b in zip(runs[name][-1], program[-1], strict=True)
             ]
             low, median, high = np.percentile(ratio, [25.0, 50.0, 75.0])
-            left.notes.append(
+            accuracy_panel.notes.append(
                 f"time of {name:<10} over that of the quadratic program: {median:.2g} times "
                 f"(quartiles {low:.2g} to {high:.2g})"
             )
-    yield left
+    yield accuracy_panel
 
     # A path at the upper quartile of what clipping costs.
     both = zip(runs["clipped"][-1], program[-1], strict=True)

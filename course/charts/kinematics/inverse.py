@@ -311,7 +311,7 @@ def learned_seeds(
         "network's starts": solver(arm, network),
     }
     budgets = np.unique(np.round(np.logspace(0.3, 3.5, 60)))
-    left = Panel(
+    budget_panel = Panel(
         "7-R arm: solved within a budget",
         "steps of Levenberg-Marquardt",
         "share of targets solved",
@@ -323,14 +323,14 @@ def learned_seeds(
         np.linalg.norm((tip(arm, network(pose, rng)) - pose[:, None])[:3], axis=0).min()
         for pose in problems
     ]
-    left.notes = [
+    budget_panel.notes = [
         f"the network learned for {took:.0f} s; alone the best of its proposals is "
         f"{np.median(alone):.3f} m off in the median"
     ]
     for name, solve in methods.items():
         result, _ = collect(name, solve, problems, (0,), "steps")
-        left.series.append(result.series(budgets, name))
-    yield left
+        budget_panel.series.append(result.series(budgets, name))
+    yield budget_panel
 
     lengths = (1.0, 0.8, 0.5)
     three = planar(lengths)

@@ -104,7 +104,7 @@ def jacobian_precision(
         "central": (central, lambda h: h * h * third / 6 + eps * size / (2 * h)),
         "complex step": (complex_step, lambda h: h * h * third / 6 + eps),
     }
-    left = Panel(
+    precision_panel = Panel(
         "Differences lose digits on both sides of their best step",
         "step h [rad]",
         "largest error of the Jacobian [m/rad]",
@@ -116,7 +116,7 @@ def jacobian_precision(
         errors = [error(method(f, q, h)) for h in steps]
         h = steps[int(np.argmin(errors))]
         best[name] = min(errors), functools.partial(method, f, q, h)
-        left.series.append(
+        precision_panel.series.append(
             Series(
                 name,
                 steps,
@@ -126,7 +126,7 @@ def jacobian_precision(
                 note=f"{name:<14} best step {h:.0e} rad, error {min(errors):.1e}",
             )
         )
-    yield left
+    yield precision_panel
 
     approaches = {
         **best,
@@ -140,7 +140,7 @@ def jacobian_precision(
     right = Panel(
         "The analytic one costs least",
         "time of one Jacobian [s]",
-        left.y,
+        precision_panel.y,
         scale="log",
         footer=machine(max(t.busy for t in timed)),
     )
@@ -285,7 +285,7 @@ def damping_map(
     # Solve s / (s^2 + lambda^2) = limit for lambda.
     needed = np.sqrt(np.maximum(s / highest - s * s, 1e-12))
     peak = 1 / (2 * highest)
-    left = Panel(
+    map_panel = Panel(
         f"A tip at {SPEED:g} m/s, joints of {RATE:g} rad/s",
         "elbow from stretched [rad]",
         "damping lambda [m/rad]",
@@ -293,16 +293,16 @@ def damping_map(
         grid=grid,
         ylim=(damping[0], damping[-1]),
     )
-    left.series = [
+    map_panel.series = [
         Series("theory: s / (s^2 + lambda^2) = limit", bend, needed, "theory on a map", "--"),
         Series("1 / (2 lambda) = limit", bend, 0 * bend + peak, "theory on a map", ":"),
     ]
     safe = damping[(grid.values <= 1).all(axis=1)].min()
-    left.notes = [
+    map_panel.notes = [
         f"never above the limit from lambda = {safe:.4f} m/rad on; 1 / (2 limit) is {peak:.4f}",
         f"without damping it is above the limit within {np.interp(1 / highest, s, bend):.3f} rad",
     ]
-    yield left
+    yield map_panel
 
     right = Panel(
         "What damping costs a tip led past the folded arm",

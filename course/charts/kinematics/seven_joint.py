@@ -136,7 +136,7 @@ def seven_joint(
     """
     arm = panda()
     last, swivel, fits, q = curve(tip(arm, POSTURE))
-    left = Panel(
+    posture_panel = Panel(
         "All postures of one pose",
         "angle of the last joint [rad]",
         "swivel angle of the elbow [rad]",
@@ -149,14 +149,14 @@ def seven_joint(
         # Points, as branches begin, end and pass half a turn.
         x = np.broadcast_to(last, swivel.shape)[chosen]
         points = Series(name, x, swivel[chosen], key=key, style="", marker=".", size=3.0)
-        left.series.append(points)
+        posture_panel.series.append(points)
     solved = np.isfinite(q[0])
     wide = np.broadcast_to(tip(arm, POSTURE)[:, None], (7, int(solved.sum())))
-    left.notes = [
+    posture_panel.notes = [
         f"{solved.sum()} postures of one pose, {fits.sum()} within the limits; the largest error "
         f"of the tip is {np.abs(pose_error(wide, tip(arm, q[:, solved]))).max():.0e} m or rad"
     ]
-    yield left
+    yield posture_panel
 
     right = Panel(
         "A posture within the limits",

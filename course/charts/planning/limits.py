@@ -365,7 +365,7 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
     limits = np.array([[2.2] * 4 + [2.6] * 3, [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]])
     some = [rng.uniform(-1.5, 1.5, (7, 5)) for _ in range(paths)]
     over = np.array([[both_ways(path, limits, 0.3, grid) for path in some] for grid in grids])
-    left = Panel(
+    excess_panel = Panel(
         "Limits kept at grid points are broken between them",
         "intervals of a rounding",
         "acceleration above limit, share",
@@ -373,7 +373,7 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
     )
     for k, name in enumerate(("at grid points", "at both ends, ours")):
         low, middle, high = np.quantile(over[:, :, k, 0], (0, 0.5, 1), axis=1)
-        left.series.append(
+        excess_panel.series.append(
             Series(
                 name,
                 grids,
@@ -386,8 +386,8 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
             )
         )
     slower = np.median(over[:, :, 1, 1] / over[:, :, 0, 1], axis=1) - 1
-    left.notes = ["both ends cost time: " + ", ".join(f"{100 * x:.2g} %" for x in slower)]
-    yield left
+    excess_panel.notes = ["both ends cost time: " + ", ".join(f"{100 * x:.2g} %" for x in slower)]
+    yield excess_panel
     right = Panel(
         "Rounded corners against a stop at each",
         "rounding begins before a corner [rad]",

@@ -151,13 +151,13 @@ def symplectic_not_enough(
     h = np.linspace(0.0, 2.0, side + 1)[1:]
     pairs = batch_map(_pair, h, h, slack=1e-6, quantity="growth per pair of steps")
     # |trace| = 2 is h1 h2 = 2 + h1 - h2 and h1 h2 = 2 - h1 + h2.
-    left = Panel(
+    stability_map = Panel(
         "h1 and h2 in turn: unstable below 2",
         "omega h1",
         "omega h2",
         grid=pairs,
     )
-    left.series = [
+    stability_map.series = [
         Series("|trace| = 2", (2.0 + h) / (1.0 + h), h, "theory on a map", "--"),
         Series("", h, (2.0 + h) / (1.0 + h), "theory on a map", "--"),
         Series("1.7 and 1.2", [1.7], [1.2], "", ""),
@@ -167,12 +167,12 @@ def symplectic_not_enough(
     theory = np.maximum(1.0, 0.5 * trace + np.sqrt(np.maximum(0.25 * trace**2 - 1.0, 0.0)))
     clear = np.abs(trace - 2.0) > 1e-6  # on the boundary itself rounding decides
     deviation = np.max(np.abs(pairs.values - theory)[clear])
-    left.notes.append(
+    stability_map.notes.append(
         "h1, h2 in turn, both below the limit: unstable on "
         f"{np.mean(~pairs.within()):.1%} of the square; measured and theoretical growth differ by "
         f"{deviation:.1e} at most"
     )
-    yield left
+    yield stability_map
 
     middle = Panel(
         "Far below the limit too,\nif the steps vary in tune with the motion",
@@ -324,7 +324,7 @@ def quaternion_drift(
         counts: steps of the tumble over 20 s.
     """
     steps = np.unique(np.geomspace(10, at_most, points).astype(int))
-    left, middle = (
+    norm_panel, attitude_panel = (
         Panel(title, "steps", y, scale="log", ylim=(FLOOR / 3.0, top))
         for title, y, top in (
             ("Added, a quaternion grows", "distance of |q| from 1 (0 is at 1e-17)", 1e7),
@@ -349,7 +349,7 @@ def quaternion_drift(
             def lag(n: float, angle: float = angle) -> float:
                 return float(added_lag(angle, n))
 
-            left.series.append(
+            norm_panel.series.append(
                 Series(
                     text,
                     steps,
@@ -362,7 +362,7 @@ def quaternion_drift(
                     note=note,
                 )
             )
-            middle.series.append(
+            attitude_panel.series.append(
                 Series(
                     text,
                     steps,
@@ -375,7 +375,7 @@ def quaternion_drift(
                     size=8.0 if added else 4.0,
                 )
             )
-    yield from (left, middle)
+    yield from (norm_panel, attitude_panel)
 
     right = Panel(
         "At fourth order it hardly matters",

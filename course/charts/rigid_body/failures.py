@@ -277,7 +277,7 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     """Chart limits of MuJoCo's integrators on a stiff spring, and what having none costs."""
     x = np.geomspace(0.01, NO_LIMIT, points)
     modes = {name: [mujoco_mode(name, float(v)) for v in x] for name in MUJOCO_INTEGRATORS}
-    left = Panel(
+    growth_panel = Panel(
         "Only discrete survives any step",
         "omega dt",
         "growth per step",
@@ -288,7 +288,7 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     widths = dict(zip(modes, (7.0, 2.0, 4.5, 2.0, 2.0), strict=True))
     for name, rows in modes.items():
         style = "--" if name == "implicitfast" else "-"
-        left.series.append(
+        growth_panel.series.append(
             Series(
                 name,
                 x,
@@ -305,8 +305,8 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
         expected = mujoco_theory(0.0, name)
         text = "none up to 1000" if math.isinf(limit) else f"{limit:.4f}"
         desired = "none" if math.isinf(expected) else f"{expected:.4f}"
-        left.notes.append(f"{name:<13} limit of omega dt {text}, theory {desired}")
-    yield left
+        growth_panel.notes.append(f"{name:<13} limit of omega dt {text}, theory {desired}")
+    yield growth_panel
 
     middle = Panel(
         "discrete damps a spring that has no damper",

@@ -262,7 +262,7 @@ def tunnelling(
         spread = (np.arange(phases) + rng.random()) / phases
         return mujoco_through(thickness, radius, ratio * touch / dt, dt, spread, True)
 
-    left = Panel(
+    checks_panel = Panel(
         "Checks per step: one fast ball in two gets through at v dt = 2 b",
         "travel per step over the blocked stretch b, v dt / b",
         "share of balls that get through",
@@ -270,7 +270,7 @@ def tunnelling(
         ticks=(0.5, 1, 2, 5, 10),
         theory="theory: 1 - b / (v dt)",
     )
-    left.series = [
+    checks_panel.series = [
         Series(
             "point, checked once a step: b = D",
             ratios,
@@ -297,7 +297,7 @@ def tunnelling(
         ),
     ]
     dense = np.geomspace(min(ratios), max(ratios), 200)
-    left.series.append(
+    checks_panel.series.append(
         Series(
             "if MuJoCo pushed back at every overlap: b = D",
             dense,
@@ -308,15 +308,15 @@ def tunnelling(
             width=1.0,
         )
     )
-    points, handled, mujocos, _ = left.series
-    left.notes = [
+    points, handled, mujocos, _ = checks_panel.series
+    checks_panel.notes = [
         "checked once a step: worst deviation from 1 - D/(v dt) "
         f"{np.max(np.abs(points.y - points.expected)):.3f} over {balls} start positions",
         "MuJoCo, one-step contact: worst deviation from 1 - (D/2)/(v dt) "
         f"{np.max(np.abs(mujocos.y - mujocos.expected)):.3f} over {phases} start positions",
         f"impact as an event: {np.max(handled.y):.0%} get through",
     ]
-    yield left
+    yield checks_panel
 
     right = Panel(
         "MuJoCo's default contact: a smaller step does not help",

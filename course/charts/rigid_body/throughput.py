@@ -347,17 +347,19 @@ def throughput(
     """
     boxes = measure_rates(box_contenders(samples), sizes, repeats, horizon=horizon)
     same = [r for r in boxes if "own" not in r.contender.name]
-    left = _panel("Planar boxes on the ground, same step", "body-steps per second", same, True)
+    same_step_panel = _panel(
+        "Planar boxes on the ground, same step", "body-steps per second", same, True
+    )
     step, _ = ratios(boxes, "course", "mujoco.batch")
     _, own = ratios(boxes, "course, its own step", "mujoco.batch")
-    left.notes = [
+    same_step_panel.notes = [
         _table(boxes),
         f"boxes: {step:.0f} times the body-steps of mujoco.batch at its own step; "
         f"{own:.0f} times the simulated time at each one's own step "
         f"({100 * _at_rest():.0f} % of the boxes lie still at the end of a run)",
         _limit_text(boxes, "course", 2 * 6 * 8),
     ]
-    yield left
+    yield same_step_panel
 
     bodies = measure_rates(body_contenders(samples), sizes, repeats)
     right = _panel(

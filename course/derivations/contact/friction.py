@@ -294,7 +294,7 @@ def box_of_limits(result):
     "{trembles:.1f} times the slip speed, although its spring would allow {spring_ms:.1f} ms.",
 )
 def friction_has_a_step_limit(result):
-    from course.charts.contact.models import step_limit
+    from course.charts.contact.limits import step_limit
     from course.contact import scenes
 
     def rolling(mu, slip, share, moment):
@@ -553,7 +553,7 @@ def penalty_law_has_a_plus(result):
     "the damper.",
 )
 def damper_damps(result):
-    from course.charts.contact.models import step_limit
+    from course.charts.contact.limits import step_limit
     from course.contact import scenes
 
     speed = result.input("speed", 1.0)

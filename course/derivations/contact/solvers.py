@@ -88,7 +88,7 @@ def mujoco_is_convex_and_unique(result):
     "{ratio:.0f} times the mass of the lower one.",
 )
 def iterations_50_to_100(result):
-    from course.charts.contact.models import sweeps_needed
+    from course.charts.contact.limits import sweeps_needed
 
     runner = _stack(tolerance=1e-8)
     taken = []
@@ -162,7 +162,7 @@ def nconmax_helps(result):
 def sweeps_and_masses(result):
     import sympy
 
-    from course.charts.contact.models import sweeps_needed
+    from course.charts.contact.limits import sweeps_needed
 
     r, e = sympy.symbols("r e", positive=True)
     # ln(1 / e) / ln((1 + r) / r), its leading term for large r.
@@ -381,7 +381,7 @@ def tower_sags(result):
     source="MuJoCo 4.0 documentation, Modeling, Solver parameters",
 )
 def refsafe_keeps_it_stable(result):
-    from course.charts.contact.models import SAVED, calm, soft_limit
+    from course.charts.contact.limits import SAVED, calm, soft_limit
     from course.measure.stability import limit
     from course.oracles.mujoco import contact
 
@@ -542,7 +542,7 @@ def mujoco_is_velocity_level(result):
     "error is proportional to the step.",
 )
 def constraints_take_larger_steps(result):
-    from course.charts.contact.models import measured_limit
+    from course.charts.contact.limits import measured_limit
     from course.contact import scenes
 
     dt = result.input("dt_ms", 20.0) * 1e-3
@@ -592,7 +592,7 @@ def constraints_take_larger_steps(result):
     source="Johnson, Contact Mechanics, 1985, sec. 4.2",
 )
 def steel_stiffness(result):
-    from course.charts.contact.models import measured_limit
+    from course.charts.contact.limits import measured_limit
 
     radius, load = result.input("radius_mm", 10.0) * 1e-3, result.input("load_n", 10.0)
     # Hertz's effective modulus: 1 / E* = 2 (1 - nu^2) / E for two equal materials.

@@ -396,8 +396,8 @@ class Verdict:
     @property
     def supported(self) -> bool:
         """True if the answer was right and the probes left no other."""
-        left = () if self.answer == NONE else (self.answer,)
-        return self.right and bool(self.rows) and self.rows[-1].remaining == left
+        expected = () if self.answer == NONE else (self.answer,)
+        return self.right and bool(self.rows) and self.rows[-1].remaining == expected
 
     @property
     def cured(self) -> bool:

@@ -50,9 +50,9 @@ def edited(text: str, pairs: Sequence[str]) -> str:
 
 
 def answers(card: Card) -> list[Wrong]:
-    """The wrong answers to an exercise."""
+    """Return the wrong answers to an exercise; none where nobody has written any yet."""
     table = tomllib.loads(Path(__file__).with_name("natural.toml").read_text(encoding="utf-8"))
-    rows = table[card.name]
+    rows = table.get(card.name, {})
     result = []
     for what, report, changed in rows.get("filled", []):
         text = rows["template"].format(**rows["usual"] | changed)

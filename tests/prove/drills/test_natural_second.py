@@ -14,9 +14,9 @@ from drills.reasons import Reason
 from drills.verify import in_this_process
 from tests.prove.drills.test_natural import HEAD, edited
 
-# Measured when the answers were written: 150 of 180 (83 %), and all 60 right answers pass. The goal
-# is 95 %, as for the first set, but nothing is tuned to these answers.
-SHARE = 0.8
+# Measured: 296 of 335 (88 %), and all 96 right answers pass. The goal is 95 %, as for the first
+# set, but no slip is tuned to these answers.
+SHARE = 0.85
 
 ANSWERS = tomllib.loads(Path(__file__).with_name("natural_second.toml").read_text(encoding="utf-8"))
 
@@ -45,7 +45,7 @@ def wrong_answers(name: str) -> dict[str, str]:
     return result | {what: edited(first, pairs) for what, *pairs in rows.get("edited", [])}
 
 
-def test_wrong_answers_fail_and_four_of_five_get_more_than_numbers() -> None:
+def test_wrong_answers_fail_and_most_get_more_than_numbers() -> None:
     reports = {
         (name, what): report_of(name, text)
         for name in ANSWERS
@@ -58,4 +58,4 @@ def test_wrong_answers_fail_and_four_of_five_get_more_than_numbers() -> None:
         if not report.slip and report.reason == Reason.WRONG_VALUE
     ]
     print(f"explained: {len(reports) - len(bare)} of {len(reports)}")
-    assert len(reports) == 180 and len(bare) <= (1.0 - SHARE) * len(reports), bare
+    assert len(reports) == 335 and len(bare) <= (1.0 - SHARE) * len(reports), bare
