@@ -666,25 +666,23 @@ print_figures(
 # Drake's and PyBullet's only just. In the sliding scenes, the hop of MuJoCo is the largest difference that fair
 # settings leave between the engines.
 #
-# Drake's problem is convex, too. With the approximation `sap`, which couples
-# friction and separation as MuJoCo's does, a sliding box also glides above the ground (Castro, Permenter and Han,
-# 2022). Its default `lagged` takes the normal force for the friction limit from the step before, and the block stays
-# down.
+# Drake's problem is convex, too. With the approximation `sap`, which couples friction and separation as MuJoCo's does,
+# a sliding box also glides above the ground (Castro, Permenter and Han, 2022). Its default `lagged` takes the normal
+# force for the friction limit from the step before, and the block stays down.
 #
 # Here are seven jobs, written as limits on the numbers of the two charts above. A position may be off by 1 mm, and a
 # braking block by 1 cm during its motion. Two more facts are not in the charts: the share of faulty models that an
 # engine rejects or warns about (section 7), and whether `make lab`, which opens this course, installs it. (RL is
-# reinforcement learning; a certificate is a proof of safety. Isaac Sim is NVIDIA's simulator for robots, and PhysX its
-# physics engine. Path tracing computes images ray by ray; RTX is a series of graphics cards.)
+# reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's simulator Isaac Sim.)
 
 # %%
 facts = jobs.facts()
 table(("Job", "Pick", "Why"), [(job, *jobs.decide(job)) for job in jobs.JOBS])
 
 # %% [markdown]
-# Three jobs have an answer, and it is the same engine three times. For *Manipulation research*, a tighter limit rules
+# Three jobs have an answer, each time the same engine. For *Manipulation research*, a tighter limit rules
 # out MuJoCo's hops. PyBullet already fails the grasp, so the cheapest of the others is Drake. Four jobs have no
-# answer: for what was not measured here, the table only names what the documentation says.
+# answer: for what was not measured here, the table only names documentation.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -709,8 +707,8 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Many tools in job descriptions need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it
-# stores a model, and how it solves contact. Two terms:
+# Many tools need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it stores a model, and how
+# it solves contact. Two terms:
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse that satisfies this
 # contact alone, and go on to the next; after several sweeps the impulses change little. **PGS** (projected
