@@ -14,9 +14,9 @@ from drills.reasons import Reason
 from drills.verify import in_this_process
 from tests.prove.drills.test_natural import HEAD, edited
 
-# Measured: 403 of 463 (87 %), and all 128 right answers pass. One of them was changed to pass, and one
-# wrong answer that passed was replaced: see wrist_ik and pick_engine in the file. The goal is 95 %, as
-# for the first set, but no slip is tuned to these answers.
+# Measured: 403 of 463 (87 %), and all 128 right answers pass. One of them was changed to pass, and
+# one wrong answer that passed was replaced: see wrist_ik and pick_engine in the file. The goal is
+# 95 %, as for the first set, but no slip is tuned to these answers.
 SHARE = 0.85
 
 ANSWERS = tomllib.loads(Path(__file__).with_name("natural_second.toml").read_text(encoding="utf-8"))
