@@ -14,9 +14,10 @@ from drills.reasons import Reason
 from drills.verify import in_this_process
 from tests.prove.drills.test_natural import HEAD, edited
 
-# Measured: 579 of 677 (86 %), and all 160 right answers pass. Two of them were changed to pass, and
-# four wrong answers that passed were replaced or taken out: comments in the file name them. The
-# goal is 95 %, as for the first set, but no slip is tuned to these answers.
+# 582 of 680 (86 %) are explained, and all 160 right answers pass. Six answers were judged wrongly
+# when they were written, two right ones and four wrong ones: comments in the file name them. The
+# cases that judge five of them correctly came afterwards. The goal is 95 %, as for the first set,
+# but no other slip is tuned to these answers.
 SHARE = 0.85
 
 ANSWERS = tomllib.loads(Path(__file__).with_name("natural_second.toml").read_text(encoding="utf-8"))
@@ -59,4 +60,4 @@ def test_wrong_answers_fail_and_most_get_more_than_numbers() -> None:
         if not report.slip and report.reason == Reason.WRONG_VALUE
     ]
     print(f"explained: {len(reports) - len(bare)} of {len(reports)}")
-    assert len(reports) == 677 and len(bare) <= (1.0 - SHARE) * len(reports), bare
+    assert len(reports) == 680 and len(bare) <= (1.0 - SHARE) * len(reports), bare
