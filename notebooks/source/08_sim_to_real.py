@@ -541,7 +541,7 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 #
 # which is the Cramér-Rao bound for $W = \Sigma^{-1}$ and larger for other weights (up to a common factor). In the left
 # panel below the weight of the speeds is wrong. The line is this formula, for the parameter that suffers most. The dots
-# are the scatter of 40 fits (bars: two standard errors). If the noise of the speeds is assumed 3 times too large or too
+# are the scatter of 40 fits (bars: 95 % intervals). If the noise of the speeds is assumed 3 times too large or too
 # small, the scatter grows by about a half at most. The loss is limited on both sides, because the worst case is a fit
 # of one kind of signal alone.
 #
@@ -561,9 +561,9 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 # **instrument** is a signal $z$ that is correlated with the torque but not with the noise, here the planned torque:
 # $\widehat{1/I} = \sum_k z_k a_k / \sum_k z_k \tau_k$, where $a_k$ is the measured acceleration.
 #
-# The limit: suppose the sensor is perfect, and a white torque disturbance shakes the joint. The torque of a sample then
-# depends on earlier disturbances only, and least squares is right on average, under feedback too. Now output error is
-# biased. Its residual contains all earlier disturbances, and the controller has reacted to them.
+# The limit: suppose the sensor is perfect, and the joint is shaken by a torque that is independent in each sample. The
+# controller then reacts to earlier disturbances only, and least squares is right on average, under feedback too. Now
+# output error is biased. Its residual contains all earlier disturbances, and the controller has reacted to them.
 #
 # </details>
 
