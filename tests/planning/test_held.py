@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course import contact
+from course import charts, contact
 from course.kinematics import panda, planar
+from course.measure.data import FOLDER
 from course.oracles import coal
 from course.planning import (
     capsule_arm,
@@ -67,7 +68,7 @@ def test_coal_and_pinocchio_agree_state_by_state(seed) -> None:
     obstacles = clutter(rng, 2)
     world = holding(with_self_collision(capsule_arm(obstacles)), CAPSULE)
     theirs = coal.CapsuleArm(panda(), HAND, obstacles, pairs_of(world), [(CAPSULE, GRASP)])
-    for q in rng.uniform(*world.bounds, (200, 7)):
+    for q in rng.uniform(world.bounds[0], world.bounds[1], (200, 7)):
         if abs(clearance(world, q)) > 1e-5:
             assert state_free(world, q) == theirs.state_free(q)
 
@@ -75,7 +76,7 @@ def test_coal_and_pinocchio_agree_state_by_state(seed) -> None:
 def test_some_states_collide_only_with_themselves() -> None:
     world, rng = EVERYWHERE(), np.random.default_rng(0)
     theirs = coal.CapsuleArm(panda(), HAND, [], pairs_of(world))
-    states = rng.uniform(*world.bounds, (2000, 7))
+    states = rng.uniform(world.bounds[0], world.bounds[1], (2000, 7))
     ours = np.array([state_free(world, q) for q in states])
     assert all(free == theirs.state_free(q) for free, q in zip(ours, states, strict=True))
     assert 0.05 < np.mean(~ours) < 0.4
@@ -85,9 +86,10 @@ def test_some_states_collide_only_with_themselves() -> None:
 def test_pairs_that_are_not_checked_always_touch_or_do_not_in_other_samples() -> None:
     """Twice as many postures as the choice was made from, by Coal."""
     world = EVERYWHERE()
+    low, high = world.bounds
     checked = {tuple(pair) for pair in pairs_of(world).tolist()}
     assert {(0, 7), (1, 4), (4, 7)} < checked
-    states = np.random.default_rng(1).uniform(*world.bounds, (2 * SAMPLES, 7))
+    states = np.random.default_rng(1).uniform(low, high, (2 * SAMPLES, 7))
     for i, j in itertools.combinations(range(len(HAND)), 2):
         if (i, j) in checked or HAND[i][0] == HAND[j][0]:
             continue
@@ -139,7 +141,7 @@ def test_forearm_and_base_touch_at_a_posture_found_by_bisection() -> None:
     )
     tried = 0
     while tried < 5:
-        a, b = rng.uniform(*world.bounds, (2, 7))
+        a, b = rng.uniform(world.bounds[0], world.bounds[1], (2, 7))
         if alone.state_free(b) or not alone.state_free(a):
             continue
         low, high = 0.0, 1.0
@@ -214,7 +216,7 @@ def test_a_held_box_is_refused_wherever_coal_has_it_collide() -> None:
     pairs = [(k, len(HAND)) for k in links if k not in (5, 6)]
     theirs = coal.CapsuleArm(panda(), HAND, boards, pairs, [(box, GRASP)])
     refused = 0
-    for q in rng.uniform(*world.bounds, (3000, 7)):
+    for q in rng.uniform(world.bounds[0], world.bounds[1], (3000, 7)):
         if not theirs.state_free(q):
             assert not state_free(world, q)
         elif state_free(requested.world, q):
@@ -274,3 +276,19 @@ def test_a_cup_is_upright_where_the_hand_points_ahead_and_level() -> None:
 def test_bad_input_is_named(call, named) -> None:
     with pytest.raises(ValueError, match=named):
         call()
+
+
+def test_the_stored_chart_shows_what_the_page_says() -> None:
+    times, missed = charts.stored("held_object")
+    value = dict(zip(times.series[0].y, times.series[0].x, strict=True))
+    assert value["edge, obstacles only"] < value["edge, and itself"] < value["edge, and a cup"]
+    assert value["state, and a cup"] < value["state by Coal, and a cup"]
+    share = dict(zip(missed.series[0].y, missed.series[0].x, strict=True))
+    assert share["random states, itself"] > 10.0 and share["paths, tight shelf, cup"] > 50.0
+    assert "Coal disagrees: 0 of" in (FOLDER / "held_object.txt").read_text()
+
+
+@pytest.mark.slow
+def test_a_small_chart_is_measured_as_the_stored_one() -> None:
+    panels = charts.build("held_object", states=50, timed=5, queries=2, cups=1, repeats=2)
+    assert [panel.title for panel in panels] == [p.title for p in charts.stored("held_object")]

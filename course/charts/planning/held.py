@@ -120,21 +120,21 @@ def held_object(
     taken = interleaved(samplers, repeats=repeats)
     micros = np.array([1e6 * t.median / timed for t in taken]).reshape(3, -1)
     panel = Panel(
-        "Time of a check that finds nothing", "", "µs", scale="log x",
-        footer=machine(libraries=("pin",)) + "; one core",
+        "Time of a check, free", "microseconds", xlim=(0.0, None),
+        footer=machine(libraries=("pin",)) + "; one core; Coal with Pinocchio",
     )  # fmt: skip
     labels, values = [], []
-    kinds = ("state", "edge", "state by Pinocchio and Coal")
+    kinds = ("state", "edge", "state by Coal")
     for kind, row in zip(kinds, micros, strict=True):
         for name, value in zip(NAMES, row, strict=True):
             labels.append(f"{kind}, {name}")
             values.append(value)
-            panel.notes.append(f"free {kind}, {name}: {value:.2f} µs")
+            panel.notes.append(f"free {kind}, {name}: {value:.1f} µs")
     panel.series.append(Series("", values, labels, style="bar"))
     panel.notes.append(f"pairs of capsules: {', '.join(str(len(pairs_of(w))) for w in worlds)}")
     yield panel
 
-    panel = Panel("Collisions that a check without them passes", "", "% of states or paths")
+    panel = Panel("Collisions missed", "% of states or paths", xlim=(0.0, 100.0))
     labels, values = [], []
 
     def share(label: str, hits: int, of: int) -> None:
