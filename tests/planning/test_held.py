@@ -198,7 +198,7 @@ def test_capsules_cover_a_box_and_reach_as_far_beyond_it_as_stated(columns) -> N
     capsules = covering(contact.box(half), columns)
     least = np.full(len(spots), np.inf)
     for a, b, radius in capsules:
-        t = np.clip((spots - a) @ (b - a) / max((b - a) @ (b - a), 1e-300), 0.0, 1.0)
+        t = np.clip((spots - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-300), 0.0, 1.0)
         distance = np.linalg.norm(spots - a - t[:, None] * (b - a), axis=1)
         least = np.minimum(least, distance - radius)
     assert least.max() <= 1e-12
