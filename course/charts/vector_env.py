@@ -56,10 +56,13 @@ def _workers(n: int) -> ProcessVectorEnv:
 
 SYNC, ASYNC = "Gymnasium SyncVectorEnv, MuJoCo", "Gymnasium AsyncVectorEnv, MuJoCo"
 CLOSED, BATCH = "ArmReachVector, closed form", "MujocoArmReachVector, mujoco.batch"
+BATCH_ALONE = "mujoco.batch on one thread"
 SYNC_CLOSED = "Gymnasium SyncVectorEnv, closed form"
 CONTENDERS = {
     CLOSED: Contender(ArmReachVector, "closed form"),
     BATCH: Contender(MujocoArmReachVector, "mujoco.batch, RK4"),
+    # Gymnasium's loop has one thread: this one is compared with it by what it does, not by cores.
+    BATCH_ALONE: Contender(lambda n: MujocoArmReachVector(n, threads=1), extra=True),
     f"ProcessVectorEnv, MuJoCo, {WORKERS} workers": Contender(_workers, "processes"),
     # As fast as Gymnasium's loop, on which it would lie.
     "VectorizedEnv, MuJoCo": Contender(
@@ -300,7 +303,12 @@ def vector_env(
     )
     disturbed = max(result.busy for row in rates.values() for result in row.values())
     # The footer says in what share of the rounds the machine was disturbed.
-    rate_panel.footer = machine(disturbed)
+    envs = MujocoArmReachVector(max(sizes))
+    rate_panel.footer = (
+        f"{machine(disturbed)}; mujoco.batch on {envs.threads} threads, loops on one, "
+        f"ProcessVectorEnv in {WORKERS} processes, AsyncVectorEnv in one per environment"
+    )
+    envs.close()
     rate_panel.notes.append(f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes))
     for name, contender in CONTENDERS.items():
         row = rates[name]
@@ -323,7 +331,7 @@ def vector_env(
         cells = dict(zip(row, (f"{value:.3g}" for value in speed), strict=True))
         rate_panel.notes.append(f"{name:<38}" + "".join(f"{cells.get(n, '-'):>10}" for n in sizes))
     at = COMPARED_AT if COMPARED_AT in sizes else sizes[-1]
-    for fast, slow in ((BATCH, SYNC), (CLOSED, SYNC), (CLOSED, SYNC_CLOSED)):
+    for fast, slow in ((BATCH, SYNC), (BATCH_ALONE, SYNC), (CLOSED, SYNC), (CLOSED, SYNC_CLOSED)):
         # Ratios are measured in pairs, not as quotients of two medians from different moments.
         times_as_fast = paired_ratio(CONTENDERS[slow], CONTENDERS[fast], at, repeats)
         rate_panel.notes.append(

@@ -126,6 +126,7 @@ class _Windows:
         noise = float(np.std(np.diff(log.q, 4))) / math.sqrt(70.0)
         resting = np.abs(moved) < 5.0 * noise
         # Time at rest in each window, weighted with the bump.
+        self.weight = float(bump.sum())  # of a window [s]: an impulse over it is a mean torque
         still = sliding_window_view(resting, n + 1)[starts] @ bump
         calmest = max(0.01 * bump.sum(), np.quantile(still, 0.4))
         starts = starts[still <= (calmest if rest is None else rest * bump.sum())]
@@ -244,11 +245,14 @@ class Diagnosis(NamedTuple):
             where the model as it stands explains it.
         values: what each of the seven numbers would have to be.
         misfit: mean square left with each, over that of the model as it stands.
+        remaining: root mean square of the torque that each leaves unexplained, as means over the
+            windows [N m].
     """
 
     causes: tuple[str, ...]
     values: dict[str, float]
     misfit: dict[str, float]
+    remaining: dict[str, float]
 
 
 def diagnose(
@@ -260,6 +264,10 @@ def diagnose(
     every term alike, so only friction or gravity can tell it from an inertia: for a joint without
     gravity and friction both are returned. Only the two fifths of the windows are used in which the
     joint rests least.
+
+    Where two numbers are wrong at once, or something else is wrong, the best single cause is named
+    all the same. Compare its `remaining` with that of a log of a sound joint: several times as much
+    says that the cause does not explain the log.
 
     Args:
         log: of the joint under any commands, its own loop's too.
@@ -326,7 +334,8 @@ def diagnose(
     )
     causes = () if squares <= chance * lowest + floor else tuple(c for _, c in near)
     misfit = {c: squares_left[c] / squares if squares else 1.0 for c in CAUSES}
-    return Diagnosis(causes, values, misfit)
+    torques = {c: math.sqrt(squares_left[c] / windows.count) / windows.weight for c in CAUSES}
+    return Diagnosis(causes, values, misfit, torques)
 
 
 def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int = 40) -> float:

@@ -50,7 +50,14 @@ def elsewhere() -> Any:
     Forked from one that has imported this chapter and has no threads.
 
     It keeps the environment that this process had when it asked first, and ends with it.
+
+    Raises:
+        RuntimeError: this process is such a child itself, and still importing the main script.
     """
+    # The parent kills its other children when one dies: what they had made in shared memory by
+    # then would stay for ever. So nothing is made before this is known.
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise RuntimeError(UNGUARDED)
     # A fork server: children start fast, and inherit neither threads nor locks of this process.
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__, "course.middleware.inversion"])
@@ -161,8 +168,9 @@ class Ring:
     def __init__(self, slots: int, size: int) -> None:
         self.slots, self.size = count("slots", slots, 1), count("size", size, 1)
         # One length and one payload for each slot.
+        processes = elsewhere()
         self.memory = SharedMemory(create=True, size=slots * (size + 4))
-        self.free, self.full = elsewhere().Semaphore(slots), elsewhere().Semaphore(0)
+        self.free, self.full = processes.Semaphore(slots), processes.Semaphore(0)
         self.turn = {"put": 0, "take": 0}
         self.held: memoryview | None = None
 

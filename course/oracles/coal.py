@@ -4,12 +4,13 @@ What is switched off: the guess kept from the call before, timings and the accel
 search, which are off by default, and the early end of a search: both tolerances, 1e-6 by default,
 are set to 1e-12. What stays on is the signed distance, which asks for the depth where shapes are in
 each other. Poses are set before the clock starts. `Pair` is called from Python for each pair;
-`Batch` is Pinocchio's `computeDistances`, one call in C++ for all of them.
+`Batch` is Pinocchio's `computeDistances`, one call in C++ for all of them. `CapsuleArm` asks
+whether an arm touches anything, with `computeCollisions`, which stops at the first collision.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from types import ModuleType
 from typing import Any
 
@@ -18,7 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import invalid
 from course.contact.shapes import Shape, poses
+from course.kinematics import Chain
 from course.libraries import import_error
+from course.oracles import pinocchio as pinocchio_arm
 
 Array = NDArray[np.float64]
 
@@ -171,3 +174,77 @@ class Batch:
     def distances(self) -> Array:
         """Return the signed distances that `compute` found [m], shape (N,)."""
         return np.array([result.min_distance for result in self._data.distanceResults])
+
+
+class CapsuleArm:
+    """An arm of capsules among obstacles, as Pinocchio and Coal have it.
+
+    Args:
+        chain: an arm whose joints are numbered from the base on.
+        capsules: of each the frame that carries it (`chain.n` is the tool), both ends in that frame
+            [m], the radius [m].
+        obstacles: shapes in space with their poses (7,).
+        pairs: numbers of two capsules, or of a capsule and a held shape, that must not meet.
+        held: shapes in the hand with their poses (7,) in the tool's frame, numbered after the
+            capsules.
+
+    Raises:
+        ImportError: if Pinocchio is not installed.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        capsules: Sequence[tuple[int, Any, Any, float]],
+        obstacles: Sequence[tuple[Shape, ArrayLike]],
+        pairs: Iterable[tuple[int, int]] = (),
+        held: Sequence[tuple[Shape, ArrayLike]] = (),
+    ) -> None:
+        coal = _coal()
+        import pinocchio
+
+        self._collide = pinocchio.computeCollisions
+        self.model, self._shapes = pinocchio_arm.model(chain), pinocchio.GeometryModel()
+        self._data = self.model.createData()
+        links = []
+        tool = pinocchio.SE3(pinocchio.Quaternion(*chain.tool[3:]).matrix(), chain.tool[:3])
+        for k, (frame, start, end, radius) in enumerate(capsules):
+            a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+            # Coal's capsule lies along its z axis, about its middle.
+            turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), b - a)
+            place = pinocchio.SE3(turn.matrix(), 0.5 * (a + b))
+            shape = coal.Capsule(radius, float(np.linalg.norm(b - a)))
+            joint = self.model.getJointId(f"joint {min(frame, chain.n - 1)}")
+            place = tool * place if frame == chain.n else place
+            what = pinocchio.GeometryObject(f"link {k}", joint, joint, place, shape)
+            links.append(self._shapes.addGeometryObject(what))
+        for k, (shape, pose) in enumerate(held):
+            (x, y, z, *quaternion) = np.asarray(pose, dtype=float)
+            turn = pinocchio.Quaternion(*quaternion).matrix()
+            place = tool * pinocchio.SE3(turn, np.array([x, y, z]))
+            joint = self.model.getJointId(f"joint {chain.n - 1}")
+            what = pinocchio.GeometryObject(f"held {k}", joint, joint, place, geometry(shape))
+            links.append(self._shapes.addGeometryObject(what))
+        for i, j in pairs:
+            self._shapes.addCollisionPair(pinocchio.CollisionPair(links[int(i)], links[int(j)]))
+        for k, (shape, pose) in enumerate(obstacles):
+            (x, y, z, *quaternion) = np.asarray(pose, dtype=float)
+            turn = pinocchio.Quaternion(*quaternion).matrix()
+            place = pinocchio.SE3(turn, np.array([x, y, z]))
+            what = pinocchio.GeometryObject(f"obstacle {k}", 0, 0, place, geometry(shape))
+            other = self._shapes.addGeometryObject(what)
+            for link in links:
+                self._shapes.addCollisionPair(pinocchio.CollisionPair(link, other))
+        self._pairs = self._shapes.createData()
+
+    def state_free(self, q: Array) -> bool:
+        """Return whether the arm touches nothing at q, shape (n,)."""
+        return not self._collide(self.model, self._data, self._shapes, self._pairs, q, True)
+
+    def edge_free(self, a: Array, b: Array, spacing: float) -> bool:
+        """Return whether it touches nothing at postures of an edge at most `spacing` apart [rad].
+
+        The postures lie next to each other, as in OMPL's check with a fixed resolution.
+        """
+        pieces = max(int(np.ceil(np.linalg.norm(b - a) / spacing)), 1)
+        return all(self.state_free(a + k / pieces * (b - a)) for k in range(1, pieces + 1))

@@ -9,6 +9,7 @@ The front door:
     covariant_gradient, sequential_convex(path, world, ...)       pushed out of obstacles
     time_parameterise(path, limits) -> Trajectory                 state, rate, acceleration at any t
     plane, planar_arm, capsule_arm, from_function                 worlds as data
+    with_self_collision, holding(world, shape, pose)              links and a held object checked
     state_free, edge_free, clearance                              what a world answers
     scenes                                                        ready-made questions
 
@@ -50,6 +51,7 @@ Examples:
 from course.planning import scenes
 from course.planning.capsules import Shelf, capsule_arm, shelf, with_sphere
 from course.planning.check import Verdict, check_path
+from course.planning.held import holding, with_self_collision
 from course.planning.problem import METHODS, Budget, Plan, Region, length, plan
 from course.planning.roadmaps import Roadmap, adapted, build_roadmap, revalidated, with_paths
 from course.planning.scenes import Scene
@@ -93,6 +95,7 @@ __all__ = [
     "covariant_gradient",
     "edge_free",
     "from_function",
+    "holding",
     "length",
     "plan",
     "planar_arm",
@@ -110,6 +113,7 @@ __all__ = [
     "time_parameterise",
     "warm",
     "with_paths",
+    "with_self_collision",
     "with_sphere",
 ]
 

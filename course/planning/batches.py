@@ -33,6 +33,7 @@ from course.planning.capsules import (
     FROM,
     HALF,
     KIND,
+    PAIR,
     RADIUS,
     THICK,
     TO,
@@ -250,7 +251,8 @@ def in_batches(world: World, spacing: float = 0.05, swell: float = 0.1) -> World
         swell: see `spheres_over`.
 
     Raises:
-        ValueError: for another kind of world, or for a chain with a sliding joint.
+        ValueError: for another kind of world, for one with pairs of capsules (self-collision or a
+            held object), or for a chain with a sliding joint.
     """
     if world.kind != "capsule arm":
         raise invalid("world.kind", world.kind, "'capsule arm'")
@@ -259,6 +261,8 @@ def in_batches(world: World, spacing: float = 0.05, swell: float = 0.1) -> World
         raise invalid("world", "a chain with a sliding joint", "revolute joints only")
     positive("spacing", spacing, unit="rad")
     rows = world.body[n + 1 :]
+    if np.any(rows[:, FRAME] == PAIR):
+        raise invalid("world", "a world with pairs of capsules", "one without self-collision")
     capsules = [(int(r[FRAME]), r[FROM : FROM + 3], r[FROM + 3 : FROM + 6], r[THICK]) for r in rows]
     spheres, first = spheres_over(capsules, swell), n + 1
     body = capsule_arm([], None, spheres).body

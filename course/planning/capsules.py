@@ -7,7 +7,9 @@ moves farther than the sum of |dq_k| rho_k, rho_k its distance from axis k at q.
 free by a gap frees all around it that this bound does not let across the gap; what is left of the
 edge is halved, and given up where less than `FLOOR` is free.
 
-Links may pass through each other; how often, the claim `limits_keep_an_arm_from_itself` says.
+Links may pass through each other, unless `course.planning.held` adds pairs of capsules to the rows
+of `body`. For a pair the same bound holds, with the joints between its two frames alone: seen from
+the frame that carries the one, only they move the other.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from course.compiled import compiled
 from course.contact import shapes
 from course.contact.shapes import Shape
 from course.kinematics import Chain, ik, panda
-from course.kinematics.chain import SLIDES, WIDTH
+from course.kinematics.chain import PARENT, PLACE, SLIDES, WIDTH
 from course.kinematics.motion import axis_of, cross3, place, point_of, scaled, three
 from course.planning.worlds import CLEARANCE, FLOOR, LEAST, World, state_free
 from course.rigid_body.quaternion import from_matrix, to_matrix
@@ -41,6 +43,10 @@ POINT, SEGMENT, BOX = 0.0, 1.0, 2.0
 # Columns of a capsule, in the rows of `body` after those of `Chain.table`: the frame that carries
 # it, both ends in that frame, its radius, and how far at most it is from the axis of each joint.
 FRAME, FROM, TO, THICK, REACH = 0, 1, 4, 7, 8
+# Columns of a pair of capsules, in the rows after those: `PAIR` where a capsule has its frame, the
+# rows of both, the last joint that moves both alike (-1: none). From `REACH` on as for a capsule,
+# of the joints between them only.
+PAIR, ONE, OTHER, COMMON = -1.0, 1, 2, 3
 
 # Of the arm of `panda`, with a hand 0.23 m wide and its fingers closed: frame, ends, radius [m].
 HAND = (
@@ -191,15 +197,16 @@ def _line(body, i, pose):
 
 
 @register_jitable
-def _speed(body, i, pose, p, d, rates):
+def _speed(body, i, pose, p, d, rates, fixed):
     """Bound how far a point of the segment p, d of capsule i moves when the joints move by `rates`.
 
     The bound is the sum of |dq_k| rho_k over the joints below the capsule, with rho_k the larger
-    distance of the segment's two ends from axis k.
+    distance of the segment's two ends from axis k. It is relative to the frame `fixed`, one of
+    those joints, or relative to the world where that is -1.
     """
     # The frame of the tool, number n, moves with the last joint.
     total, k = 0.0, min(int(body[i, FRAME]), rates.size - 1)
-    while k >= 0:
+    while k > fixed:
         if body[k, SLIDES] != 0.0:
             total += rates[k]
         else:
@@ -221,7 +228,8 @@ def _freed(obstacles, body, pose, rates, far):
     """
     # Capsules towards the hand are last in the table and tested first: they sweep farthest, which
     # makes an early exit likely.
-    for i in range(body.shape[0] - 1, rates.size, -1):
+    last = _last_capsule(body)
+    for i in range(last, rates.size, -1):
         p, d = _line(body, i, pose)
         thick, bound, speed = body[i, THICK], 0.0, -1.0
         # A bound that needs no posture: the largest distance from each axis, over all postures.
@@ -239,11 +247,66 @@ def _freed(obstacles, body, pose, rates, far):
                 return -1.0
             if gap < far * bound:  # the cheap bound does not suffice: take the posture's own
                 if speed < 0.0:
-                    speed = _speed(body, i, pose, p, d, rates)
+                    speed = _speed(body, i, pose, p, d, rates, -1)
                 # Conservative advancement: within gap / speed of the motion the capsule cannot
                 # touch. The nanometre covers the rounding of the gap.
                 far = min(far, (gap - 1e-9) / speed)
+    if last + 1 < body.shape[0]:
+        far = _pairs_freed(body, last, pose, rates, far)
     return far
+
+
+@register_jitable
+def _last_capsule(body):
+    """Return the row of the last capsule; those of the pairs come after it."""
+    last = body.shape[0] - 1
+    while body[last, FRAME] == PAIR:
+        last -= 1
+    return last
+
+
+@register_jitable
+def _pairs_freed(body, last, pose, rates, far):
+    """Return the share of the motion, at most `far`, for which no pair of capsules can meet.
+
+    As `_freed`: relative to the last frame that both capsules share, each moves by at most its own
+    bound over the joints after that frame, and the gap closes by at most the sum of the two.
+    """
+    # Each capsule is in several pairs: its line is computed once.
+    lines = np.empty((last + 1, 6))
+    for i in range(rates.size + 1, last + 1):
+        p, d = _line(body, i, pose)
+        lines[i, 0], lines[i, 1], lines[i, 2] = p
+        lines[i, 3], lines[i, 4], lines[i, 5] = d
+    for r in range(last + 1, body.shape[0]):
+        i, j = int(body[r, ONE]), int(body[r, OTHER])
+        p, d, c, e = three(lines, i, 0), three(lines, i, 3), three(lines, j, 0), three(lines, j, 3)
+        thick, bound = body[i, THICK] + body[j, THICK], 0.0
+        for k in range(rates.size):
+            bound += rates[k] * body[r, REACH + k]
+        w = scaled(scaled(scaled(p, d, 0.5), c, -1.0), e, -0.5)
+        near = 0.5 * (math.sqrt(_dot(d, d)) + math.sqrt(_dot(e, e))) + thick
+        near += max(far * bound, FLOOR)
+        if _dot(w, w) > near * near:
+            continue  # broad phase, as in `_freed`
+        gap = _to_segment(p, d, c, e) - thick
+        if gap < FLOOR:
+            return -1.0
+        if gap < far * bound:
+            common = int(body[r, COMMON])
+            speed = _speed(body, i, pose, p, d, rates, common)
+            speed += _speed(body, j, pose, c, e, rates, common)
+            far = min(far, (gap - 1e-9) / speed)
+    return far
+
+
+@register_jitable
+def _pair_gap(body, r, pose):
+    """Return the signed distance of the two capsules of a pair's row."""
+    i, j = int(body[r, ONE]), int(body[r, OTHER])
+    p, d = _line(body, i, pose)
+    c, e = _line(body, j, pose)
+    return _to_segment(p, d, c, e) - body[i, THICK] - body[j, THICK]
 
 
 @register_jitable
@@ -293,10 +356,13 @@ def _sampled(obstacles, body, a, b):
 def _clearance(obstacles, body, q):
     pose, least = np.empty((q.size + 1, 7)), np.inf
     _postured(body, q, pose)
-    for i in range(q.size + 1, body.shape[0]):
+    last = _last_capsule(body)
+    for i in range(q.size + 1, last + 1):
         p, d = _line(body, i, pose)
         for j in range(obstacles.shape[0]):
             least = min(least, _gap(obstacles[j], p, d, body[i, THICK]))
+    for r in range(last + 1, body.shape[0]):
+        least = min(least, _pair_gap(body, r, pose))
     return least
 
 
@@ -342,11 +408,26 @@ def capsule_arm(
         ValueError: for a chain without finite limits, a frame that is not there, a plane.
     """
     chain = panda() if chain is None else chain
-    n = chain.n
     bounds = np.stack((chain.lower, chain.upper))
     vector("chain limits", bounds)
+    rows = capsule_rows(chain.table, bounds, capsules)
+    body = np.ascontiguousarray(np.vstack((chain.table, rows)))
+    return World("capsule arm", bounds, obstacle_rows(obstacles), body, _state, _edge, _clearance)
+
+
+def capsule_rows(
+    table: Array, bounds: Array, capsules: Sequence[tuple[int, Any, Any, float]]
+) -> Array:
+    """Return capsules as rows of `body`, shape (m, `WIDTH`).
+
+    Args:
+        table: of the chain, see `Chain.table`, (n + 1, `WIDTH`).
+        bounds: of its joints, rows, (2, n).
+        capsules: as for `capsule_arm`.
+    """
+    n = bounds.shape[1]
     rows = np.zeros((len(capsules), WIDTH))
-    steps = chain.placement[:3]
+    steps = np.linalg.norm(table[:, PLACE : PLACE + 3], axis=1)
     for row, (frame, a, b, radius) in zip(rows, capsules, strict=True):
         one_of("frame", frame, range(n + 1))
         a, b = vector("capsule end", a, (3,)), vector("capsule end", b, (3,))
@@ -354,13 +435,13 @@ def capsule_arm(
         # Triangle inequality along the chain: no posture takes the capsule's line farther than
         # `far` from joint k. A prismatic joint moves every point by its own rate.
         far, k = max(np.linalg.norm(a), np.linalg.norm(b)), min(frame, n - 1)
-        far += np.linalg.norm(chain.tool[:3]) if frame == n else 0.0
+        far += steps[n] if frame == n else 0.0
         while k >= 0:
-            row[REACH + k] = 1.0 if chain.slides[k] else far
-            stroke = max(abs(bounds[0, k]), abs(bounds[1, k])) if chain.slides[k] else 0.0
-            far, k = far + np.linalg.norm(steps[:, k]) + stroke, int(chain.parent[k])
-    body = np.ascontiguousarray(np.vstack((chain.table, rows)))
-    return World("capsule arm", bounds, obstacle_rows(obstacles), body, _state, _edge, _clearance)
+            slides = bool(table[k, SLIDES])
+            row[REACH + k] = 1.0 if slides else far
+            stroke = np.abs(bounds[:, k]).max() if slides else 0.0
+            far, k = far + steps[k] + stroke, int(table[k, PARENT])
+    return rows
 
 
 def sampled(world: World) -> World:

@@ -31,6 +31,9 @@ from course.planning.capsules import (
     FROM,
     HALF,
     KIND,
+    ONE,
+    OTHER,
+    PAIR,
     RADIUS,
     SEGMENT,
     THICK,
@@ -280,13 +283,24 @@ def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
     return prove(a, b, gaps, np.cumsum(np.abs(b - a) * reach))
 
 
+def _carriers(table: Array, frame: int, n: int) -> NDArray[np.bool_]:
+    """Return which of n joints move a frame, shape (n,)."""
+    moves = np.zeros(n, dtype=bool)
+    k = min(frame, n - 1)
+    while k >= 0:
+        moves[k], k = True, int(table[k, PARENT])
+    return moves
+
+
 def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
     """Return distances by chapter 2's search among differences of points.
 
     Travels from the lengths of the links alone, which no posture changes.
     """
     n = len(a)
-    table, capsules = world.body[: n + 1], world.body[n + 1 :]
+    table, rows = world.body[: n + 1], world.body[n + 1 :]
+    capsules = rows[rows[:, FRAME] != PAIR]
+    pairs = rows[rows[:, FRAME] == PAIR][:, [ONE, OTHER]].astype(int) - (n + 1)
     ends = [c[FROM:THICK].reshape(2, 3).T for c in capsules]
     arm = [points(p, c[THICK]) for p, c in zip(ends, capsules, strict=True)]
     blocks = []
@@ -298,26 +312,33 @@ def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
             corners = np.outer(row[HALF:RADIUS], [-1.0, 1.0])
         blocks.append(points(row[CENTRE:HALF, None] + corners, row[RADIUS]))
     reach = np.linalg.norm(table[:, PLACE : PLACE + 3], axis=1)
-    rates, travels = np.abs(b - a), np.zeros(len(capsules))
+    rates, shares = np.abs(b - a), np.zeros((len(capsules), n))
     # Triangle inequality down the chain to the base: `far` bounds the distance of the capsule's
     # line from joint k, in every posture.
     for i, row in enumerate(capsules):
         k, far = int(row[FRAME]), float(np.linalg.norm(ends[i], axis=0).max())
         while k >= 0:
             if k < n:
-                travels[i] += rates[k] * (1.0 if table[k, SLIDES] else far)
+                shares[i, k] = rates[k] * (1.0 if table[k, SLIDES] else far)
                 far += abs(table[k, SLIDES]) * np.abs(world.bounds[:, k]).max()
             far, k = far + reach[k], int(table[k, PARENT])
+    # Two capsules approach each other only by the joints that carry one of them and not the other.
+    below = np.array([_carriers(table, int(row[FRAME]), n) for row in capsules])
+    one, other = pairs.T
+    apart = np.where(below[one] != below[other], shares[one] + shares[other], 0.0)
+    travels = np.concatenate((shares.sum(axis=1), apart.sum(axis=1)))
 
     def gaps(q: Array) -> Array:
         frames = motion.kernels()[0](table, np.ascontiguousarray(q))
         here = np.zeros((7, q.shape[1]))
         here[3] = 1.0
-        least = np.full((len(arm), q.shape[1]), np.inf)
+        least = np.full((len(arm) + len(pairs), q.shape[1]), np.inf)
+        poses = [np.ascontiguousarray(frames[:, int(row[FRAME])]) for row in capsules]
         for i, link in enumerate(arm):
-            at = np.ascontiguousarray(frames[:, int(capsules[i, FRAME])])
             for block in blocks:
-                least[i] = np.minimum(least[i], measured(link, at, block, here)[0])
+                least[i] = np.minimum(least[i], measured(link, poses[i], block, here)[0])
+        for k, (i, j) in enumerate(pairs, len(arm)):
+            least[k] = measured(arm[i], poses[i], arm[j], poses[j])[0]
         return least
 
     return prove(a, b, gaps, travels)

@@ -133,6 +133,18 @@ class Query:
     counts: Ints = field(default_factory=lambda: np.zeros(16, dtype=np.int64))
     calls: int = 0  # of a user's function, before this question
     _last_report: float = 0.0
+    _names: set[str] = field(default_factory=set)  # of the options that the method has read
+
+    def option(self, name: str, default: Any = None) -> Any:
+        """Return an option of the caller, or the default, and take it out of `options`."""
+        self._names.add(name)
+        return self.options.pop(name, default)
+
+    def reject_unknown(self) -> None:
+        """Raise an error that names the options that the method has, if others are left."""
+        if self.options:
+            names, known = (", ".join(sorted(names)) for names in (self.options, self._names))
+            raise invalid(f"options of {self.method}", names, f"among {known}")
 
     @property
     def seconds(self) -> float:
@@ -301,13 +313,7 @@ def _state(name: str, value: ArrayLike, world: World) -> tuple[Array, bool]:
     return state, world.within(state)
 
 
-def unknown_options(query: Query) -> ValueError:
-    """Return the error for options that a method does not have."""
-    names = ", ".join(sorted(query.options))
-    return invalid(f"options of {query.method}", names, "those that its documentation names")
-
-
 def number(query: Query, name: str, usual: float, low: float, high: float = np.inf) -> float:
     """Return an option of a method that is a number from `low` to `high`."""
-    given = query.options.pop(name, None)
+    given = query.option(name)
     return usual if given is None else finite(name, given, low, high)

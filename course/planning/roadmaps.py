@@ -37,7 +37,6 @@ from course.planning.problem import (
     Plan,
     Query,
     number,
-    unknown_options,
 )
 from course.planning.samplers import (
     EDGE_CHECKS,
@@ -515,12 +514,11 @@ def _numbers(query: Query, neighbours: int, lazy: bool, stop: bool) -> Array:
     numbers, extent = np.zeros(8), query.world.extent
     numbers[NEAREST] = count("neighbours", neighbours, 0, 64)
     numbers[LAZY], numbers[STOP] = lazy, stop
-    sampler = one_of("sampler", query.options.pop("sampler", "uniform"), SAMPLERS)
+    sampler = one_of("sampler", query.option("sampler", "uniform"), SAMPLERS)
     numbers[SAMPLER] = SAMPLERS[sampler]
     numbers[MIX] = number(query, "mix", 1.0, 0.0, 1.0)
     numbers[SPREAD] = number(query, "spread", 0.05 * extent, POSITIVE)
-    if query.options:
-        raise unknown_options(query)
+    query.reject_unknown()
     return numbers
 
 
@@ -640,7 +638,7 @@ def prm(query: Query) -> Plan:
     Options: sampler, mix, spread as of the trees; neighbours, of PRM and lazy PRM, 10 as in OMPL.
     """
     lazy, star = query.method == "lazy_prm", query.method == "prm_star"
-    neighbours = 0 if star else query.options.pop("neighbours", 10)
+    neighbours = 0 if star else query.option("neighbours", 10)
     numbers = _numbers(query, neighbours, lazy, not (lazy or star))
     root = query.goal_root()
     if root is None:
@@ -694,10 +692,10 @@ def on_roadmap(query: Query) -> Plan:
     `near` (0.3) of its samples around the end (a standard deviation of `spread`), its edges at most
     `step` long. Edges of the roadmap are asked only where the answer needs them, and remembered.
     """
-    roadmap, world, counts = query.options.pop("roadmap", None), query.world, query.counts
+    roadmap, world, counts = query.option("roadmap"), query.world, query.counts
     if not isinstance(roadmap, Roadmap):
         raise invalid("roadmap", roadmap, "a Roadmap")
-    attach = one_of("attach", query.options.pop("attach", "trees"), ("trees", "list"))
+    attach = one_of("attach", query.option("attach", "trees"), ("trees", "list"))
     near = number(query, "near", 0.3, 0.0, 1.0)
     step = number(query, "step", 0.2 * world.extent, POSITIVE)
     numbers = _numbers(query, 0, False, False)

@@ -34,7 +34,6 @@ from course.planning.problem import (
     Plan,
     Query,
     number,
-    unknown_options,
 )
 from course.planning.samplers import (
     DRAWN,
@@ -572,8 +571,8 @@ def _options(query: Query) -> tuple[Settings, Array]:
     Raises:
         ValueError: for an option out of its range, a state out of bounds, or an unknown option.
     """
-    world, options = query.world, query.options
-    sampler = options.pop("sampler", "uniform")
+    world = query.world
+    sampler = query.option("sampler", "uniform")
     listed = np.empty((world.dim, 0))
     kind = LISTED
     if isinstance(sampler, str):
@@ -602,8 +601,7 @@ def _options(query: Query) -> tuple[Settings, Array]:
     if kind == SAMPLERS["halton"] and world.dim > len(PRIMES):
         raise invalid("sampler", sampler, f"up to {len(PRIMES)} dimensions")
     # Each option that was read has been removed, so what remains has no meaning here.
-    if options:
-        raise unknown_options(query)
+    query.reject_unknown()
     return settings, listed.T
 
 

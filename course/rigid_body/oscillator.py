@@ -39,10 +39,38 @@ METHODS = (
 
 
 @register_jitable
-def step_of(number, q, v, dt, params):
-    """Advance the oscillator by one step of METHODS[number].
+def step_under(number, q, v, acceleration, dt, params):
+    """Advance a system by one step of METHODS[number].
 
     Compiled code can't look a method up by name.
+
+    Args:
+        number: of the method.
+        q: positions, shape (nq,) or (nq, N).
+        v: velocities, shape (nv,) or (nv, N).
+        acceleration: function (q, v, params) -> rates of v, shape of v.
+        dt: step [s].
+        params: handed on to `acceleration`.
+
+    Returns:
+        The new (q, v).
+    """
+    if number == 0:
+        return explicit_euler(q, v, acceleration, dt, params)
+    if number == 1:
+        return semi_implicit_euler(q, v, acceleration, dt, params)
+    if number == 2:
+        return velocity_verlet(q, v, acceleration, dt, params)
+    if number == 3:
+        return explicit_midpoint(q, v, acceleration, dt, params)
+    if number == 4:
+        return implicit_midpoint(q, v, acceleration, dt, params)
+    return rk4(q, v, acceleration, dt, params)
+
+
+@register_jitable
+def step_of(number, q, v, dt, params):
+    """Advance the oscillator by one step of METHODS[number].
 
     Args:
         number: of the method.
@@ -54,17 +82,7 @@ def step_of(number, q, v, dt, params):
     Returns:
         The new (q, v).
     """
-    if number == 0:
-        return explicit_euler(q, v, oscillator_acceleration, dt, params)
-    if number == 1:
-        return semi_implicit_euler(q, v, oscillator_acceleration, dt, params)
-    if number == 2:
-        return velocity_verlet(q, v, oscillator_acceleration, dt, params)
-    if number == 3:
-        return explicit_midpoint(q, v, oscillator_acceleration, dt, params)
-    if number == 4:
-        return implicit_midpoint(q, v, oscillator_acceleration, dt, params)
-    return rk4(q, v, oscillator_acceleration, dt, params)
+    return step_under(number, q, v, oscillator_acceleration, dt, params)
 
 
 # Runge-Kutta with as many stages as its order: the exponential series, cut off there.

@@ -19,6 +19,7 @@ SIMULATIONS = (
     "rigid_body.flip",
     "rigid_body.free_body",
     "rigid_body.gimbal",
+    "rigid_body.force_evaluations",
     "rigid_body.spring",
     "rigid_body.top",
     "rigid_body.tunnelling",

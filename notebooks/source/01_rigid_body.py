@@ -668,51 +668,10 @@ more_claims(
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
-# The drawing shows one large step on a spring. Dots show where the force is evaluated (for the implicit method, the
-# last evaluation), the square is where the step ends, and the line is the exact motion.
-# %% tags=["hide-code"]
-h = 1.2
-methods = {
-    "explicit Euler": (rigid_body.explicit_euler, (0.0,)),
-    "semi-implicit Euler": (rigid_body.semi_implicit_euler, (0.0,)),
-    "velocity Verlet": (rigid_body.velocity_verlet, (0.0, 1.0)),
-    "explicit midpoint": (rigid_body.explicit_midpoint, (0.0, 0.5)),
-    "implicit midpoint": (rigid_body.implicit_midpoint, (0.5,)),
-    "RK4": (rigid_body.rk4, (0.0, 0.5, 0.5, 1.0)),
-}
-q0, v0 = np.array([1.0]), np.array([1.0])
-figure_, panels = plt.subplots(
-    2, 3, figsize=(10, 5), sharex=True, sharey=True, layout="constrained"
-)
-time = np.linspace(0.0, 1.2 * h, 100)
-exact = q0 * np.cos(h) + v0 * np.sin(h)
-missed = {}
-for axes_, (name, (method, times)) in zip(panels.flat, methods.items(), strict=True):
-    evaluated = []
-
-    def spring_acceleration(q, v, params, evaluated=evaluated):
-        evaluated.append(float(q[0]))
-        return -q
-
-    ended, _ = method(q0, v0, spring_acceleration, h, np.zeros(1))
-    positions = evaluated[-1:] if name == "implicit midpoint" else evaluated
-    missed[name] = float(ended[0] - exact[0])
-    axes_.plot(time, q0 * np.cos(time) + v0 * np.sin(time), color="0.6")
-    axes_.plot(h * np.array(times), positions, "o", color="tab:blue", ms=8, label="force evaluated")
-    axes_.plot(
-        h, ended, "s", color="tab:red", ms=7, label="end of the step", fillstyle="none", mew=2
-    )
-    axes_.axvline(0, color="0.85", lw=0.8)
-    axes_.axvline(h, color="0.85", lw=0.8)
-    axes_.set_title(f"{name} (misses by {abs(missed[name]):.3f})", fontsize=9.5)
-panels[0, 0].legend(fontsize=8, loc="upper left")
-for axes_ in panels[1]:
-    axes_.set(xlabel="time", xticks=[0, h / 2, h], xticklabels=["0", "h/2", "h"])
-for axes_ in panels[:, 0]:
-    axes_.set(ylabel="position")
-plt.show()
-for name, error in missed.items():
-    print(f"{name:<20} end of the step off by {error:+.3f}")
+# Choose an integrator, drag the start, and press play to see its evaluations in turn. Dots show where it evaluates the
+# force, the red ring shows where the step ends.
+# %%
+simulation("force_evaluations", still=0.0)
 # %% [markdown]
 # The column *area* is explained in the next section.
 #

@@ -666,24 +666,23 @@ print_figures(
 # Drake's and PyBullet's only just. In the sliding scenes, the hop of MuJoCo is the largest difference that fair
 # settings leave between the engines.
 #
-# Drake's problem is convex, too. With the approximation `sap`, which couples
-# friction and separation as MuJoCo's does, a sliding box also glides above the ground (Castro, Permenter and Han,
-# 2022). Its default `lagged` takes the normal force for the friction limit from the step before, and the block stays
-# down.
+# Drake's problem is convex, too. With the approximation `sap`, which couples friction and separation as MuJoCo's does,
+# a sliding box also glides above the ground (Castro, Permenter and Han, 2022). Its default `lagged` takes the normal
+# force for the friction limit from the step before, and the block stays down.
 #
 # Here are seven jobs, written as limits on the numbers of the two charts above. A position may be off by 1 mm, and a
 # braking block by 1 cm during its motion. Two more facts are not in the charts: the share of faulty models that an
 # engine rejects or warns about (section 7), and whether `make lab`, which opens this course, installs it. (RL is
-# reinforcement learning; a certificate is a proof of safety.)
+# reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's simulator Isaac Sim.)
 
 # %%
 facts = jobs.facts()
 table(("Job", "Pick", "Why"), [(job, *jobs.decide(job)) for job in jobs.JOBS])
 
 # %% [markdown]
-# Three jobs have an answer, and it is the same engine three times. For *Manipulation research*, a tighter limit rules
+# Three jobs have an answer, each time the same engine. For *Manipulation research*, a tighter limit rules
 # out MuJoCo's hops. PyBullet already fails the grasp, so the cheapest of the others is Drake. Four jobs have no
-# answer: for what was not measured here, the table only names what the documentation says.
+# answer: for what was not measured here, the table only names documentation.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -708,8 +707,8 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Many tools in job descriptions need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it
-# stores a model, and how it solves contact. Two terms:
+# Many tools need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it stores a model, and how
+# it solves contact. Two terms:
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse that satisfies this
 # contact alone, and go on to the next; after several sweeps the impulses change little. **PGS** (projected
@@ -1271,9 +1270,9 @@ for name, share in least.items():
 #
 # PyBullet has no threshold at 1 ms. It holds the part, and drops it again when squeezed harder. Its sweeps end with
 # most of the force on one corner of a finger. This satisfies Coulomb's law, since four corners can share a load in many
-# ways. But the part swings about that corner. At 2 ms and more there is a threshold, and as shipped, where PyBullet
-# multiplies two coefficients of 0.5, it drops the part at every squeeze. (The product of 0.25 explains this up to twice
-# the marked force only; we did not look for the cause above.)
+# ways. But the part swings about that corner. At 2 ms and more there is a threshold. As shipped, it drops the part at
+# every squeeze: PyBullet starts a motor at each joint, and these hold the fingers back. With these motors off, it drops
+# the part up to twice the marked force, because it multiplies the two coefficients of 0.5.
 
 # %%
 show("grasp_threshold")

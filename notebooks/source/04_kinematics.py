@@ -55,6 +55,7 @@ from course.cards import figures, interview
 from course.charts import read
 from course.derivations import more_claims, show
 from course.kinematics import ik, jacobian, panda, planar, tip, two_link_ik
+from course.rigid_body.quaternion import to_matrix
 
 
 def source(*functions):
@@ -183,7 +184,70 @@ more_claims("two_link_position")
 # For our two links, $a_1 = l_1$, $a_2 = l_2$, and every $d$ and $\alpha$ is zero. Base and tool still need full
 # transforms. The two most common conventions are the original one (1955), shown here, and Craig's, which orders the
 # factors differently and is used for the published numbers of the Panda. Read in the wrong convention, a table
-# describes a different arm.
+# describes a different arm. The cell has the table of the 7-R arm in the original convention, with the tool in the last
+# row:
+
+
+# %% tags=["show-code"]
+def denavit_hartenberg(turn, d, a, alpha):
+    """Return the 4 x 4 transform of one joint; d and a in metres, the angles in radians."""
+    c, s, ca, sa = np.cos(turn), np.sin(turn), np.cos(alpha), np.sin(alpha)
+    about_z = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, d], [0, 0, 0, 1]])
+    about_x = np.array([[1, 0, 0, a], [0, ca, -sa, 0], [0, sa, ca, 0], [0, 0, 0, 1]])
+    return about_z @ about_x
+
+
+d = [0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.107]
+a = [0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088, 0.0]
+alpha = np.radians([-90, 90, 90, -90, 90, 90, 0])
+dh_frames = [np.eye(4)]
+for row in zip(q, d, a, alpha, strict=True):
+    dh_frames.append(dh_frames[-1] @ denavit_hartenberg(*row))
+pose = tip(arm, q)
+same = np.allclose(dh_frames[-1][:3, 3], pose[:3], atol=1e-14)
+turned = np.allclose(dh_frames[-1][:3, :3], to_matrix(pose[3:]), atol=1e-14)
+print(f"frame 7 is the tip: position {same}, orientation {turned}")
+
+
+# %% tags=["hide-code"]
+def space(figure_, rows, columns, index, title, high=1.0):
+    """Return axes for a drawing of the 7-R arm in space, all three at the same scale."""
+    axis = figure_.add_subplot(rows, columns, index, projection="3d", proj_type="ortho")
+    _ = axis.set(xlim=(-0.35, 0.6), ylim=(-0.4, 0.4), zlim=(0.0, high))
+    axis.set_box_aspect((0.95, 0.8, high), zoom=1.15)
+    axis.view_init(20, -58)
+    _ = axis.set(xticks=[0, 0.5], yticks=[0], zticks=np.arange(0.0, high + 0.1, 0.5))
+    _ = axis.set(xlabel="x [m]", ylabel="y", zlabel="z [m]")
+    axis.tick_params(labelsize=9, pad=0)
+    _ = axis.set_title(title, fontsize=13)
+    return axis
+
+
+figure_ = plt.figure(figsize=(6.0, 5.2))
+figure_.subplots_adjust(0.0, 0.04, 0.97, 0.93)
+axis = space(figure_, 1, 1, 1, "Denavit-Hartenberg frames of the 7-R arm", high=0.85)
+places = {}
+for i, frame in enumerate(dh_frames):
+    places.setdefault(tuple(frame[:3, 3].round(6)), []).append(str(i))
+    for k, colour in enumerate(("tab:red", "tab:green", "tab:blue")):
+        name = f"{'xyz'[k]} of each frame" if i == 0 else None
+        _ = axis.quiver(*frame[:3, 3], *(0.12 * frame[:3, k]), color=colour, lw=1.8, label=name)
+for i in range(7):
+    start, z_axis, x_axis = dh_frames[i][:3, 3], dh_frames[i][:3, 2], dh_frames[i + 1][:3, 0]
+    corner = start + d[i] * z_axis
+    for ends, colour, name in (
+        ((start, corner), "#9bb7d4", "d: along z"),
+        ((corner, corner + a[i] * x_axis), "#e8a39a", "a: along the next x"),
+    ):
+        _ = axis.plot(*np.transpose(ends), color=colour, lw=7, label=name if i == 0 else None)
+for place, names in places.items():
+    _ = axis.text(*(np.array(place) + [0.05, -0.09, -0.04]), ", ".join(names), fontsize=13)
+_ = axis.legend(fontsize=10, loc=(0.53, 0.27))
+plt.show()
+
+# %% [markdown]
+# The numbers are those of the frames. Two frames may share one origin, as 1 and 2 do: only the direction of $z$ changes
+# there. The next frame stands $d$ along this frame's $z$, then $a$ along its own $x$.
 #
 # The **product of exponentials** needs no frame between base and tip. It describes each joint by a **screw**. For a
 # revolute joint, that is the axis in space about which it turns. The velocity of a rigid body is a **twist** $V =
@@ -247,7 +311,7 @@ plt.show()
 # When the joints before joint $i$ move, they carry its axis along. They move it by $T_{i-1} = e^{[S_1]q_1}\cdots
 # e^{[S_{i-1}]q_{i-1}}$, so the twist of joint $i$ becomes $S_i' = \mathrm{Ad}_{T_{i-1}} S_i = (\omega_i, v_i)$. A body
 # with this twist moves its point at $p$ with the velocity $v_i + \omega_i\times p$. The cell checks tip and velocities
-# for `two`, the arm of the drawings, with its `lengths` and its `posture`:
+# for both arms, the two links of the drawing and the 7-R arm:
 
 # %% tags=["show-code"]
 from scipy.linalg import expm
@@ -266,17 +330,70 @@ def adjoint(T):
     return np.block([[R, np.zeros((3, 3))], [p @ R, R]])
 
 
-z, T, twists = np.array([0.0, 0.0, 1.0]), np.eye(4), []
-for centre, angle in zip(([0.0, 0.0, 0.0], [lengths[0], 0.0, 0.0]), posture, strict=True):
-    S = np.concatenate([z, np.cross(centre, z)])
-    twists.append(adjoint(T) @ S)
-    T = T @ expm(bracket(S) * angle)
-p = (T @ [sum(lengths), 0.0, 0.0, 1.0])[:3]
-J = np.array([S[3:] + np.cross(S[:3], p) for S in twists]).T  # velocity of the tip per joint
-print("tip:", p.round(4), "m; same as tip():", np.allclose(p, tip(two, posture)[:3], atol=1e-14))
-print("velocities the same:", np.allclose(J, jacobian(two, posture)[:3], atol=1e-14))
+def exponentials(screws, angles):
+    """Return how the last link is displaced, and the twist of each joint where it is now."""
+    T, twists = np.eye(4), []
+    for S, angle in zip(screws, angles, strict=True):
+        twists.append(adjoint(T) @ S)
+        T = T @ expm(bracket(S) * angle)
+    return T, np.array(twists)
+
+
+def screws_in_zero_posture(chain):
+    """Return S = (w, c x w) for each revolute joint of a chain."""
+    zero = kinematics.frames(chain, np.zeros(len(chain.mass)))
+    w = to_matrix(zero[3:])[:, 2]
+    return np.vstack([w, np.cross(zero[:3], w, axis=0)]).T
+
+
+for name, chain, angles in (("two links", two, posture), ("7-R arm", arm, q)):
+    T, twists = exponentials(screws_in_zero_posture(chain), angles)
+    p = (T @ [*tip(chain, 0.0 * angles)[:3], 1.0])[:3]
+    v = twists[:, 3:] + np.cross(twists[:, :3], p)  # velocity of the tip per joint
+    position = np.allclose(p, tip(chain, angles)[:3], atol=1e-14)
+    velocity = np.allclose(v.T, jacobian(chain, angles)[:3], atol=1e-14)
+    print(f"{name}: tip {p.round(4)} m; same as tip(): {position}, as jacobian(): {velocity}")
+
+# %% tags=["hide-code"]
+figure_ = plt.figure(figsize=(8.6, 5.2))
+figure_.subplots_adjust(0.0, 0.04, 0.94, 0.93, 0.08)
+axis = space(figure_, 1, 2, 1, "seven screws, and the twist of joint 2")
+points = kinematics.frames(arm, q)[:3]
+skeleton = np.column_stack([np.zeros(3), points, p])
+_ = axis.plot(*skeleton, color="#9bb7d4", lw=7)
+for i, (w, c) in enumerate(zip(twists[:, :3], points.T, strict=True)):
+    colour = "tab:red" if i == 1 else "0.35"
+    _ = axis.plot(*np.transpose([c - 0.2 * w, c + 0.2 * w]), "--", color=colour, lw=1)
+    _ = axis.quiver(*c, *(0.2 * w), color=colour, lw=2)
+    _ = axis.plot(*c, "o", color=colour, ms=5)
+    _ = axis.text(*(c + 0.29 * w), str(i + 1), color=colour, fontsize=15, ha="center", va="center")
+w, c = twists[1, :3], points[:, 1]
+middle = c + w * (w @ (p - c))  # on the axis, level with the tip
+across = p - middle
+turn = np.radians(np.linspace(-105.0, 60.0, 12))
+for share in (0.4, 0.7, 1.0):
+    ring = share * (np.outer(across, np.cos(turn)) + np.outer(np.cross(w, across), np.sin(turn)))
+    ring += middle[:, None]
+    flow = twists[1, 3:, None] + np.cross(w, ring, axisb=0, axisc=0)
+    _ = axis.quiver(*ring, *(0.3 * flow), color="0.6", lw=1)
+_ = axis.quiver(*p, *(0.3 * v[1]), color="tab:red", lw=3)
+_ = axis.plot(*p, "o", color="#1f4e79", ms=8)
+axis = space(figure_, 1, 2, 2, "the product, read from right to left", high=1.2)
+for turned, colour, name in (
+    (np.zeros(7), "0.75", "1. zero posture"),
+    (np.where(np.arange(7) > 2, q, 0.0), "tab:orange", "2. joints 7 to 4 turned"),
+    (q, "#3b6ea5", "3. then joints 3 to 1"),
+):
+    bent = np.column_stack([np.zeros(3), kinematics.frames(arm, turned)[:3], tip(arm, turned)[:3]])
+    _ = axis.plot(*bent, "o-", color=colour, lw=5, ms=7, label=name)
+_ = axis.legend(fontsize=11, loc=(0.5, 0.8))
+plt.show()
 
 # %% [markdown]
+# Left: the screws of the 7-R arm in the posture `q`. Each arrow has the direction $\omega_i$ and starts at a point of
+# the axis. Joint 2 turns at 1 rad/s: the grey arrows are the velocities that its twist assigns to points in the plane
+# of the tip, the red arrow is the velocity of the tip. (Arrows are drawn at 0.3 m for 1 m/s.)
+#
 # ### The Jacobian: how fast does the hand move?
 #
 # To follow a moving target, or to correct a small error, you need to know how the tip moves when each joint turns a

@@ -22,17 +22,31 @@ FILE = "rigid_body.time_step"
 QUICK = "determinant_one_is_stable"
 SIMULATORS = {"Drake", "PyBullet"}
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks" / "source"
-# What a page names is computed and compared when the notebooks are run again (`make test`).
-ON_PAGES = {
-    name for page in SOURCES.glob("*.py") for name in re.findall(r'"(\w+)"', page.read_text())
-}
+# Checks that take more than 2 s of processor time once everything is compiled.
+LONG = set(
+    """
+a_residual_tells aabb_all_axes adaptive_finds_parameters adaptive_sum_can_only_fall
+angle_error_wraps articulated_bodies_lose_fewer_digits believed_error_bar below_the_limit_sticks
+best_fixed_gains bias_to_first_order blocked_ends_are_named both_ends_first clip_keeps
+clipped_velocities contact_is_the_wall dagger_needs_room damper_damps damping_is_safe
+dbscan_has_no_order error_follows_acceleration estimate_rests_with_the_arm every_joint_has_ku
+every_recording_identifies fifo_makes_real_time friction_wrong_both_ways gap_table
+gc_hits_the_loop half_the_ultimate_gain largest_step late_command listing_friction
+measured_or_randomised more_gain_rejects_everywhere mpc_beats_clipping notch_can_only_help
+optimisers_get_stuck orders_of_accuracy pd_sample_late peak_sensitivity_bounds_margins
+pile_of_a_hundred rare_contact_is_cheap raw_estimate_replans react_less repeated_actions
+residual_learning_is_faster same_seeds singular_start slow_plans_are_slow_questions
+smith_removes_the_delay sparse_chance stiffness_depends_on_the_wall wrong_clock_fails
+ziegler_nichols_is_safe
+""".split()
+)
 
 
 def marks_of(item):
-    """A claim's check may need a library that `make test` leaves out, or run on a page already."""
+    """A claim's check may need a library that `make test` leaves out, or take long."""
     if SIMULATORS & {*item.needs}:
         return [pytest.mark.optional, pytest.mark.slow]
-    return [pytest.mark.prove if item.id in ON_PAGES else pytest.mark.slow]
+    return [pytest.mark.prove if item.id in LONG else pytest.mark.slow]
 
 
 def each(items):
@@ -62,6 +76,10 @@ def test_texts_are_complete(item):
     assert item.claim.strip().rstrip(".") != item.corrected.strip().rstrip(".")
     # Also of a claim whose check only the pages run.
     assert honest.typed_numbers(item.corrected) == []
+
+
+def test_the_long_checks_are_those_of_claims_there_are():
+    assert {item.id for item in ALL} >= LONG
 
 
 def test_the_record_holds_the_claims_there_are():

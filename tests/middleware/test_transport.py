@@ -66,20 +66,33 @@ def test_zenoh_leaves_nothing_in_shared_memory():
     [
         "inversion.measure(True)",
         "[trip(b'x') for trip in [stack.enter_context(transport.unix_socket())]]",
+        "[trip(b'x') for trip in [stack.enter_context(transport.shared_memory(8))]]",
     ],
 )
 def test_a_script_without_its_guard_is_told_so(call: str, tmp_path):
-    """Each child imports the script again, and dies: the parent waited for ever."""
+    """Each child imports the script again, and dies: the parent waited for ever.
+
+    The parent kills the others; one that had made something in shared memory left it behind.
+    """
     script = tmp_path / "plain.py"
     script.write_text(
         "import contextlib\nfrom course.middleware import inversion, transport\n"
-        f"transport.PATIENCE = 3.0\nwith contextlib.ExitStack() as stack:\n    {call}\n"
+        f"transport.PATIENCE = 3.0\nmade = {str(tmp_path / 'made')!r}\n"
+        "class Noted(inversion.SharedMemory):\n"
+        "    def __init__(self, *args, create=False, **more):\n"
+        "        super().__init__(*args, create=create, **more)\n"
+        "        if create:\n            print(self.name, file=open(made, 'a'))\n"
+        "inversion.SharedMemory = transport.SharedMemory = Noted\n"
+        f"with contextlib.ExitStack() as stack:\n    {call}\n"
     )
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode != 0
     assert "a child process died while it started" in done.stderr
+    made = (tmp_path / "made").read_text().split() if (tmp_path / "made").exists() else []
+    assert len(made) <= 2  # the parent's own, and none of a child
+    assert not any(Path("/dev/shm", name).exists() for name in made)
 
 
 @lacking("zenoh")

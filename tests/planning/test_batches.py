@@ -25,8 +25,8 @@ seeds = st.integers(0, 2**32 - 1)
 def test_spheres_cover_their_capsule_and_are_not_much_larger(swell: float) -> None:
     rng = np.random.default_rng(0)
     for capsule in HAND:
-        frame, a, b, radius = capsule
-        a, b = np.array(a), np.array(b)
+        frame, start, end, radius = capsule
+        a, b = np.array(start, dtype=float), np.array(end, dtype=float)
         spheres = spheres_over([capsule], swell)
         centres = np.array([one[1] for one in spheres])
         sizes = np.array([one[3] for one in spheres])
@@ -46,7 +46,7 @@ def test_batches_say_what_their_points_say(seed: int) -> None:
     """Against the scalar code in double precision, at the very points of the batches."""
     rng = np.random.default_rng(seed)
     world = in_batches(capsule_arm(clutter(rng, 4)), rng.uniform(0.02, 0.3))
-    a, b = rng.uniform(*world.bounds), rng.uniform(*world.bounds)
+    a, b = (np.asarray(rng.uniform(*world.bounds)) for _ in range(2))
     b = a + (b - a) * rng.uniform(0.01, 0.4)
     points = points_of(a, b, world.body[-1, -1])
     assert points.shape[1] % LANES == 0
@@ -81,7 +81,7 @@ def test_a_fine_spacing_misses_no_thin_pole() -> None:
     world = capsule_arm([pole])
     fine, rng, hits = in_batches(world, 0.02), np.random.default_rng(0), 0
     for _ in range(300):
-        a, b = rng.uniform(*world.bounds), rng.uniform(*world.bounds)
+        a, b = (np.asarray(rng.uniform(*world.bounds)) for _ in range(2))
         b = a + 2.5 * (b - a) / np.linalg.norm(b - a)
         if state_free(fine, a) and not edge_free(world, a, b):
             hits += 1

@@ -1,6 +1,7 @@
 """BIT* and convex regions against the exact shortest path, and regions against the disc."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,11 +45,13 @@ def test_convex_sets_find_the_shortest_path_of_the_gap_and_of_the_polygon() -> N
     (disc, around), (wall, shortest) = exactly_known()
     answer = convex_sets.solve(wall.start, wall.goal, informed.rooms())
     assert check_path(wall.world, answer.path, wall.start, wall.goal)
+    assert answer.path is not None
     assert length(answer.path) == pytest.approx(shortest, rel=1e-7)
     excess = []
     for number in (8, 16):
         answer = convex_sets.solve(disc.start, disc.goal, informed.sectors(number))
         assert check_path(disc.world, answer.path, disc.start, disc.goal)
+        assert answer.path is not None
         excess.append(length(answer.path) / around - 1.0)
     # Never shorter than the shortest; twice the regions, about a quarter of the excess.
     assert excess[0] > excess[1] > 0.0 and 0.15 < excess[1] / excess[0] < 0.35
@@ -63,6 +66,13 @@ def test_no_region_is_rejected_and_a_goal_outside_has_no_path() -> None:
     assert convex_sets.solve(wall.start, wall.goal, informed.rooms()[:1]).path is None
 
 
+def path_of(run: Any, seed: int) -> Any:
+    """Return the path that a method has found after 1,000 samples."""
+    path = run(seed, 1000)[1]
+    assert path is not None
+    return path
+
+
 @pytest.mark.optional
 def test_bit_star_checks_fewer_edges_than_rrt_star_for_the_same_length() -> None:
     needs_ompl()
@@ -70,7 +80,7 @@ def test_bit_star_checks_fewer_edges_than_rrt_star_for_the_same_length() -> None
         batch, tree = (informed.counted(scene, method) for method in ("bit_star", "rrt_star"))
         rows = np.array([(*batch(k, 1000)[:1], *tree(k, 1000)[:1]) for k in range(1, 6)])
         excess = np.array(
-            [[length(run(k, 1000)[1]) / best - 1.0 for run in (batch, tree)] for k in range(1, 6)]
+            [[length(path_of(run, k)) / best - 1.0 for run in (batch, tree)] for k in range(1, 6)]
         )
         assert np.median(rows[:, 0]) < 0.3 * np.median(rows[:, 1])
         assert np.all(excess > 0.0) and np.median(excess[:, 0]) < 2.0 * np.median(excess[:, 1])

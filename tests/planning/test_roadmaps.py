@@ -184,7 +184,14 @@ def test_a_region_a_function_and_a_goal_that_cannot_be() -> None:
     [
         ({"method": "roadmap"}, "roadmap"),
         ({"method": "prm", "neighbours": 65}, "neighbours"),
-        ({"method": "prm", "step": 1.0}, "options of prm"),
+        (
+            {"method": "prm", "step": 1.0},
+            "options of prm must be among mix, neighbours, sampler, spread, got 'step'",
+        ),
+        (
+            {"method": "rrt", "stepp": 1.0},
+            "options of rrt must be among goal_bias, mix, sampler, spread, step, got 'stepp'",
+        ),
         ({"method": "lazy_prm", "sampler": "best"}, "sampler"),
     ],
 )

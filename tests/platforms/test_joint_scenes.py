@@ -27,9 +27,11 @@ def test_the_rod_falls_as_its_energy_says_and_stops_at_the_limit() -> None:
     early, late = (problem.scene.truth(fall - each)[0] for each in (2e-3, 1e-3))
     # A millisecond before the impact the rod is slower by no more than the gravity of 2 ms.
     assert (late - early) / 1e-3 == pytest.approx(-problem.speed, rel=0.02)
-    still = problem.scene.chain, [-0.9], [0.0]
-    moving = problem.scene.chain, [-0.9], [-problem.speed]
-    start = problem.scene.chain, [0.2], [0.0]
+    chain = problem.scene.chain
+    assert chain is not None
+    still = chain, [-0.9], [0.0]
+    moving = chain, [-0.9], [-problem.speed]
+    start = chain, [0.2], [0.0]
     total = [kinematics.energy(*each, gravity=problem.scene.gravity)[2] for each in (start, moving)]
     assert total[0] == pytest.approx(total[1], rel=1e-12)
     assert kinematics.energy(*still, gravity=problem.scene.gravity)[2] < total[0] - 1.0
@@ -38,13 +40,15 @@ def test_the_rod_falls_as_its_energy_says_and_stops_at_the_limit() -> None:
 
 def test_the_coupled_truth_keeps_its_energy_and_its_ratio() -> None:
     scene = coupled(1.5, -0.3)
+    chain = scene.chain
+    assert chain is not None
     h, energies = 1e-4, []
     for t in (0.1, 0.35, 0.8):
         early, now, late = (scene.truth(t + k * h) for k in (-1, 0, 1))
         v = (late - early) / (2 * h)
-        energies.append(kinematics.energy(scene.chain, now, v, gravity=scene.gravity)[2])
+        energies.append(kinematics.energy(chain, now, v, gravity=scene.gravity)[2])
         assert now[1] == pytest.approx(1.5 * now[0], rel=1e-14)
-    start = kinematics.energy(scene.chain, scene.truth(0.0), np.zeros(2), gravity=scene.gravity)[2]
+    start = kinematics.energy(chain, scene.truth(0.0), np.zeros(2), gravity=scene.gravity)[2]
     np.testing.assert_allclose(energies, start, rtol=0, atol=1e-6)
 
 

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from course.rigid_body import oscillator, problems, quaternion
+from course.rigid_body.integrators import INTEGRATORS
+from course.simulations import pen as draw
 from course.simulations import simulation
 from course.simulations.model import Experiment
 from course.simulations.rigid_body import (
     double_cover,
     flip,
+    force_evaluations,
     free_body,
     gimbal,
     spring,
@@ -215,6 +218,164 @@ def test_the_spring_leaves_all_bounds_just_beyond_two():
     experiment = Experiment(spring.MODEL)
     experiment.drag(*(spring._SCALE[0] + 2.0 / 3.2 * 3.3, 2.3))
     assert experiment.controls["omega_h"] == pytest.approx(2.0)
+
+
+# --- where an integrator evaluates the force ------------------------------------------------------
+
+STEPS = [INTEGRATORS[name] for name in oscillator.METHODS]
+PHASES = range(-180, 180, 15)
+
+
+def step_shown(**values):
+    return Experiment(force_evaluations.MODEL, **values)
+
+
+def evaluations(experiment):
+    """x + i v / omega at each evaluation."""
+    n = experiment.state["count"]
+    return experiment.state["evaluated"][0, :n] + 1j * experiment.state["evaluated"][1, :n]
+
+
+def as_complex(state):
+    return complex(*state)
+
+
+@pytest.mark.parametrize("method", range(6))
+@pytest.mark.parametrize("omega_h", [0.1, 1.2, 1.6])
+@pytest.mark.parametrize("phase", [-180.0, 45.0, 180.0])
+def test_the_step_that_is_drawn_is_that_of_the_integrator(method, omega_h, phase):
+    experiment = step_shown(method=method, omega_h=omega_h, phase=phase)
+    # In other units of time: a spring of 6 rad/s.
+    omega, h = 6.0, omega_h / 6.0
+    angle = math.radians(phase)
+    q, v, params = np.cos([angle]), omega * np.sin([angle]), np.array([omega, 0.0])
+    step, law = STEPS[method].step, problems.oscillator_acceleration
+    end_q, end_v = step(q, v, law, h, params)
+    np.testing.assert_allclose(experiment.state["end"], [end_q[0], end_v[0] / omega], atol=1e-12)
+    half_q, half_v = step(*step(q, v, law, 0.5 * h, params), law, 0.5 * h, params)
+    np.testing.assert_allclose(
+        experiment.state["halves"], [half_q[0], half_v[0] / omega], atol=1e-12
+    )
+    # The ring of the picture over time stands there too.
+    view = (-0.1 * omega_h, 1.1 * omega_h, -force_evaluations._HIGH, force_evaluations._HIGH)
+    rings = [
+        draw.values_at(force_evaluations._LEFT, view, *item.points[:, 0])
+        for item in draw.decode(experiment.picture())
+        if item.kind == draw.DISC and item.style[1] == draw.NONE
+    ]
+    assert any(np.allclose(ring, (omega_h, end_q[0]), atol=1e-9) for ring in rings)
+
+
+@pytest.mark.parametrize("method", range(6))
+def test_each_evaluation_is_drawn_at_its_time(method):
+    # A second coordinate moves with speed 1: it is the clock that the method itself uses.
+    times = []
+
+    def law(q, v, params):
+        times.append(q[1])
+        return np.array([-q[0], 0.0])
+
+    STEPS[method].step(np.array([0.6, 0.0]), np.array([0.8, 1.0]), law, 0.7, np.zeros(1))
+    fractions = force_evaluations.FRACTIONS[method]
+    drawn = [0.7 * fractions[min(k, 3)] for k in range(len(times))]
+    np.testing.assert_allclose(times, drawn, atol=1e-6)  # the Jacobian's differences move it a bit
+
+
+@pytest.mark.parametrize("phase", [-120.0, 0.0, 45.0])
+def test_evaluations_are_where_the_formulas_put_them(phase):
+    h, y = 1.2, np.exp(1j * math.radians(phase))
+    # With y = x + i v / omega the exact rate is -i y.
+    middle = y - 0.5j * h * y
+    stages = [y, middle, y - 0.5j * h * middle, y - 1j * h * (y - 0.5j * h * middle)]
+    expected = {0: [y], 1: [y], 3: stages[:2], 5: stages}
+    for method, states in expected.items():
+        np.testing.assert_allclose(
+            evaluations(step_shown(method=method, phase=phase)), states, atol=1e-12
+        )
+        shown = step_shown(method=method, phase=phase)
+        assert number(shown, "force evaluations") == len(states)
+    verlet = step_shown(method=2, phase=phase)
+    assert verlet.picture().numbers["force evaluations"] == "2 (1 reused)"
+    assert evaluations(verlet)[1].real == pytest.approx(verlet.state["end"][0], abs=1e-12)
+    implicit = step_shown(method=4, phase=phase)
+    halfway = 0.5 * (y + as_complex(implicit.state["end"]))
+    assert evaluations(implicit)[-1] == pytest.approx(halfway, abs=1e-6)
+    assert 4 <= number(implicit, "force evaluations") <= 7
+
+
+def test_errors_of_a_step_are_those_of_the_series():
+    h, y = 1.2, np.exp(1j * math.radians(45.0))
+    z = -1j * h
+    factors = {0: 1 + z, 3: 1 + z + z**2 / 2, 4: (1 + z / 2) / (1 - z / 2)}
+    factors[5] = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
+    for method, factor in factors.items():
+        shown = step_shown(method=method)
+        off = (factor - np.exp(z)) * y
+        assert number(shown, "error of the step") == pytest.approx(abs(off), abs=6e-5)
+        assert number(shown, "error in position") == pytest.approx(off.real, abs=6e-5)
+
+
+@pytest.mark.parametrize("method", range(6))
+def test_two_half_steps_show_the_order(method):
+    for phase in PHASES:
+        shown = step_shown(method=method, omega_h=0.1, phase=float(phase))
+        theory = number(shown, "ratio for small ω h")
+        assert theory == 2 ** STEPS[method].order
+        assert number(shown, "ratio of the errors") == pytest.approx(theory, rel=0.1)
+
+
+def test_what_the_presets_say_of_the_end_of_the_step():
+    def sizes(method):
+        ends = [step_shown(method=method, phase=float(phase)).state["end"] for phase in PHASES]
+        return np.array([abs(as_complex(end)) for end in ends])
+
+    assert sizes(0).min() > 1.1
+    assert sizes(1).min() < 0.9 and sizes(1).max() > 1.1
+    np.testing.assert_allclose(sizes(4), 1.0, atol=1e-12)
+    for phase in PHASES:
+        errors = [
+            force_evaluations.error_of(shown.controls, shown.state["end"])
+            for shown in (step_shown(method=method, phase=float(phase)) for method in range(6))
+        ]
+        assert errors[5] < 0.5 * min(errors[:5])
+    *named, (_, order) = force_evaluations.PRESETS.items()
+    assert [name.lower() for name, _ in named] == [step.label.lower() for step in STEPS]
+    assert [preset.values.get("method", 0) for _, preset in named] == list(range(6))
+    assert STEPS[order.values["method"]].order == 4
+
+
+def test_playing_shows_the_evaluations_in_turn():
+    def drawn(experiment):
+        blue = [
+            item
+            for item in draw.decode(experiment.picture())
+            if item.kind == draw.DISC and item.style[1] == draw.BLUE
+        ]
+        return (len(blue) - 1) // 2  # one is in the key; each stands in both pictures
+
+    experiment = step_shown(method=5)
+    assert drawn(experiment) == 4
+    experiment.advance(0.5 * force_evaluations._PACE)
+    sequence = [drawn(experiment)]
+    for _ in range(8):
+        experiment.advance(force_evaluations._PACE)
+        sequence.append(drawn(experiment))
+    assert sequence == [1, 2, 3, 4, 4, 4, 4, 1, 2]
+
+
+def test_the_start_is_dragged_around_the_circle():
+    experiment = step_shown()
+    left, right, bottom, top = force_evaluations._RIGHT
+    experiment.drag(0.5 * (left + right), top)
+    assert experiment.controls["phase"] == 90.0
+    experiment.drag(0.5 * (left + right), 0.5 * (bottom + top))
+    assert -180.0 <= experiment.controls["phase"] <= 180.0
+    experiment.drag(left, 0.5 * (bottom + top))
+    assert abs(experiment.controls["phase"]) == 180.0
+    assert evaluations(experiment)[0] == pytest.approx(-1.0, abs=1e-12)
+
+
+# --- tunnelling -----------------------------------------------------------------------------------
 
 
 def test_a_wall_is_missed_as_often_as_theory_says():

@@ -41,7 +41,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(log("old on arrival", depth=1, lifespan=0.03, late=0.06) for _ in range(2)),
         *(log("old in the cache", depth=4, lifespan=0.05, late=0.05, slow=7.0) for _ in range(5)),
         log("all too old", "edge", lifespan=0.0005),
-        log("no messages", "edge", n=0, slow=1.0),
+        # Two reads: without any, a list of rows is [] and has no shape (0, depth).
+        Case((np.empty(0), np.empty(0), np.array([0.1, 0.2]), 3, 0.0), "no messages", "edge"),
         Case((times, times + 1, np.array([3, 4, 9, 13]), 3, 4), WHOLE, "edge"),
     ]
 

@@ -30,6 +30,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         near: float = 0.5,
         met: bool = True,
         free: bool = False,
+        expensive: bool = False,
     ) -> Case:
         n = 4
         larger = np.ones(n, dtype=int)
@@ -43,6 +44,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
         margins[0] *= 1e4  # all points
         margins[0, two] = 10.0 ** rng.uniform(-0.03, -0.01, 2)  # fails two by little
         margins[1, one] = 10.0 ** (-near * rng.uniform(0.9, 1.1))  # and one by more or less
+        if expensive:  # the one that costs most fails a single need, and by the least of all
+            margins[5, rng.integers(n)] = 10.0 ** rng.uniform(-0.03, -0.01)
         limits = 10.0 ** rng.uniform(-4.0, 4.0, n)
         if not met:
             margins[2:, rng.integers(n)] = 10.0 ** rng.uniform(-1.0, -0.7, 4)
@@ -66,6 +69,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         job("smaller is better", smaller=4),
         *(job("both kinds") for _ in range(2)),
         *(job("a cheaper one is nearly in", near=0.08) for _ in range(2)),
+        job("an expensive one is nearly in", expensive=True),
         *(job("not all is known", gap=True, near=near) for near in (0.08, 0.5, 0.5)),
         job("a cost is not known", free=True),
         job("none will do", met=False),
@@ -172,6 +176,12 @@ SLIPS = slips(
         _IN,
         "if margins[i, failed].min(initial=1.0) > 0.0 and len(failed):",
         "An engine that fails two needs is let in by changing one of them.",
+    ),
+    expensive_let_in=(
+        "price < (price[pick] if pick >= 0 else np.inf)",
+        "price < np.inf",
+        "A limit is loosened for an engine that costs more than the pick. That does not change the "
+        "pick: the cheapest engine that meets all needs is still the same one.",
     ),
     factor_inverted=(
         "changes.append((1.0 / float(margins[i, failed[0]]),",

@@ -28,6 +28,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
         turn: float = 0.0,
         speed: float = 0.0,
         push: float = 0.0,
+        along: tuple[float, float] = (0.6, -0.8),
+        jitter: float = 0.7,
         n: int = 20,
         noise: float = 1.0,
     ) -> Case:
@@ -36,9 +38,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
         belt = speed * rng.normal(size=2)
         captured = 0.1 * np.arange(n) + 0.013
         place = rng.uniform(-0.3, 0.3, 2) + np.outer(captured, belt)
-        place[captured > 0.6] += push * np.array([0.6, -0.8])
+        place[captured > 0.6] += push * np.array(along)
         # At most half of what would make it plan anew: no close calls.
-        place += 1e-3 * noise * rng.uniform(-0.7, 0.7, place.shape)
+        place += 1e-3 * noise * rng.uniform(-jitter, jitter, place.shape)
         arrived = captured + rng.uniform(0.05, 0.09, n)
         frames = np.column_stack((captured, arrived, (place - t) @ R))
         args = frames, noise, np.column_stack((R, t)), belt, rng.uniform(-0.3, 0.3, 2)
@@ -52,6 +54,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(scene("a turned camera", turn=turn) for turn in (0.5, -1.6, 2.5)),
         *(scene("a moving belt", speed=0.2) for _ in range(2)),
         *(scene("pushed", push=push) for push in (0.04, 0.1, -0.2)),
+        # 2.4 noise in x and in y are 3.4 noise in length: only the length is beyond 3 noise.
+        scene("pushed a little, in x and y", push=2.4e-3, along=(1.0, -1.0), jitter=0.0),
         scene("pushed on a belt", speed=0.1, push=0.1),
         scene("turned and pushed", turn=1.0, push=0.1),
         *(scene("a fine camera, pushed far", noise=0.02, push=push) for push in (0.6, -0.5)),
@@ -137,6 +141,12 @@ SLIPS = slips(
         _STAMP[0],
         "ages = 2.0 * (now - recent[:, :1])",
         "The age is counted twice: the estimate is ahead by as much as it was behind.",
+    ),
+    larger_component=(
+        "math.dist(target, goal + (now - began - seconds) * belt)",
+        "np.max(np.abs(target - goal - (now - began - seconds) * belt))",
+        "The larger component of the difference decides about a new plan. It must be the distance: "
+        "the length of the difference, from both components.",
     ),
     at_every_tick=(
         _UNIT[0],

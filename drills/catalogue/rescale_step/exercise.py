@@ -45,6 +45,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         task("the ratio is not whole", part=0.3),
         task("a discount near 1", "edge", gamma=1.0 - 5e-6, part=0.5),
         task("a limit between two steps", "edge", part=0.7, steps=11),
+        task("a limit just above a whole step", "edge", part=3.0, steps=100),
         task("the same step", "edge", part=1.0),
         task("no terms", "edge", m=0),
         Case((np.array([-1, 5]), np.array([0, 1]), 1, 100, 2, 1), WHOLE, "edge"),
@@ -137,6 +138,11 @@ SLIPS = slips(
         _STEPS,
         "round(steps * part)",
         "A shorter step needs more steps for the same seconds.",
+    ),
+    limit_rounded_up=(
+        _STEPS,
+        "int(np.ceil(steps / part))",
+        "The time limit is rounded up. It is the nearest integer, which may be the one below.",
     ),
     limit_cut_off=(
         _STEPS,
