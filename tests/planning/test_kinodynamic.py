@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from course import charts
-from course.charts.planning import missing_methods
-from course.charts.planning.missing_methods import BEGIN, END, ROOM, crossings, missed, touches
+from course.charts.planning import constraints
+from course.charts.planning.constraints import BEGIN, END, ROOM, crossings, missed, touches
 from course.planning import kinodynamic
 from course.planning.kinodynamic import free_steps, kinodynamic_rrt, minimum_time, propagate
 
@@ -53,7 +53,7 @@ def test_the_minimum_time_is_the_first_at_which_a_linear_program_is_feasible() -
 
 
 def test_no_trajectory_beats_the_bound_and_each_ends_where_it_says() -> None:
-    discs = missing_methods.posts()
+    discs = constraints.posts()
     for seed in range(10):
         for metric in kinodynamic.METRICS:
             motion = kinodynamic_rrt(discs, ROOM, BEGIN, END, metric=metric, rng=seed)
@@ -67,7 +67,7 @@ def test_no_trajectory_beats_the_bound_and_each_ends_where_it_says() -> None:
 
 
 def test_with_the_margin_nothing_is_hit_and_without_it_posts_are() -> None:
-    discs, hits = missing_methods.posts(), {True: 0, False: 0}
+    discs, hits = constraints.posts(), {True: 0, False: 0}
     for seed in range(12):
         for proved in hits:
             motion = kinodynamic_rrt(discs, ROOM, BEGIN, END, dt=0.2, proved=proved, rng=seed)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from course import charts, planning
-from course.charts.planning import missing_methods
+from course.charts.planning import constraints
 from course.kinematics import panda, tip
 from course.planning import check_path, manifold
 from course.rigid_body.quaternion import to_matrix
@@ -73,7 +73,7 @@ def test_a_small_projection_is_nearly_the_nearest_upright_configuration(world) -
 def test_the_tilt_along_a_chord_stays_below_its_bound_and_is_of_second_order(world) -> None:
     medians = []
     for step in (0.4, 0.1, 0.025):
-        a, b = missing_methods.chords(step, 60, 3)
+        a, b = constraints.chords(step, 60, 3)
         bound = manifold.chord_tilt(a, b) + manifold.PROJECTED
         largest = np.zeros(a.shape[1])
         for t in np.linspace(0.0, 1.0, 41):
@@ -105,19 +105,19 @@ def test_the_planner_keeps_the_cup_upright_with_the_proof_and_not_without() -> N
     world = planning.shelf("open").world
     tilts = {True: [0.0], False: [0.0]}
     for k in range(8):
-        start, goal = missing_methods.carried("open", k)
+        start, goal = constraints.carried("open", k)
         for proved in tilts:
             allowed = manifold.TILT if proved else 0.5 * math.pi
             plan = manifold.cbirrt(world, start, goal, step=1.6, allowed=allowed, rng=k)
             if plan.path is not None:
                 assert check_path(world, plan.path, start, goal)
-                tilts[proved].append(missing_methods.tilted(plan.path))
+                tilts[proved].append(constraints.tilted(plan.path))
     assert len(tilts[True]) > 6
     assert max(tilts[True]) < math.degrees(manifold.TILT) + 1e-3 < max(tilts[False])
 
 
 def test_a_seed_gives_one_answer_and_bad_input_an_error(world) -> None:
-    start, goal = missing_methods.carried("open", 0)
+    start, goal = constraints.carried("open", 0)
     one, other = (manifold.cbirrt(world, start, goal, rng=3) for _ in range(2))
     assert one.path is not None and other.path is not None
     assert np.array_equal(one.path, other.path)
@@ -138,5 +138,5 @@ def test_the_chart_says_that_the_tilt_grows_with_the_square_of_the_step() -> Non
     small = x <= 0.2
     orders = np.diff(np.log(single[small])) / np.diff(np.log(x[small]))
     assert np.all(np.abs(orders - 2.0) < 0.2)
-    assert np.all(worst <= bound) and worst[0] < missing_methods.TOLERATED < worst[-1]
+    assert np.all(worst <= bound) and worst[0] < constraints.TOLERATED < worst[-1]
     assert times["ours, tilt proved"].y[-1] > 0.9
