@@ -1368,7 +1368,7 @@ plt.show()
 show("step_through_a_passage")
 
 # %% [markdown]
-# The card counts samples. A long edge takes longer to check than a short one, so measure the time as well.
+# The card counts samples. A long edge takes longer to check, so measure the time as well.
 #
 # ### Slow only sometimes
 #
@@ -1408,7 +1408,7 @@ more_claims("blocked_ends_are_named")
 # ### What the model leaves out
 #
 # A planner can't avoid a collision that its model doesn't contain. So far the arm may pass through itself, its hand is
-# empty, and any motion is allowed. Here we add what is missing.
+# empty, and any motion is allowed.
 #
 # **Self-collision** and the **held object**. Check each pair of links that can meet. Once the gripper holds a cup, the
 # cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and check every stored
@@ -1535,8 +1535,7 @@ print(
 #
 # </details>
 #
-# On the left of the next chart stands the largest tilt on an edge for different steps; the theory is of second order.
-# On the right, OMPL's constrained planner has the same queries:
+# The chart shows the largest tilt on an edge for different steps, and OMPL's constrained planner on the same queries:
 #
 # ![Tilt of the cup between projected states against the step, and share of queries solved, compared with OMPL's
 # projected state space](../docs/charts/upright_cup.png)
@@ -1609,7 +1608,7 @@ table(
 # several random constant accelerations and add the end that comes nearest to the sample. The straight segment of RRT is
 # replaced by a parabola, so a node is reached exactly, and the goal only within a tolerance. Which node is *nearest*
 # matters: with Euclidean distance a fast point just before the goal counts as near, though it can't stop there. The
-# time that the slower axis needs is the better measure; in the chart its trajectories are the shortest.
+# time that the slower axis needs is the better measure; with it the trajectories in the chart take the least time.
 #
 # *The bound.* One axis goes from rest to rest over a distance $d$ with full acceleration $a$ one way and then the other
 # (**bang-bang**), in $2\sqrt{d/a}$. Both axes have to finish, so the slower one decides. **A worked example.** 8 m
@@ -1895,8 +1894,8 @@ for axis, share in zip(axes, (0.1, 0.6, 0.95, 1.0), strict=True):
 plt.show()
 
 # %% [markdown]
-# The sketch shows what training uses: one solved path with less and less noise (a drawing of the principle, not the
-# output of the network). Are the paths that come out of the network collision-free?
+# The sketch shows the principle of the training: one solved path with less and less noise. Are the paths that come out
+# of the network collision-free?
 
 # %%
 show("diffusion_is_collision_free")
