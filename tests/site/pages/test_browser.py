@@ -399,6 +399,21 @@ def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: li
                 assert its_line != line or end <= left or right <= start, (text, other)
 
 
+def test_tables_in_html_have_the_lines_of_those_in_markdown(
+    browser: "Browser", addresses: list[str]
+) -> None:
+    looks = """() => [...document.querySelectorAll('article table')].map(e => {
+      const {padding, borderLeftWidth, borderBottomWidth} = getComputedStyle(e.rows[1].cells[1]);
+      return [e.classList.contains('docutils'), parseFloat(padding.split(' ').at(-1)),
+        parseFloat(borderLeftWidth), parseFloat(borderBottomWidth)];
+    })"""
+    with Reader(browser, addresses[0]) as reader:
+        tables = reader.open("09_learning.html").evaluate(looks)
+        assert {of_markdown for of_markdown, *_ in tables} == {True, False}
+        for _, padding, left, bottom in tables:
+            assert padding >= 4.0 and left == bottom == 1.0
+
+
 def test_a_tap_enlarges_a_picture_beyond_a_telephone(
     browser: "Browser", addresses: list[str]
 ) -> None:
