@@ -23,8 +23,8 @@ from tests.budget import exercise_params
 pytestmark = pytest.mark.slow
 
 
-# The long tier takes all exercises and 50 seeds, in the sandbox. That every worked answer passes and
-# every slip fails is tested for all of them in `test_rounding.py` and `test_case_code.py`.
+# The long tier takes all exercises, and 50 seeds in the sandbox. That every worked answer passes
+# and every slip fails is tested for all of them in `test_rounding.py` and `test_case_code.py`.
 EFFORT = Effort(seeds=1, slip_seeds=1, place=verify.in_this_process)
 EXERCISES = exercise_params(
     "hopper_filter",
