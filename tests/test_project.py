@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from course import CHAPTERS, charts, contents
+from course import CHAPTERS, charts
 from tests import budget
-from tools import front, gallery
+from tools import contents, front, gallery
 
 pytestmark = pytest.mark.smoke
 

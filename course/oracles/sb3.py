@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from course.check import count, invalid, one_of
 from course.learning.ppo import Settings
-from course.libraries import import_error
-from course.pytorch import one_thread
+from course.libraries import import_error, one_thread
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
