@@ -55,8 +55,8 @@ def force_gain_is_free(result):
     from course.control import sampled
 
     b, ke, D, h, g, w, T = sympy.symbols("b ke D h g w T", positive=True)
-    # At the limit the loop oscillates at w. The imaginary part of its equation, with the total delay
-    # T (dead time D and half a hold h), says b w = g ke sin(w T); w T is small.
+    # At the limit the loop oscillates at w. The imaginary part of its equation, with the total
+    # delay T (dead time D and half a hold h), says b w = g ke sin(w T); w T is small.
     balance = b * w - g * ke * sympy.series(sympy.sin(w * T), w, 0, 2).removeO()
     result.formula = sympy.solve(balance, g)[0].subs(T, D + h / 2)
     late, wall = result.input("delay_ms", 2) / 1000, result.input("ke", 1e5)
