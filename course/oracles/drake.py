@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from course.check import positive
 from course.libraries import import_error
@@ -140,7 +141,9 @@ class DrakeRun(Run):
 
     # --- building -----------------------------------------------------------------------------
 
-    def _shape(self, body: Any, number: int, size: Any, place: Any = (0.0, 0.0, 0.0)) -> None:
+    def _shape(
+        self, body: Any, number: int, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> None:
         """Add a box to a body; that of the ground, number -1, is rigid."""
         geometry, modulus = self._drake.geometry, self._settings.options.get("modulus", MODULUS)
         friction = self._drake.multibody.plant.CoulombFriction(*[self.scene.friction] * 2)

@@ -185,7 +185,7 @@ def ppo(
             # Processor time without the judging: the clock is moved on by what a score takes.
             spent = time.process_time() - self.started
 
-            def policy(observations: Any) -> Any:
+            def policy(observations: NDArray[Any]) -> NDArray[Any]:
                 return self.model.predict(wrapped.normalize_obs(observations), deterministic=True)[
                     0
                 ]
@@ -282,7 +282,7 @@ def sac(
         def record_progress(self) -> None:
             spent = time.process_time() - self.started
 
-            def policy(observations: Any) -> Any:
+            def policy(observations: NDArray[Any]) -> NDArray[Any]:
                 return self.model.predict(observations, deterministic=True)[0]
 
             rows.append((self.num_timesteps, spent, judge(policy)))

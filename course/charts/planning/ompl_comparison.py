@@ -228,7 +228,7 @@ def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) 
     return both
 
 
-def roadmap_joins(scene: Scene, nodes: Array, pairs: Any) -> bool:
+def roadmap_joins(scene: Scene, nodes: Array, pairs: NDArray[np.int64]) -> bool:
     """Return whether the states nearest to start and goal, of those with an edge, are joined."""
     matrix = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), (len(nodes),) * 2)
     _, part = sparse.csgraph.connected_components(matrix, directed=False)

@@ -589,7 +589,7 @@ def symplectic_with_varying_step(result):
             ]
         )
 
-    def there_and_back(method: Any) -> float:
+    def there_and_back(method: str) -> float:
         """Return how far a step and the step -h end from the start."""
         end = method(*method(*here, attraction, 0.1, None), attraction, -0.1, None)
         return float(np.abs(np.array(end) - here).max())
