@@ -45,6 +45,7 @@ def _cases(rng: np.random.Generator) -> list[Case]:
 _by_value = judge_of(_cases, 1e-9, "rounding")
 
 
+@pytest.mark.prove
 def test_a_seed_replays_the_same_cases_and_no_seed_draws_others() -> None:
     wrong = RIGHT.replace("np.cumsum(thetas)", "thetas")
     one, again, other = (grade("fk3", wrong, seed=s) for s in (5, 5, None))
@@ -137,6 +138,7 @@ def test_an_untouched_starter_is_recognised_whatever_its_layout() -> None:
     assert not engine.is_starter(card, "x = " + "-" * 100000 + "1")
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("header", "passes"),
     [

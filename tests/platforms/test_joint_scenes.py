@@ -21,6 +21,7 @@ def needs(name: str):
     return engines()[name]
 
 
+@pytest.mark.prove
 def test_the_rod_falls_as_its_energy_says_and_stops_at_the_limit() -> None:
     problem = stop(0.2, -0.9, 0.3)
     fall = next(t for t in np.linspace(0.0, 1.0, 4001) if problem.scene.truth(t)[0] <= -0.9)
@@ -119,7 +120,7 @@ def test_bad_input(call, report: str) -> None:
         call()
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_small_chart_is_measured_as_the_stored_one() -> None:
     panels = charts.build("platform_joints", steps=(4e-3, 2e-3))
     stored = charts.stored("platform_joints")

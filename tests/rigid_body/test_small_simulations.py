@@ -126,7 +126,7 @@ def test_the_top_nods_as_the_elliptic_function_says(moments):
         assert height == pytest.approx(truth, abs=5e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_upright_top_stands_above_the_critical_spin_and_not_below():
     for moments, ratio in enumerate(top.RATIOS):
         edge = top.critical(ratio * top.I1)

@@ -415,6 +415,7 @@ def test_a_page_prints_as_it_is(browser: "Browser", addresses: list[str]) -> Non
             assert not page.locator(bar).first.is_visible(), bar
 
 
+@pytest.mark.prove
 def test_subscripts_lie_below_their_letters(browser: "Browser", addresses: list[str]) -> None:
     """With the font that the site brings along; few machines have one with a table for formulas."""
     lowered = """async () => {
