@@ -201,6 +201,7 @@ def test_a_range_that_is_refused_is_refused_in_the_prompt() -> None:
     assert "Friction and mass begin **above** zero, damping and delay at zero" in prompt
 
 
+@pytest.mark.prove
 def test_natural_wrong_answers_still_fit_the_worked_answers() -> None:
     """Each exercise has eight or more; `tests/prove/drills/test_natural.py` grades them."""
     counts = {}
