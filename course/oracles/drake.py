@@ -11,11 +11,11 @@ recommended for contact by patches: a half space gives the same motion and a war
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from course.check import positive
 from course.libraries import import_error
@@ -142,7 +142,11 @@ class DrakeRun(Run):
     # --- building -----------------------------------------------------------------------------
 
     def _shape(
-        self, body: Any, number: int, size: ArrayLike, place: ArrayLike = (0.0, 0.0, 0.0)
+        self,
+        body: Any,
+        number: int,
+        size: Sequence[float] | Array,
+        place: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         """Add a box to a body; that of the ground, number -1, is rigid."""
         geometry, modulus = self._drake.geometry, self._settings.options.get("modulus", MODULUS)

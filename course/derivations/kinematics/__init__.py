@@ -10,14 +10,14 @@ Floats = Sequence[float] | np.ndarray
 ARM = (1.0, 0.8)  # links of the usual listing [m]
 
 
-def planar_tip(lengths: Floats, q: np.ndarray) -> np.ndarray:
+def planar_tip(lengths: Floats, q: Floats) -> np.ndarray:
     """Return the tip of a planar arm by the course's kinematics, (2,) or (2, N) [m]."""
     from course.kinematics import planar, tip
 
     return tip(planar(lengths), q)[:2]
 
 
-def planar_jacobian(lengths: Floats, q: np.ndarray) -> np.ndarray:
+def planar_jacobian(lengths: Floats, q: Floats) -> np.ndarray:
     """Return the course's Jacobian of a planar arm's tip position, (2, n) or (2, n, N)."""
     from course.kinematics import jacobian, planar
 

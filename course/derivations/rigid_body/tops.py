@@ -1,10 +1,13 @@
 """Claims about Newton's and Euler's equations: the gyroscopic term, tops and tumbling bodies."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from course.derivations import Ask, Symbol, claim
+
+Floats = Sequence[float] | np.ndarray
 
 SYMBOLS = {
     "I1": Symbol("moment across the axis, about the tip [kg m^2]"),
@@ -28,7 +31,7 @@ def _moments(rng: np.random.Generator) -> np.ndarray:
     return np.sort(rng.uniform(1.0, 1.8, 3)) + [0.0, 0.1, 0.2]
 
 
-def _spin(moments: np.ndarray, omega: np.ndarray, seconds: float, steps: int = 1000) -> Any:
+def _spin(moments: Floats, omega: Floats, seconds: float, steps: int = 1000) -> Any:
     """Return trajectory of a free body by RK4, from the identity, at body rates `omega` [rad/s]."""
     from course.rigid_body import System, problems, quaternion, simulate
 
@@ -46,7 +49,7 @@ def _wander(q: np.ndarray, omega: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(axis[:, 0] @ axis, -1, 1)).max()))
 
 
-def _without_term(moments: np.ndarray, omega: np.ndarray, seconds: float) -> float:
+def _without_term(moments: Floats, omega: Floats, seconds: float) -> float:
     """Return the error of the attitude of a free body whose gyroscopic term is left out [rad]."""
     from course.rigid_body import quaternion
 
@@ -55,7 +58,7 @@ def _without_term(moments: np.ndarray, omega: np.ndarray, seconds: float) -> flo
 
 
 def _top_run(
-    inertia: np.ndarray, spin: float, tilt: float, duration: float, dt: float = 5e-4
+    inertia: tuple[float, float], spin: float, tilt: float, duration: float, dt: float = 5e-4
 ) -> Any:
     """Run a top with m g l = 1 N m; return the cosines of its tilt, the run and the system."""
     from course.rigid_body import problems, simulate
@@ -222,11 +225,11 @@ def euler_equation_point(result):
 def gyroscopic_term_always_there(result):
     from course.rigid_body import problems, quaternion
 
-    def torque(moments: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    def torque(moments: np.ndarray, omega: Floats) -> np.ndarray:
         rates = problems.tumble_acceleration(quaternion.identity(), np.array(omega), moments)
         return -moments * rates
 
-    def term(moments: np.ndarray, omega: np.ndarray) -> float:
+    def term(moments: np.ndarray, omega: Floats) -> float:
         return float(np.linalg.norm(torque(moments, omega)))
 
     cube, axes = np.full(3, 2.0), np.eye(3)
@@ -448,7 +451,7 @@ def principal_axis_is_stable(result):
     result.formula = sympy.sqrt(sympy.factor((i2 - i3) / i1 * w * (i1 - i2) / i3 * w))
     spin = result.input("spin_rad_per_s", 3.0)
 
-    def aside(moments: np.ndarray, axis: int, seconds: float = 10.0) -> np.ndarray:
+    def aside(moments: Floats, axis: int, seconds: float = 10.0) -> np.ndarray:
         """Return largest rate about the other axes at each step, from 1e-7 rad/s, shape (4001,)."""
         start = np.where(np.arange(3) == axis, spin, 1e-7)
         run = _spin(moments, start, seconds, 4000)
