@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, positive, vector
-from course.measure.colours import key_of
-from course.measure.figure import Series
+from course.measure.figure import Series, key_of
 
 Array = NDArray[np.float64]
 Problem = TypeVar("Problem")
