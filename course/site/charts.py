@@ -57,8 +57,7 @@ def svg(name: str) -> str:
     # Letters are paths: no page has to have the font, and no word is wider than where it was put.
     # Without a salt of its own each file would have other ids. A title whose height is given is not
     # moved over labels at the top, which no chart has: to look for them takes a tenth of the time.
-    settings = {"svg.fonttype": "path", "svg.hashsalt": name, "axes.titley": 1.0}
-    with mpl.rc_context(settings):
+    with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": name, "axes.titley": 1.0}):
         drawn = figure.draw(charts.stored(name), narrow=True, figure=Figure(layout="constrained"))
         drawn.set_layout_engine("none")  # it has been laid out; a second time costs as much again
         buffer = io.StringIO()
