@@ -333,7 +333,7 @@ def test_the_home_page_moves_at_once_and_is_dragged(
         )
 
 
-@pytest.mark.parametrize("wide", [390, 1440])
+@pytest.mark.parametrize("wide", [390, pytest.param(1440, marks=pytest.mark.prove)])
 def test_nothing_lies_on_a_picture_that_one_scrolls_up_to(
     browser: "Browser", addresses: list[str], wide: int
 ) -> None:
