@@ -612,6 +612,7 @@ def targets() -> set[str]:
     return set(re.findall(r"^(\w+):.*## ", (ROOT / "Makefile").read_text(), re.M))
 
 
+@pytest.mark.prove
 def test_no_file_names_a_machine() -> None:
     paths = re.compile(r"(?<![\w.~/-])/(?:work|tmp|home|root|Users)/\w")
     hosts = re.compile("pypi" + r"\.org|pythonhosted" + r"\.org|download\.py" + "torch")

@@ -1582,6 +1582,24 @@ plt.show()
 #
 # </details>
 #
+# <details><summary>Would a network that is pretrained on many simulated robots transfer to a new one?</summary>
+#
+# A common argument: pretraining on ImageNet, a large set of photographs, transfers to medical images although the two
+# look nothing alike. So a "PhysicsNet", pretrained on many simulated robots, should transfer to a new robot. Answer
+# before you read on: what could it learn that holds for the new robot as well?
+#
+# The first sentence is true only in part. Raghu and others (*Transfusion*, NeurIPS 2019, arXiv 1902.07208, read as an
+# abstract) tested it on two large medical tasks. Pretraining improved the performance little, and small simple networks
+# did about as well. Part of the benefit came from the scale of the weights alone, not from reused features.
+#
+# The same question decides about the PhysicsNet. What all arms share can transfer: the form of the equations of motion,
+# and that a contact only pushes. What differs has to be measured on the new robot: masses, friction, delay. The
+# *student* of section 3 does both on a small scale. It was trained on many simulated arms and estimates from the last
+# 0.4 s which arm it moves. Inside the range of its training it serves most arms well, though not those without a load.
+# A little beyond the range it fails.
+#
+# </details>
+#
 # ## 5 · Code, and the simulation in full
 #
 # ### Common mistakes in randomisation code

@@ -194,7 +194,7 @@ for _ in range(times):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_many_processes_lose_nothing(file: Path) -> None:
     writers = [run(WRITER, file, f"drill{i}", 25) for i in range(8)]
     while any(writer.poll() is None for writer in writers):

@@ -100,6 +100,7 @@ def test_pairs_that_are_not_checked_always_touch_or_do_not_in_other_samples() ->
             assert all(alone.state_free(q) for q in states)
 
 
+@pytest.mark.prove
 @examples(6)
 @given(seeds, st.booleans())
 def test_no_edge_is_passed_that_a_dense_sampling_finds_blocked(seed, cup) -> None:

@@ -21,6 +21,7 @@ def needs(name: str):
     return engines()[name]
 
 
+@pytest.mark.prove
 def test_the_rod_falls_as_its_energy_says_and_stops_at_the_limit() -> None:
     problem = stop(0.2, -0.9, 0.3)
     fall = next(t for t in np.linspace(0.0, 1.0, 4001) if problem.scene.truth(t)[0] <= -0.9)
@@ -95,6 +96,27 @@ def test_a_mimic_joint_is_soft_exact_or_lost(name, changed, gap, converges) -> N
     assert (errors[1] < 0.35 * errors[0]) == converges
 
 
+@pytest.mark.optional
+@pytest.mark.parametrize(
+    ("change", "report"),
+    [
+        ({"first": "elbow"}, "joint"),
+        ({"ratio": 0.0}, "ratio"),
+        ({"ratio": math.nan}, "ratio"),
+        ({"torque": 0.0}, "torque"),
+    ],
+)
+def test_a_gear_that_cannot_be_made_is_named(change, report: str) -> None:
+    run = needs("PyBullet").build(coupled(), 1e-3, joints.settings_of(engines()["PyBullet"]))
+    try:
+        first, second = run.scene.joints
+        gear = {"first": first, "second": second, "ratio": 2.0, "torque": 1.0}
+        with pytest.raises(ValueError, match=report):
+            run.couple(**gear | change)
+    finally:
+        run.close()
+
+
 def test_the_stored_chart_shows_it() -> None:
     _, past, lost, error = charts.stored("platform_joints")
     assert np.ptp(past["MuJoCo"].y) < 0.1 * np.max(past["MuJoCo"].y)
@@ -119,7 +141,7 @@ def test_bad_input(call, report: str) -> None:
         call()
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_small_chart_is_measured_as_the_stored_one() -> None:
     panels = charts.build("platform_joints", steps=(4e-3, 2e-3))
     stored = charts.stored("platform_joints")

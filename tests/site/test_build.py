@@ -59,6 +59,7 @@ def test_plumbing_is_not_on_a_page(site: Path, name: str) -> None:
     assert [text for text in code if shows.search(text)] == []
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
 def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
     """Headings, the code that teaches, what was printed and every table of figures, in order.
@@ -377,6 +378,7 @@ def test_nothing_is_fetched_by_style_or_script(site: Path) -> None:
     assert "MathJax" not in "".join(page.read_text("utf-8") for page in site.glob("*.html"))
 
 
+@pytest.mark.prove
 def test_everything_is_within_three_clicks(site: Path) -> None:
     clicks = {site / "index.html": 0}
     entered: dict[str, int] = {}
@@ -397,6 +399,7 @@ def test_everything_is_within_three_clicks(site: Path) -> None:
         assert hidden == []
 
 
+@pytest.mark.prove
 def test_a_page_is_small(site: Path) -> None:
     """The page, its styles and scripts, and the pictures that don't wait to be seen."""
     for page in sorted(site.glob("*.html")):

@@ -17,6 +17,7 @@ from course.site import charts
 SOME = ("pid_windup", "work_precision_tumble", "events_order")
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", SOME)
 def test_panels_stand_below_each_other_and_no_word_leaves_the_picture(name: str) -> None:
     panels = [panel for panel in stored.stored(name) if panel.drawn]

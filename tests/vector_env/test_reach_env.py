@@ -87,7 +87,7 @@ def tip_error(env_fn, steps: int = 100, samples: int = 8) -> float:
     return worst
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_differs_between_the_models_is_the_integrator() -> None:
     """First order for MuJoCo's default, fourth for both Runge-Kuttas; a tenth of the target."""
     tolerance = 0.1 * RADIUS

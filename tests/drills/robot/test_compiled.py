@@ -137,6 +137,7 @@ def test_the_compiled_matches_are_the_same() -> None:
     assert 0 < plain.sum() < plain.size
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("twin", (False, True))
 def test_a_whole_motion_is_its_ticks(twin: bool) -> None:
     """Only the law and the integrator are compiled here, the rest is the plain robot."""
@@ -154,6 +155,7 @@ def test_a_whole_motion_is_its_ticks(twin: bool) -> None:
     assert (second.processor > 0.0).all()
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("number", (1, 3, 5))
 def test_compiled_and_plain_robots_agree_task_by_task(number: int) -> None:
     """The stated interval of one task: 0.1 mm in the slot, no tick of the cycle, no outcome."""
@@ -173,6 +175,7 @@ def the_worked_robot() -> Played:
     return played(5, SWAPPED)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("slot", sorted(FUNCTIONS))
 def test_swapping_a_part_for_the_course_s_changes_no_outcome(
     slot: str, worked_answers: Played

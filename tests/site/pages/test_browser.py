@@ -429,6 +429,39 @@ def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: li
                 assert its_line != line or end <= left or right <= start, (text, other)
 
 
+def test_tables_in_html_have_the_lines_of_those_in_markdown(
+    browser: "Browser", addresses: list[str]
+) -> None:
+    looks = """() => [...document.querySelectorAll('article table')].map(e => {
+      const {padding, borderLeftWidth, borderBottomWidth} = getComputedStyle(e.rows[1].cells[1]);
+      return [e.classList.contains('docutils'), parseFloat(padding.split(' ').at(-1)),
+        parseFloat(borderLeftWidth), parseFloat(borderBottomWidth)];
+    })"""
+    with Reader(browser, addresses[0]) as reader:
+        tables = reader.open("09_learning.html").evaluate(looks)
+        assert {of_markdown for of_markdown, *_ in tables} == {True, False}
+        for _, padding, left, bottom in tables:
+            assert padding >= 4.0 and left == bottom == 1.0
+
+
+def test_a_tap_enlarges_a_picture_beyond_a_telephone(
+    browser: "Browser", addresses: list[str]
+) -> None:
+    options: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
+    with Reader(browser, addresses[0], **options) as reader:
+        page = reader.open("02_contact.html")
+        # A drawing of the page, which has no narrow version as the charts have.
+        picture = page.locator("article a.course-enlarge img[alt*=Delassus]").first
+        picture.scroll_into_view_if_needed()
+        small = picture.bounding_box()
+        picture.tap()
+        large = page.locator("dialog img").bounding_box()
+        assert small and large and small["width"] <= 390 < 600 < large["width"]
+        room = page.locator("dialog > div")
+        assert room.evaluate("e => e.scrollWidth > e.clientWidth"), "it moves below the finger"
+        assert reader.wrong == []
+
+
 @pytest.mark.prove
 def test_a_page_prints_as_it_is(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
@@ -445,6 +478,7 @@ def test_a_page_prints_as_it_is(browser: "Browser", addresses: list[str]) -> Non
             assert not page.locator(bar).first.is_visible(), bar
 
 
+@pytest.mark.prove
 def test_subscripts_lie_below_their_letters(browser: "Browser", addresses: list[str]) -> None:
     """With the font that the site brings along; few machines have one with a table for formulas."""
     lowered = """async () => {

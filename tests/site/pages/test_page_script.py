@@ -206,6 +206,7 @@ def test_a_quiz_asks_ten_claims_and_counts(claims: Any) -> None:
     assert len(visible(claims)) == 20
 
 
+@pytest.mark.prove
 def test_a_picture_is_enlarged_and_closed_with_the_keyboard(page: Any) -> None:
     dialog, chart = page.locator("dialog"), page.locator("article a.course-enlarge")
     assert chart.count() == 1, "a simulation is not enlarged"
