@@ -24,9 +24,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from course import CHAPTERS, json_store
+from course import CHAPTERS
 from course.check import one_of
-from drills import agenda, chapters, progress, task_text, workspace
+from drills import agenda, chapters, json_store, progress, task_text, workspace
 from drills import cards as catalogue
 from drills.cards import Card
 from drills.cell_source import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
