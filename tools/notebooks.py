@@ -37,7 +37,7 @@ _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 _ADDRESS = re.compile(r"\bat 0x[0-9a-fA-F]{6,}")
 # A film of a simulation: its title, and its module in course.simulations.
 _FILM = re.compile(r"!\[([^\]]+)\]\(attachment:([\w.]+)\.png\)")
-# What a text takes from the tools `contents` and `front`, such as {{contents.moving}}.
+# What a text takes from a tool or from the course: {{contents.moving}}, {{PREREQUISITES}}.
 _FILLED = re.compile(r"\{\{([\w.]+)\}\}")
 _CELL_TIMEOUT = 600  # s
 _MINUTES = re.compile(r"\{(open|folded|exercise) minutes\}")
@@ -54,15 +54,22 @@ def target(source: Path) -> Path:
 
 
 def filled(text: str) -> str:
-    """Return a text in which each {{tool.function}} is replaced by what that function returns.
+    """Return a text in which each {{name}} is replaced by what the course says under it.
+
+    `{{contents.name}}` and `{{front.name}}` are functions of these tools, any other name is a
+    constant of the package `course`.
 
     Raises:
-        AttributeError: there is no such function in `tools.contents` or `tools.front`.
+        AttributeError: there is no such name.
     """
-    texts = SimpleNamespace(contents=contents, front=front)
+    tools = SimpleNamespace(contents=contents, front=front)
 
     def value(match: re.Match[str]) -> str:
-        return str(operator.attrgetter(match[1])(texts)()).rstrip("\n")
+        if hasattr(tools, match[1].partition(".")[0]):
+            result = operator.attrgetter(match[1])(tools)()
+        else:
+            result = getattr(course, match[1])
+        return str(result).rstrip("\n")
 
     return _FILLED.sub(value, text)
 
