@@ -7,6 +7,7 @@ import numpy as np
 from course.derivations import Symbol, claim
 from course.derivations.kinematics import (
     ARM,
+    Floats,
     damped_inverse,
     panda_postures,
     planar_jacobian,
@@ -24,7 +25,9 @@ SYMBOLS = {
 }
 
 
-def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, share: float = 0.5):
+def _listing(
+    target: Floats, start: Floats, damping: float = 0.1, steps: int = 100, share: float = 0.5
+):
     """Return the result of the usual loop: damped steps, scaled by a share, until 0.1 mm is left.
 
     Args:
@@ -88,7 +91,7 @@ def pseudo_inverse_beside(result):
     result.formula = sympy.sqrt(sympy.factor(square)) / delta
     law = sympy.lambdify((l1, l2, e, delta), result.formula)
 
-    def requested(lengths: Any, beside: float, error: float) -> float:
+    def requested(lengths: Floats, beside: float, error: float) -> float:
         J = planar_jacobian(lengths, [0.0, beside])
         return float(np.linalg.norm(np.linalg.pinv(J, rcond=1e-12) @ [-error, 0.0]))
 
