@@ -77,7 +77,7 @@ def test_a_step_of_the_set_point_makes_no_kick(dt, ratio, kd, step):
     assert kick == pytest.approx(kd * step / (tau + dt), rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("tau", [0.0, 0.01, 0.05])
 def test_noise_comes_through_the_filter_as_theory_says(tau):
     dt, n = 0.01, 200_000
@@ -138,6 +138,7 @@ def test_a_new_integral_gain_makes_no_bump():
     assert pid.update(0.0, 0.0) == before
 
 
+@pytest.mark.prove
 @given(st.lists(st.floats(-5, 5), min_size=1, max_size=30))
 def test_reset_is_a_new_controller_and_two_do_not_share(measurements):
     used, other = controller(), controller()
