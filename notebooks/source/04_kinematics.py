@@ -1910,14 +1910,7 @@ interview("kinematics")
 # %% [markdown]
 # ### Checkpoint
 #
-# These three formulas are not written out on this page, but you can derive them from what is: the coupling entry
-# $M_{12}$ of the mass matrix of two rods, the radius of the hole when the elbow has a limit, and the pseudo-inverse
-# step close to a singularity. The checkpoint is passed when all three are correct.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
-checkpoint(
-    "kinematics",
-    two_link_mass_matrix="",
-    reachable_annulus="",
-    pseudo_inverse_beside="",
-)
+checkpoint("kinematics", ["", "", "", "", ""], seed=1)
