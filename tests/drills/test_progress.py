@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course import json_store
-from drills import progress
+from drills import json_store, progress
 from drills.progress import Record
 
 

@@ -89,8 +89,8 @@ def test_a_mimic_joint_is_soft_exact_or_lost(name, changed, gap, converges) -> N
     for dt in (4e-3, 1e-3):
         act = (lambda run: joints.geared(run, 2.0)) if changed else None
         time, q, _ = joints.motion(engine, scene, dt, scene.duration, act)
-        off = np.abs(q[1] - 2.0 * q[0]).max()
-        assert off > 1.0 if gap == math.inf else off < gap
+        gap_error = np.abs(q[1] - 2.0 * q[0]).max()
+        assert gap_error > 1.0 if gap == math.inf else gap_error < gap
         errors.append(abs(q[0, -1] - scene.truth(float(time[-1]))[0]))
     # An exact copy is of first order: a quarter of the step, about a quarter of the error.
     assert (errors[1] < 0.35 * errors[0]) == converges

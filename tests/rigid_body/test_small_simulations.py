@@ -324,9 +324,9 @@ def test_errors_of_a_step_are_those_of_the_series():
     factors[5] = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
     for method, factor in factors.items():
         shown = step_shown(method=method)
-        off = (factor - np.exp(z)) * y
-        assert number(shown, "error of the step") == pytest.approx(abs(off), abs=6e-5)
-        assert number(shown, "error in position") == pytest.approx(off.real, abs=6e-5)
+        error = (factor - np.exp(z)) * y
+        assert number(shown, "error of the step") == pytest.approx(abs(error), abs=6e-5)
+        assert number(shown, "error in position") == pytest.approx(error.real, abs=6e-5)
 
 
 @pytest.mark.parametrize("method", range(6))

@@ -33,7 +33,9 @@ def passed(executor: Any, n: int, noise: float = 0.0) -> float:
     return float(np.mean(driven(executor, n, noise) != 0))
 
 
-def shares(label: str, x: Any, rates: Sequence[float], n: int, **view: Any) -> Series:
+def shares(
+    label: str, x: Sequence[float] | Array, rates: Sequence[float], n: int, **view: Any
+) -> Series:
     """Return shares of n runs over x, with Wilson's interval."""
     low, high = wilson(n * np.array(rates), n)
     message = ", ".join(f"{a:g} {rate:.2f}" for a, rate in zip(x, rates, strict=True))

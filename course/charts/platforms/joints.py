@@ -138,8 +138,8 @@ def platform_joints(
         time, q, _ = motion(engine, problem.scene, middle, 0.6)
         beyond = 1e3 * (problem.limit - q[0])
         # Around the impact; a joint that swings through leaves the panel.
-        seen = (time > 0.2) & (time < 0.4) & (beyond < 100.0)
-        panel.series.append(Series(name, time[seen], beyond[seen], name, marker=""))
+        shown = (time > 0.2) & (time < 0.4) & (beyond < 100.0)
+        panel.series.append(Series(name, time[shown], beyond[shown], name, marker=""))
     yield panel
 
     panel = Panel(

@@ -8,17 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from course.pipeline.robot_parts import FUNCTIONS, clearance, nearest, on_a_face
 from drills.robot import cell as scene
 from drills.robot import engine, stages
-from drills.robot.compiled import (
-    DRIVEN,
-    FUNCTIONS,
-    clearance,
-    engine_of,
-    nearest,
-    on_a_face,
-    render,
-)
+from drills.robot.compiled import DRIVEN, engine_of, render
 from drills.robot.engine import Engine
 from drills.robot.holders import course_part
 from drills.robot.inside import Robot

@@ -333,6 +333,36 @@ def test_the_home_page_moves_at_once_and_is_dragged(
         )
 
 
+@pytest.mark.parametrize("wide", [390, pytest.param(1440, marks=pytest.mark.prove)])
+def test_nothing_lies_on_a_picture_that_one_scrolls_up_to(
+    browser: "Browser", addresses: list[str], wide: int
+) -> None:
+    with Reader(browser, addresses[0], viewport={"width": wide, "height": 850}) as reader:
+        page = reader.open("01_rigid_body.html")
+        canvas = page.locator(".course-live[data-ready] canvas[data-frame]").first
+        page.locator(".course-live").first.scroll_into_view_if_needed()
+        canvas.wait_for()
+        page.evaluate("() => scrollBy(0, 2000)")
+        page.wait_for_timeout(100)
+        # With the wheel, as a reader does it: by and by, until it is below the bar at the top.
+        page.mouse.move(wide // 2, 400)
+        while canvas.bounding_box()["y"] < 60:
+            page.mouse.wheel(0, -40)
+            page.wait_for_timeout(20)
+        button = page.locator(".back-to-top")
+        button.wait_for(state="visible")
+        covered = canvas.evaluate(
+            """canvas => {
+              const box = canvas.getBoundingClientRect(), result = [];
+              for (let x = box.left + 5; x < box.right; x += 10)
+                for (let y = box.top + 5; y < box.bottom; y += 10)
+                  if (document.elementFromPoint(x, y) !== canvas) result.push([x, y]);
+              return result;
+            }"""
+        )
+        assert covered == []
+
+
 def test_with_less_motion_the_home_page_stands_still(
     browser: "Browser", addresses: list[str]
 ) -> None:
@@ -384,6 +414,7 @@ CanvasRenderingContext2D.prototype.fillText = function (words, ...given) {
 """
 
 
+@pytest.mark.prove
 def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 390, "height": 844}) as reader:
         reader.page.add_init_script(WORDS_DRAWN)
