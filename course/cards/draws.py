@@ -121,7 +121,7 @@ class Formula:
 
     def why(self) -> str:
         """Return the explanation, Markdown."""
-        return _explanation(self.claim)
+        return _behind(self.claim)
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ class Estimate:
         """Return the value, the arithmetic that leads to it, and the claim, Markdown."""
         value = f"{self.value():.3g} {self.unit}".rstrip()
         rule = f"The value on record is {value}. By hand: `{self.rule_text()}`."
-        return f"{rule}\n\n{folded('The claim behind it', _explanation(self.claim))}"
+        return f"{rule}\n\n{folded('The claim behind it', _behind(self.claim))}"
 
 
 Question = Formula | Verdict | Estimate
@@ -269,12 +269,17 @@ def _code(expression: str) -> str:
     return f"<code>{html.escape(expression)}</code>"
 
 
-def _explanation(claim: str) -> str:
+def _explanation(id: str) -> str:
     """Return the verdict of a claim and what is true, from the record; Markdown."""
     from course.derivations import Block, recorded
 
-    block = Block(recorded(claim, _claim(claim).file))
+    block = Block(recorded(id, _claim(id).file))
     return f"{tex(block.verdict)} {tex(block.outcome.corrected)}"
+
+
+def _behind(id: str) -> str:
+    """Return the claim that a formula or a figure belongs to, and its explanation; Markdown."""
+    return f"It belongs to the claim “{tex(_claim(id).claim)}” {_explanation(id)}"
 
 
 def rank(seed: int, key: str) -> int:

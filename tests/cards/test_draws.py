@@ -157,8 +157,9 @@ def test_three_formulas_by_name_still_count() -> None:
         open_ = cards.checkpoint("rigid_body", **(right | {name: "omega"}))
         assert "2 of 3 right, checkpoint open" in repr(open_)
         assert "not right" in repr(open_) and "**Not right.**" in open_.markdown
+        number: dict[str, Any] = {name: 3}
         with pytest.raises(ValueError, match=f"{name} must be a formula as text, got 3"):
-            cards.checkpoint("rigid_body", **{name: 3})
+            cards.checkpoint("rigid_body", **number)
 
 
 @pytest.mark.parametrize(

@@ -302,6 +302,7 @@ def test_the_verdict_is_hidden_until_it_is_guessed(claims: Any) -> None:
     assert claims.locator(".course-verdict:visible").all_inner_texts() == ["It is false."]
 
 
+@pytest.mark.prove
 def test_a_quiz_asks_ten_claims_and_counts(claims: Any) -> None:
     claims.get_by_label("Chapter").select_option("0")
     claims.get_by_role("button", name="Quiz me").click()
