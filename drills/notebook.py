@@ -355,17 +355,19 @@ def _whole_robot() -> Shown:
     return RobotButton(["run", "--no-libraries"], label, f"{text}\n{start}", html, html)
 
 
-def checkpoint(topic: str, **answers: str) -> Gate:
-    """Return the gate at the end of a chapter, `course.cards.checkpoint`.
+def checkpoint(
+    topic: str, answers: Sequence[str] | None = None, seed: int = 1, **formulas: str
+) -> Gate:
+    """Return the checkpoint at the end of a chapter, `course.cards.checkpoint`.
 
-    A chapter's first pass is kept.
+    A chapter's first pass is kept, whatever the draw.
 
     Raises:
-        ValueError: for a topic without a checkpoint, or a name that is not in it.
+        ValueError: for a topic without a checkpoint, or answers that do not fit its questions.
     """
     from course import cards
 
-    shown = cards.checkpoint(topic, **answers)
+    shown = cards.checkpoint(topic, answers, seed, **formulas)
     if shown.passed:
         (number,) = [chapter.number for chapter in CHAPTERS if chapter.topic == topic]
         notices = _noted(number, progress.note_checkpoint).notices

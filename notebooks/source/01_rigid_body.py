@@ -2060,11 +2060,6 @@ interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas to derive from what is on this page.
+# Five questions on this chapter, drawn by a seed.
 # %%
-checkpoint(
-    "rigid_body",
-    verlet_frequency="",
-    explicit_growth_per_second="",
-    mujoco_damped_limit="",
-)
+checkpoint("rigid_body", ["", "", "", "", ""], seed=1)

@@ -1644,6 +1644,6 @@ interview("contact")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that you can derive from what is on this page.
+# Five questions on this chapter, drawn by a seed.
 # %%
-checkpoint("contact", sweeps_and_masses="", convex_cone_is_coulomb="", mujoco_creeps="")
+checkpoint("contact", ["", "", "", "", ""], seed=1)

@@ -1804,9 +1804,8 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Three formulas that you can derive. The page has parts of them: section 10's answer about the box that bends away
-# describes how the two pyramids steer (*In full*), and section 7 has the law of creep. $D$ is the stopping distance
-# by Coulomb's law; section 7 defines the impedance $d$ and the inverse mass $w$. The gate opens when all are right.
+# Five questions on this chapter, drawn by a seed. On pyramids, section 10's answer about the box that bends away
+# helps (*In full*); section 7 has the law of creep.
 
 # %%
-checkpoint("platforms", pyramid_inscribed="", pyramid_box="", creep_not_friction="")
+checkpoint("platforms", ["", "", "", "", ""], seed=1)

@@ -1549,7 +1549,7 @@ plt.show()
 # differ by at most $\epsilon$ in total variation, the largest difference between the two probabilities of the same
 # event. Then the two values can't be further apart than a formula in $R$, $\gamma$ and $\epsilon$ allows.
 #
-# You derive the formula in the checkpoint. The two states in the picture come close to the bound.
+# The checkpoint may ask for the formula. The two states in the picture come close to the bound.
 #
 # <details><summary>How to derive it, and a chain that comes close to it</summary>
 #
@@ -2389,8 +2389,7 @@ print("written" if len(mine_too.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Derive three formulas from what you have learned; none of them stands on this page. The checkpoint is passed when all
-# three are right.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
-checkpoint("sim_to_real", step_penalty="", gap_of_values="", trials_to_tell="")
+checkpoint("sim_to_real", ["", "", "", "", ""], seed=1)

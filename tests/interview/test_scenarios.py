@@ -255,7 +255,7 @@ def test_the_policys_probes_stand_beside_those_of_the_model() -> None:
     assert scenarios.diagnose("touch", 1).probe("log_ticks").model is None
 
 
-@EVERY
+@SAMPLED
 def test_a_session_ends_with_the_evidence(name: str, cause: str) -> None:
     session = scenarios.diagnose(name, seed_of(name, cause))
     for probe in scenarios.model_path(name):
@@ -432,6 +432,7 @@ def test_the_loop_has_the_rate_and_the_unit_that_it_was_given() -> None:
             assert scale == pytest.approx(tune.scale, rel=0.05), cause
 
 
+@pytest.mark.prove
 def test_what_is_tried_first_helps_at_times() -> None:
     """Half the step removes only what the step's limit breaks; a softer loop only what is late a
     little. The verdict shows whether the symptom is gone, and the price.

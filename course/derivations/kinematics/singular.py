@@ -205,7 +205,7 @@ def damping_is_free(result):
 
 @claim(
     "IK fails when the Jacobian loses rank.",
-    "What fails there is a step that divides by s_min. The closed form solves targets exactly on "
+    "Many methods get there. The closed form solves targets exactly on "
     "the outer edge, whose only answer is singular, up to rounding. A loop of half damped steps "
     "comes within a tenth of a millimetre too, but the larger lambda, the more slowly: in "
     "{steps_edge:.0f} steps with {damping} m/rad (for targets inside it needs {steps_inside:.0f}), "
@@ -425,7 +425,7 @@ def condition_above_hundred(result):
 
 
 @claim(
-    "The condition number is a property of the arm's posture.",
+    "The condition number of a Jacobian with position and rotation is a property of the posture.",
     "Of the posture and of a length. Rows of position in metres beside rows of rotation in radians "
     "have no common scale: with millimetres the same postures of the 7-R arm have "
     "{factor:.0f} times the number in the median, from {least:.0f} to {most:.0f} times over nine "

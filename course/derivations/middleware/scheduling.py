@@ -162,8 +162,8 @@ def critical_instant(result):
 
 @claim(
     "If independent preemptible tasks on one core can all be released at once and have deadlines "
-    "equal to their periods, no fixed priorities are better than giving the shorter period the "
-    "higher one.",
+    "equal to their periods, no order of fixed priorities does better than a higher priority for "
+    "the shorter period.",
     "Independent means that none waits for anything or is released late. Of {sets:.0f} random sets "
     "of four tasks, {some:.0f} were in time with some order of priorities, and all of these with "
     "the rate-monotonic one. On average over all orders, {wrong:.0%} of them were. If deadlines "

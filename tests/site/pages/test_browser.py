@@ -414,6 +414,7 @@ CanvasRenderingContext2D.prototype.fillText = function (words, ...given) {
 """
 
 
+@pytest.mark.prove
 def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 390, "height": 844}) as reader:
         reader.page.add_init_script(WORDS_DRAWN)
