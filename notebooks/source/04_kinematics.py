@@ -931,8 +931,8 @@ plt.show()
 #
 # *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. The link's own
 # force acts at its centre of mass, the passed-on one at the next joint. Each force $f$, at $r$ from this joint, adds
-# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. Gravity is included
-# by letting the base accelerate upwards at $g$, as in a lift.
+# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. For gravity, let
+# the base accelerate upwards at $g$.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.

@@ -1785,7 +1785,7 @@ for axis, title, reason, ink, listed, matched in (
 plt.show()
 
 # %% [markdown]
-# We ran two processes on Cyclone DDS for each row. Its **built-in topics** list what discovery has found.
+# Each row is a run of two processes on Cyclone DDS. Its **built-in topics** list what discovery has found.
 #
 # | cause | other end listed | matched | how to tell |
 # |---|---|---|---|
@@ -1795,8 +1795,7 @@ plt.show()
 # | same topic name, other type | yes | no | no event here; compare the type names of both ends |
 # | incompatible QoS | yes | no | the event *offered incompatible QoS* names the policy |
 #
-# A service hides the same causes. Its request is a message, which DDS writes without an error even if nobody
-# serves it. Discovery tells the cases apart:
+# A service hides the same causes. DDS writes its request without an error even if nobody serves it. Discovery tells the cases apart:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:
