@@ -1571,11 +1571,11 @@ Markdown(
 # safe: the planner shortens what would exceed the bound.
 #
 # OMPL's planner is RRT-Connect in its projected state space. We tried four ranges (the longest motion) with two
-# spacings of the states along a motion. The chart has the one with the least median; the table also has the one that
-# solves the most queries. OMPL checks the projected states and nothing between them, so some of its paths collide; these
-# count as unsolved. Constraint, Jacobian and state check are Python functions that call our compiled ones; *OMPL's own
-# part* is the time outside of them. So the times compare two complete programs, not two search strategies. The clock is
-# the processor time of the thread.
+# spacings of the states along a motion. The chart has the one with the least median; the table also has the one
+# that solves the most queries. OMPL checks the projected states and nothing between them, so some of its paths
+# collide; these count as unsolved. Constraint, Jacobian and state check are Python functions that call our
+# compiled ones; *OMPL's own part* is the time outside of them. So the times compare two complete programs, not
+# two search strategies. The clock is the processor time of the thread.
 #
 # </details>
 
