@@ -23,12 +23,12 @@ def clear(args: tuple[Any, ...]) -> bool:
     return not np.any((gaps > least / 3.0) & (gaps < 2.0 * least))
 
 
-def small_beside_the_largest(args: tuple[Any, ...]) -> bool:
-    """Return whether a gap is above the threshold, and below that many times the largest gap."""
+def small_beside_the_largest(args: tuple[Any, ...], low: float, high: float) -> bool:
+    """Return whether a gap between two values is below the threshold times the largest gap."""
     points, normals, lever, least = args
     rows = np.vstack((normals, np.cross(points.T, normals.T).T / lever))
     gaps = np.sqrt(np.clip(np.linalg.eigvalsh(rows @ rows.T / rows.shape[1]), 0.0, None))
-    return bool(np.any((gaps > least) & (gaps < 0.7 * least * gaps[-1])))
+    return bool(np.any((gaps > low) & (gaps < min(high, 0.7 * least * gaps[-1]))))
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
@@ -58,7 +58,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         rough: float = 0.0,
         level: str = "core",
         least: float = LEAST,
-        far: bool = False,
+        between: tuple[float, float] | None = None,
     ) -> Case:
         while True:
             points, normals = surface(kind, n)
@@ -68,7 +68,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
                 Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
                 points, normals = Q @ points + moved * rng.normal(size=(3, 1)), Q @ normals
             args = size * points, normals, size * rng.uniform(0.8, 1.3), least
-            if clear(args) and (not far or small_beside_the_largest(args)):
+            if clear(args) and (not between or small_beside_the_largest(args, *between)):
                 return Case(args, label or f"a {kind}", level)
 
     # A peg whose axis does not go through the origin: turning about the axis is a shift and a turn
@@ -105,7 +105,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         observed("cylinder", "a strict threshold", rough=1e-2, least=1e-4, moved=0.6),
         # Far from the origin a turn moves the points by many levers, so the largest mean square is
         # far above 1: a threshold in parts of it takes observed motions for blind ones.
-        observed("patch", "rough, far from the origin", rough=0.06, moved=8.0, far=True),
+        observed(
+            "patch", "far from the origin", rough=0.06, moved=8.0, between=(LEAST, 0.8 * LEAST**0.5)
+        ),
+        # A threshold that is not squared, sqrt(least), is above that gap and below this one.
+        observed(
+            "patch", "far away, rough", rough=0.2, moved=25.0, between=(1.2 * LEAST**0.5, 1.0)
+        ),
         observed("corner", "all is seen", n=60, level="edge"),
         observed("patch", "one point", n=1, level="edge"),
         Case(whole, WHOLE, "edge"),
