@@ -31,6 +31,9 @@ from drills.values import Mismatch, as_float64
 
 Array = NDArray[np.float64]
 Parts = tuple[Any, ...]
+# What the explanations are called; those of a computation are true of every wrong value.
+COMPUTED = frozenset({"result_changed", "argument_changed", "step_changed"})
+ROUGH = frozenset({"nearly_right", "some_cases_only"})
 LINES = 50_000  # of a changed text in one call
 SECONDS = 3.0  # of processor time for all explanations; the verdict is there already
 RELATIVE = 1e-7  # of the largest number of a result, or of 1

@@ -11,11 +11,11 @@ import pytest
 from drills import cards as catalogue
 from drills.case_judge import Answer, Case
 from drills.grade_report import Report
-from drills.hypotheses import limited, mutants, rough
+from drills.hypotheses import COMPUTED, ROUGH, limited, mutants, rough
 from drills.inprocess import InProcess
 from tests.drills.here import grade_here
 
-GENERIC = {"result_changed", "argument_changed", "step_changed", "nearly_right", "some_cases_only"}
+GENERIC = COMPUTED | ROUGH
 
 # The exercise, its arguments, what is returned instead, and what the learner reads.
 MISTAKES = [
