@@ -84,7 +84,7 @@ optional: extras ## add the optional libraries, and run the tests that need them
 
 prove: setup sphinx extras warm ## the long proofs: many seeds, the hostile suite, random properties, other CPUs
 	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n $(WORKERS) --dist worksteal
-	$(MAKE) cpus CPUS='haswell nehalem' CLAIMS=computed
+	COURSE_PROVE=1 $(MAKE) cpus CPUS='haswell nehalem' CLAIMS=computed
 	@echo "all proofs passed"
 
 # A CPU is emulated: its instructions are those that the numerical libraries are held to.

@@ -1,14 +1,17 @@
-"""Why a library cannot be imported, and the one line that installs what is missing.
+"""Libraries that are imported when needed: why an import fails, and what installs what is missing.
 
 Two things can be missing: the Python package, which pip installs, or a shared library of the
 system that the package loads, which the system's package manager installs. An error that names the
-wrong one sends the reader in circles, so every adapter builds its error here.
+wrong one sends the reader in circles, so every adapter builds its error here. PyTorch, which
+several chapters need, is imported here as well.
 """
 
+import contextlib
 import ctypes
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 # The Debian package that contains each shared library which a wheel of the course loads but does
 # not bring along. The names are those of Debian 12; on Debian 13 libglib2.0-0t64 provides the last.
@@ -81,3 +84,32 @@ def import_error(title: str, install: str, error: BaseException) -> ImportError:
             f"{title} is installed, but the system library {library} is missing: {fix}"
         )
     return ImportError(f"{title} is installed, but importing it fails: {cause}")
+
+
+def pytorch() -> Any:
+    """Return the module torch; importing it takes seconds, so it waits until it is needed.
+
+    Raises:
+        ImportError: without it, with what to install.
+    """
+    try:
+        import torch
+    except ImportError as error:
+        raise import_error("PyTorch", "pip install 'torch>=2.6'", error) from error
+    return torch
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """Hold PyTorch to one thread, which is faster on small networks, and restore the count after.
+
+    Raises:
+        ImportError: without PyTorch, with what to install.
+    """
+    torch = pytorch()
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

@@ -24,9 +24,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from course import CHAPTERS, json_store
+from course import CHAPTERS
 from course.check import one_of
-from drills import agenda, chapters, progress, task_text, workspace
+from drills import agenda, chapters, json_store, progress, task_text, workspace
 from drills import cards as catalogue
 from drills.cards import Card
 from drills.cell_source import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
@@ -355,17 +355,19 @@ def _whole_robot() -> Shown:
     return RobotButton(["run", "--no-libraries"], label, f"{text}\n{start}", html, html)
 
 
-def checkpoint(topic: str, **answers: str) -> Gate:
-    """Return the gate at the end of a chapter, `course.cards.checkpoint`.
+def checkpoint(
+    topic: str, answers: Sequence[str] | None = None, seed: int = 1, **formulas: str
+) -> Gate:
+    """Return the checkpoint at the end of a chapter, `course.cards.checkpoint`.
 
-    A chapter's first pass is kept.
+    A chapter's first pass is kept, whatever the draw.
 
     Raises:
-        ValueError: for a topic without a checkpoint, or a name that is not in it.
+        ValueError: for a topic without a checkpoint, or answers that do not fit its questions.
     """
     from course import cards
 
-    shown = cards.checkpoint(topic, **answers)
+    shown = cards.checkpoint(topic, answers, seed, **formulas)
     if shown.passed:
         (number,) = [chapter.number for chapter in CHAPTERS if chapter.topic == topic]
         notices = _noted(number, progress.note_checkpoint).notices

@@ -1,6 +1,6 @@
 """What a learner has read, attempted and solved: one small file that a person can read.
 
-`course.json_store` says how it is read and written, so that nothing is lost.
+`drills.json_store` says how it is read and written, so that nothing is lost.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from course import json_store
-from course.json_store import Damaged
+from drills import json_store
+from drills.json_store import Damaged
 
 SCHEMA = "drills-progress/1"
 NOT_ATTEMPTED, ATTEMPTED, SOLVED = "not_attempted", "attempted", "solved"

@@ -16,10 +16,10 @@ from typing import Any
 
 import click
 
-from course.json_store import Problem
 from course.libraries import import_error, missing_shared_library
 from drills import interrupts, progress, workspace
 from drills.cards import UnknownExercise
+from drills.json_store import Problem
 from drills.terminal import SCHEMA, OutputLost, Terminal, listed
 from drills.workspace import Misuse
 

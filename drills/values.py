@@ -37,7 +37,8 @@ def as_float64(value: Any, shape: tuple[int, ...] | None, what: str = "the answe
     Args:
         value: a number, a list or tuple of numbers (nested), or a numeric array. A list of floats
             is as good as an array; booleans, texts and everything else are not numbers.
-        shape: the shape it must have, () for a number, or None for any.
+        shape: the shape it must have, () for a number, or None for any. A list of no rows cannot
+            say how long its rows would be, so it fits any shape whose first length is 0.
         what: how the sentences call it.
 
     Raises:
@@ -46,6 +47,8 @@ def as_float64(value: Any, shape: tuple[int, ...] | None, what: str = "the answe
     if value is None:
         raise Mismatch(Reason.NOTHING_RETURNED, f"{what} is None. Is a return statement missing?")
     array = numbers(value, what)
+    if shape and shape[0] == 0 and array.shape == (0,):
+        array = array.reshape(shape)
     if shape is not None and array.shape != shape:
         raise Mismatch(Reason.WRONG_SHAPE, _shape_sentence(array.shape, shape, what))
     if not np.all(np.isfinite(array)):

@@ -39,11 +39,12 @@ def exercise_topics() -> dict[str, str]:
     return {card.name: CHAPTER[card.chapter] for card in cards()}
 
 
-def exercise_params(*long: str) -> list[pytest.ParameterSet]:
+def exercise_params(*long: str, step: int = 1) -> list[pytest.ParameterSet]:
     """Return the name of each exercise as a test's parameter, with its topic.
 
     Args:
         *long: those that take seconds; only `make prove` runs them.
+        step: `make test` runs one of so many of the others, where another test covers each.
     """
     topics = exercise_topics()
     assert topics.keys() >= set(long), "an exercise was renamed"
@@ -51,9 +52,12 @@ def exercise_params(*long: str) -> list[pytest.ParameterSet]:
         pytest.param(
             name,
             id=name,
-            marks=[pytest.mark.topic(topic), *([pytest.mark.prove] if name in long else [])],
+            marks=[
+                pytest.mark.topic(topic),
+                *([pytest.mark.prove] if name in long or k % step else []),
+            ],
         )
-        for name, topic in topics.items()
+        for k, (name, topic) in enumerate(topics.items())
     ]
 
 

@@ -59,6 +59,7 @@ def copy_of_the_package(tmp_path: Path) -> Path:
     return package
 
 
+@pytest.mark.prove
 def test_cache_is_used_by_the_next_process_and_dropped_when_a_callee_changes(tmp_path) -> None:
     package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
     assert run(package, cache) == [8.0, 0, 1]
@@ -96,6 +97,7 @@ def test_without_compilation_the_function_itself_comes_back() -> None:
     assert out.stdout.split() == ["True", "True"]
 
 
+@pytest.mark.prove
 def test_a_compilation_announces_itself_unless_told_not_to(tmp_path) -> None:
     """Slow compilations print one line; the threshold is lowered so that this one is slow."""
     package = copy_of_the_package(tmp_path)

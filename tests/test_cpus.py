@@ -61,6 +61,7 @@ def reported(*words: str) -> dict[str, Any]:
     return json.loads(done.stdout)
 
 
+@pytest.mark.prove
 def test_a_nehalem_is_in_force_in_every_library() -> None:
     result = reported("nehalem")
     assert result["numpy"] == []

@@ -1,7 +1,6 @@
 """What is said where a library cannot be imported: the real cause, and what installs it."""
 
 import ctypes
-import importlib
 import re
 import sys
 from pathlib import Path
@@ -25,7 +24,6 @@ from course.oracles import (
     zenoh,
 )
 from course.oracles.mujoco import kit
-from course.rigid_body import differentiable
 from drills import doctor
 from tools import libraries as tool
 
@@ -46,8 +44,7 @@ ADAPTERS = {
     "pydrake": drake.library,
     "small_gicp": small_gicp.library,
     "stable_baselines3": lambda: sb3.vec_env(None),
-    "torch": importlib.import_module("course.pytorch").pytorch,
-    "torch, for gradients": differentiable._torch,
+    "torch": libraries.pytorch,
     "zenoh": zenoh.library,
 }
 

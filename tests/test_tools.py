@@ -34,7 +34,7 @@ def test_every_module_that_compiles_is_warmed_in_reading_order() -> None:
     assert set(result) - compiling == {"platforms", "robot"}
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_topic_can_be_chosen_and_a_wrong_one_is_named() -> None:
     command = [sys.executable, "-m", "tools.warm"]
     done = subprocess.run(
@@ -46,7 +46,7 @@ def test_a_topic_can_be_chosen_and_a_wrong_one_is_named() -> None:
         warm.main(["weather"])
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_in_the_background_it_is_silent_detached_and_gentle(monkeypatch) -> None:
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     process = warm.start_in_background([])

@@ -17,6 +17,7 @@ import re
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import click
 import jupytext
@@ -25,10 +26,8 @@ import nbformat
 from nbformat import NotebookNode
 
 import course
-import course.contents
-from course.check import one_of
 from drills import cards
-from tools import form, front, plumbing, settings
+from tools import contents, form, front, plumbing, settings
 
 FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 
@@ -38,7 +37,7 @@ _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 _ADDRESS = re.compile(r"\bat 0x[0-9a-fA-F]{6,}")
 # A film of a simulation: its title, and its module in course.simulations.
 _FILM = re.compile(r"!\[([^\]]+)\]\(attachment:([\w.]+)\.png\)")
-# What a text takes from the package, such as {{contents.moving}}, or from the tool {{front.hours}}.
+# What a text takes from a tool or from the course: {{contents.moving}}, {{PREREQUISITES}}.
 _FILLED = re.compile(r"\{\{([\w.]+)\}\}")
 _CELL_TIMEOUT = 600  # s
 _MINUTES = re.compile(r"\{(open|folded|exercise) minutes\}")
@@ -55,18 +54,22 @@ def target(source: Path) -> Path:
 
 
 def filled(text: str) -> str:
-    """Return a text with what the package `course` has in place of {{names}}; functions are called.
+    """Return a text in which each {{name}} is replaced by what the course says under it.
 
-    A name that begins with `front.` is a function of `tools.front`.
+    `{{contents.name}}` and `{{front.name}}` are functions of these tools, any other name is a
+    constant of the package `course`.
 
     Raises:
         AttributeError: there is no such name.
     """
+    tools = SimpleNamespace(contents=contents, front=front)
 
     def value(match: re.Match[str]) -> str:
-        _, of_front, name = match[1].rpartition("front.")
-        result = operator.attrgetter(name)(front if of_front else course)
-        return str(result() if callable(result) else result).rstrip("\n")
+        if hasattr(tools, match[1].partition(".")[0]):
+            result = operator.attrgetter(match[1])(tools)()
+        else:
+            result = getattr(course, match[1])
+        return str(result).rstrip("\n")
 
     return _FILLED.sub(value, text)
 
@@ -90,7 +93,7 @@ def read_source(source: Path) -> NotebookNode:
     cells = []
     number = source.stem.partition("_")[0]
     if any(source.stem == f"{c.number:02d}_{c.topic}" for c in course.CHAPTERS):
-        parsed.cells.append(nbformat.v4.new_markdown_cell(course.contents.neighbours(int(number))))
+        parsed.cells.append(nbformat.v4.new_markdown_cell(contents.neighbours(int(number))))
     plumbing.mark(parsed.cells)
     for index, cell in enumerate(parsed.cells):
         if cell.cell_type == "markdown":
@@ -137,7 +140,8 @@ def films(text: str) -> dict[str, dict[str, str]]:
         from course.simulations.painter import film
 
         model = importlib.import_module(f"course.simulations.{name}").MODEL
-        one_of("title of a film", title, [model.title])
+        if title != model.title:
+            raise ValueError(f"title of a film must be {model.title!r}, got {title!r}")
         result[f"{name}.png"] = {"image/png": base64.b64encode(film(model)).decode("ascii")}
     return result
 

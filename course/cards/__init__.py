@@ -15,6 +15,8 @@ answer away:
     vocabulary = ["inertia tensor", ...]    # each in bold where the chapter defines it
     checkpoint = ["verlet_frequency", ...]  # claims whose formulas are not on the chapter's page
 
+    [[estimate]]                            # numbers to estimate: see `course.cards.draws`
+
     [energy_on_a_spring]
     ask = "The question?"
     options = [["one answer", true, "Why it is right, with {claim.figure:.2f}."], ...]
@@ -28,6 +30,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from course import CHAPTERS
+from course.cards.draws import Gate, checkpoint
 from course.cards.files import FOLDER, gate, read
 from course.check import invalid
 from course.derivations.markup import Answer, Shown, card, figures, folded, tex
@@ -36,6 +39,7 @@ from course.interview import LEVELS, filled, questions, typed_numbers
 __all__ = [
     "FOLDER",
     "Answer",
+    "Gate",
     "Option",
     "Prediction",
     "Shown",
@@ -52,14 +56,6 @@ __all__ = [
     "unplaced",
     "vocabulary",
 ]
-
-
-class Gate(Shown):
-    """What a checkpoint says, and whether it is passed."""
-
-    def __init__(self, text: str, markdown: str, passed: bool) -> None:
-        super().__init__(text, markdown)
-        self.passed = passed
 
 
 @dataclass(frozen=True)
@@ -184,42 +180,6 @@ def interview(topic: str) -> Shown:
         parts += [f"#### {name.capitalize()}", *(q.markdown(figure) for q in requested)]
         plain += [f"{name}: {q.name}" for q in requested]
     return Shown("\n".join(plain), "\n\n".join(parts))
-
-
-def checkpoint(topic: str, **answers: str) -> Gate:
-    """Return the gate at the end of a chapter: formulas to find, whose answers are not on its page.
-
-    Args:
-        topic: of the chapter.
-        **answers: the learner's formula for each claim that the chapter's file names; "" is open.
-
-    Returns:
-        The questions with what is right and what is not; the gate opens when all are right.
-
-    Raises:
-        ValueError: for a topic without a checkpoint, a name that is not in it, or an answer that is
-            no text.
-    """
-    from course.derivations import answer, formula
-
-    desired = gate(topic)
-    for name in answers:
-        if name not in desired:
-            raise invalid("answers", name, f"one of {', '.join(desired)}")
-        if not isinstance(answers[name], str):
-            raise invalid(name, answers[name], "a formula as text")
-    lines, plain, right = [], [], 0
-    for name in desired:
-        text = answers.get(name, "").strip()
-        result = answer(name, text) if text else None
-        right += bool(result)
-        state = result.verdict() if result is not None else "Open."
-        lines.append(f"1. {tex(formula(name).prompt())} (`{name}`)  \n   {state}")
-        plain.append(f"{name}: {'open' if result is None else result}")
-    is_open = right == len(desired)
-    verdict = f"{right} of {len(desired)} right: gate {'cleared' if is_open else 'closed'}"
-    text = "\n".join([*plain, verdict])
-    return Gate(text, "\n".join([*lines, "", f"**{verdict}**"]), is_open)
 
 
 def unplaced(topic: str = "", folder: Path | None = None) -> list[str]:

@@ -278,7 +278,10 @@ def pgs(
     start: ArrayLike | None = None,
     law: str = "coulomb",
 ) -> Solution:
-    """Return projected Gauss-Seidel: contact after contact, each as if the others were right.
+    """Solve contacts by projected Gauss-Seidel: one after the other, the other impulses held fixed.
+
+    A sweep updates each contact once and projects its impulse onto the friction cone; sweeps repeat
+    until the residual is small.
 
     Args:
         problem: the contacts and their response.
@@ -290,6 +293,7 @@ def pgs(
     count("sweeps", sweeps, 1)
     positive("tolerance", tolerance, unit="m/s")
     associated = one_of("law", law, LAWS) == "convex"
+    # A contact between two fixed bodies has no response to divide by: solve without it.
     if not _movable(problem).all():
         options: dict[str, Any] = {"sweeps": sweeps, "tolerance": tolerance, "law": law}
         return _solve_movable(

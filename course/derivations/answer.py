@@ -293,6 +293,30 @@ def parse(text: str, names: frozenset[str]) -> Node:
         raise ValueError(f"text is not a formula: {reason}") from None
 
 
+def evaluate(text: str) -> float:
+    """Return the value of arithmetic without symbols, such as "2*sqrt(1/100)".
+
+    Args:
+        text: numbers, pi, the operators and functions of a formula.
+
+    Raises:
+        ValueError: if it is not arithmetic, or its value is not a real number.
+    """
+    import mpmath
+
+    node = parse(text, frozenset())
+    try:
+        with mpmath.workdps(_DIGITS):
+            value = _real(_value(node, {}, mpmath.mp), mpmath.mp)
+    except _Undefined as reason:
+        raise ValueError(f"text has no value: {reason}") from None
+    except (ArithmeticError, ValueError):
+        raise ValueError("text has no value") from None
+    if value is None:
+        raise ValueError("text has no real value")
+    return value
+
+
 def _read(text: str, names: frozenset[str]) -> Node:
     if len(text) > MAX_LENGTH:
         raise _Unreadable(f"it has {len(text)} characters; at most {MAX_LENGTH} are read")

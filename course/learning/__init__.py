@@ -60,7 +60,7 @@ from course.learning.tasks import (
     runs,
     windows,
 )
-from course.pytorch import one_thread
+from course.libraries import one_thread
 
 __all__ = [
     "ActorCritic",

@@ -22,7 +22,7 @@ from course.check import count, finite, invalid, positive
 from course.learning.clone import Policy, fitted, normals, prepared
 from course.learning.network import network, predict, tensor
 from course.learning.tasks import Act, Array
-from course.pytorch import pytorch
+from course.libraries import pytorch
 
 
 @dataclass

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from course.check import count, invalid, one_of, vector
 from course.learning.network import Diverged, Normaliser, fit, network, predict, tensor
 from course.learning.tasks import Act, Array, Task, roll
-from course.pytorch import pytorch
+from course.libraries import pytorch
 
 LEAST = 0.02  # deviation of a head, in deviations of the data: below it the likelihood has no top
 

@@ -93,10 +93,13 @@ mixture_sample = loop(_mixture_sample, MATRIX(MATRIX, numba.int64, MATRIX, MATRI
 
 @register_jitable
 def rate(sample, rows, time, flow, weights, hidden):
-    """Return the predicted velocity (n, d) of a flow, or s clean - a noise of a diffusion.
+    """Return the velocity that the network of a flow or of a diffusion predicts, (n, d).
+
+    With the sample x = a clean + s noise, a flow predicts dx/dtime = clean - noise, and a diffusion
+    predicts v = s clean - a noise (Salimans and Ho, Progressive Distillation, 2022).
 
     Args:
-        sample: (n, d).
+        sample: x, between noise and data, (n, d).
         rows: normalised states (n, k).
         time: from 0 (noise) to 1 (data).
         flow: whether the network belongs to a flow.
@@ -114,7 +117,7 @@ def rate(sample, rows, time, flow, weights, hidden):
     given[:, size + 3] = math.sin(2.0 * turn)
     given[:, size + 4] = math.cos(2.0 * turn)
     given[:, size + 5 :] = rows
-    # What is known of normal data; the network adds the rest.
+    # The best linear prediction, exact for standard normal data; the network adds the rest.
     skip = (2.0 * time - 1.0) / ((1.0 - time) ** 2 + time**2) if flow else 0.0
     return skip * sample + perceptron(given, weights, hidden, size)
 

@@ -22,7 +22,7 @@ from course.check import count, finite, invalid, one_of, vector
 from course.learning.clone import Policy, fitted, normals, prepared
 from course.learning.network import network, predict, tensor
 from course.learning.tasks import Array
-from course.pytorch import pytorch
+from course.libraries import pytorch
 
 Field = Callable[[Array, float], Array]
 

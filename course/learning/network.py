@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, invalid, one_of, positive, vector
-from course.pytorch import one_thread, pytorch
+from course.libraries import one_thread, pytorch
 
 Array = NDArray[np.float64]
 

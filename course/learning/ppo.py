@@ -34,7 +34,7 @@ from course.learning.network import (
     network,
     pytorch,
 )
-from course.pytorch import one_thread
+from course.libraries import one_thread
 
 Array = NDArray[np.float64]
 

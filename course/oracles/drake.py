@@ -11,6 +11,7 @@ recommended for contact by patches: a half space gives the same motion and a war
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
@@ -140,7 +141,13 @@ class DrakeRun(Run):
 
     # --- building -----------------------------------------------------------------------------
 
-    def _shape(self, body: Any, number: int, size: Any, place: Any = (0.0, 0.0, 0.0)) -> None:
+    def _shape(
+        self,
+        body: Any,
+        number: int,
+        size: Sequence[float] | Array,
+        place: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
         """Add a box to a body; that of the ground, number -1, is rigid."""
         geometry, modulus = self._drake.geometry, self._settings.options.get("modulus", MODULUS)
         friction = self._drake.multibody.plant.CoulombFriction(*[self.scene.friction] * 2)

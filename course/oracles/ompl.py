@@ -552,3 +552,216 @@ def _is_free(ax: float, ay: float, bx: float, by: float, discs: list[tuple[float
         if -b < a and b * b >= a * c:
             return False  # enters and leaves in between
     return True
+
+
+# --- on a constraint manifold, and with controls --------------------------------------------------
+
+
+def carry(
+    world: World,
+    axis: ArrayLike,
+    start: ArrayLike,
+    goal: ArrayLike,
+    step: float,
+    max_samples: int,
+    seed: int,
+    *,
+    reach: float = 2.0,
+) -> Plan:
+    """Plan once on the manifold of an upright cup: RRT-Connect in OMPL's `ProjectedStateSpace`.
+
+    The constraint, its Jacobian and the state test are Python functions that call the compiled ones
+    of the course. OMPL checks states along a motion, projected, and not what lies between them.
+
+    Args:
+        world: of `capsule_arm`.
+        axis: of the cup in the tool's frame, shape (3,).
+        start: upright configuration, shape (n,) [rad].
+        goal: likewise.
+        step: spacing of the states along a motion, OMPL's `delta` [rad].
+        max_samples: how many targets to draw at most.
+        seed: of OMPL's random numbers, positive.
+        reach: the longest motion, OMPL's `range` [rad].
+
+    Raises:
+        ImportError: if OMPL is not installed.
+    """
+    from course.planning import manifold
+
+    base, geometric, util = _ompl()
+    util.RNG.setSeed(count("seed", seed, 1))
+    measure, n = manifold.kernels()[2], world.dim
+    a, J, here = np.array(axis, dtype=float), np.empty((3, n)), np.empty(n)
+    free = world.kernels[0]
+    polls, states, spent = 0, 0, 0.0
+    constraint_class: Any = base.Constraint
+
+    class Upright(constraint_class):
+        def __init__(self) -> None:
+            super().__init__(n, 2, manifold.PROJECTED)
+
+        def function(self, q, out) -> None:
+            nonlocal spent
+            begun = time.perf_counter()
+            here[:] = q
+            measure(world.body, here, a, J)
+            out[0], out[1] = -J[2, 0], -J[2, 1]
+            spent += time.perf_counter() - begun
+
+        def jacobian(self, q, out) -> None:
+            nonlocal spent
+            begun = time.perf_counter()
+            here[:] = q
+            measure(world.body, here, a, J)
+            out[:] = J[:2]
+            spent += time.perf_counter() - begun
+
+    low, high = world.bounds
+    ambient = base.RealVectorStateSpace(n)
+    limits = base.RealVectorBounds(n)
+    for k in range(n):
+        limits.setLow(k, float(low[k]))
+        limits.setHigh(k, float(high[k]))
+    ambient.setBounds(limits)
+    constraint = Upright()
+    space = base.ProjectedStateSpace(ambient, constraint)
+    information = base.ConstrainedSpaceInformation(space)
+    space.setDelta(float(step))
+
+    def is_valid(q) -> bool:
+        nonlocal spent, states
+        begun = time.perf_counter()
+        states += 1
+        for k in range(n):
+            here[k] = q[k]
+        inside = bool((here >= low).all() and (here <= high).all())
+        result = inside and bool(free(world.obstacles, world.body, here))
+        spent += time.perf_counter() - begun
+        return result
+
+    def enough() -> bool:
+        nonlocal polls
+        polls += 1
+        return polls > max_samples
+
+    information.setStateValidityChecker(is_valid)
+    information.setup()
+    first, aim = space.allocState(), space.allocState()
+    first.copy(np.array(start, dtype=float))
+    aim.copy(np.array(goal, dtype=float))
+    problem = base.ProblemDefinition(information)
+    problem.setStartAndGoalStates(first, aim)
+    planner = geometric.RRTConnect(information)
+    planner.setRange(float(reach))
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    polls, states, spent = 0, 0, 0.0
+    begun = time.thread_time()
+    planner.solve(base.PlannerTerminationCondition(enough))
+    seconds, callbacks, tried = time.thread_time() - begun, spent, states
+    path = None
+    if problem.hasExactSolution():
+        solution = problem.getSolutionPath()
+        solution.interpolate()  # the states along its motions
+        rows = range(solution.getStateCount())
+        path = np.array([[solution.getState(i)[k] for k in range(n)] for i in rows])
+    return Plan(path, np.empty((0, n)), min(polls, max_samples), 0, seconds, callbacks, tried)
+
+
+def controls(
+    discs: ArrayLike,
+    bounds: ArrayLike,
+    start: ArrayLike,
+    goal: ArrayLike,
+    reach: float,
+    acceleration: float,
+    dt: float,
+    steps: int,
+    max_samples: int,
+    seed: int,
+) -> tuple[Plan, Array, Array]:
+    """Plan once for a double integrator among discs with `ompl::control::RRT`.
+
+    OMPL simulates by a Python function and checks the simulated points by another one. Its `SST`
+    can't be made from Python: the binding has no constructor for it.
+
+    Args:
+        discs: rows (x, y, radius), shape (m, 3) [m].
+        bounds: rows low and high of positions and speeds, shape (2, 4) [m, m/s].
+        start: position and velocity, shape (4,) [m, m/s].
+        goal: likewise.
+        reach: Euclidean distance of states at which the goal counts as reached.
+        acceleration: limit of each axis [m/s^2].
+        dt: between simulated points [s].
+        steps: of a control, at most.
+        max_samples: how many targets to draw at most.
+        seed: of OMPL's random numbers, positive.
+
+    Returns:
+        The plan; the controls, shape (k - 1, 2) [m/s^2]; how long each lasts, shape (k - 1,) [s].
+
+    Raises:
+        ImportError: if OMPL is not installed.
+    """
+    base, _, util = _ompl()
+    from ompl import control
+
+    util.RNG.setSeed(count("seed", seed, 1))
+    low, high = np.asarray(bounds, dtype=float).tolist()
+    round_ones = np.asarray(discs, dtype=float).T
+    space = base.RealVectorStateSpace(4)
+    limits = base.RealVectorBounds(4)
+    for k in range(4):
+        limits.setLow(k, low[k])
+        limits.setHigh(k, high[k])
+    space.setBounds(limits)
+    inputs = control.RealVectorControlSpace(space, 2)
+    box = base.RealVectorBounds(2)
+    box.setLow(-float(acceleration))
+    box.setHigh(float(acceleration))
+    inputs.setBounds(box)
+    information = control.SpaceInformation(space, inputs)
+
+    def simulate(s, a, t, out) -> None:
+        for k in range(2):
+            x, v, pull = s[k], s[2 + k], a[k]
+            out[k], out[2 + k] = x + v * t + 0.5 * pull * t * t, v + pull * t
+
+    def is_valid(s) -> bool:
+        if any(not low[k] <= s[k] <= high[k] for k in range(4)):
+            return False
+        x, y, r = round_ones
+        return bool((np.hypot(x - s[0], y - s[1]) > r).all())
+
+    polls = itertools.count(1)
+    information.setStatePropagator(simulate)
+    information.setStateValidityChecker(is_valid)
+    information.setPropagationStepSize(float(dt))
+    information.setMinMaxControlDuration(1, steps)
+    information.setup()
+    first, aim = space.allocState(), space.allocState()
+    for k in range(4):
+        first[k], aim[k] = float(np.asarray(start)[k]), float(np.asarray(goal)[k])
+    problem = base.ProblemDefinition(information)
+    problem.addStartState(first)
+    region = base.GoalState(information)
+    region.setState(aim)
+    region.setThreshold(float(reach))
+    problem.setGoal(region)
+    planner = control.RRT(information)
+    planner.setGoalBias(0.1)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    begun = time.thread_time()
+    planner.solve(base.PlannerTerminationCondition(lambda: next(polls) > max_samples))
+    seconds = time.thread_time() - begun
+    drawn = min(next(polls) - 1, max_samples)
+    path, pulls, lasted = None, np.empty((0, 2)), np.empty(0)
+    if problem.hasExactSolution():
+        solution = problem.getSolutionPath()
+        number = solution.getControlCount()
+        rows = range(solution.getStateCount())
+        path = np.array([[solution.getState(i)[k] for k in range(4)] for i in rows])
+        pulls = np.array([[solution.getControl(i)[k] for k in range(2)] for i in range(number)])
+        lasted = np.array([solution.getControlDuration(i) for i in range(number)])
+    return Plan(path, np.empty((0, 4)), drawn, 0, seconds, 0.0), pulls, lasted

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from course.check import invalid, positive
+from course.check import finite, invalid, positive
 from course.libraries import import_error
 from course.oracles.quiet import quiet
 from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
@@ -215,6 +215,37 @@ class PyBulletRun(Run):
             self.bodies.append(number)
             if any(body.force):
                 self._forces.append((number, force.tolist()))
+
+    def couple(self, first: str, second: str, ratio: float, torque: float) -> None:
+        """Make a joint copy another one with a gear constraint, for the rest of the run.
+
+        PyBullet's reader of URDF drops a mimic joint; this adds what it describes (PyBullet
+        Quickstart Guide, createConstraint and changeConstraint).
+
+        Args:
+            first: name of the joint that is copied.
+            second: name of the joint that copies it.
+            ratio: angle of the second joint over that of the first.
+            torque: largest torque of the constraint [N m].
+
+        Raises:
+            ValueError: for an unknown joint, a ratio of 0 or a torque that is not positive.
+        """
+        if finite("ratio", ratio) == 0.0:
+            raise invalid("ratio", ratio, "other than 0")
+        largest = positive("torque", torque, unit="N m")
+        one, two = (self._links[self._joint(name)] for name in (first, second))
+        arm, still = self.bodies[0], [0.0] * 3
+        kind, axis = self._lib.JOINT_GEAR, [0, 0, 1]
+        gear = self._ask("createConstraint", arm, one, arm, two, kind, axis, still, still)
+        # Bullet's ratio is that of the rates with the other sign, first over second.
+        self._ask("changeConstraint", gear, gearRatio=-1.0 / ratio, maxForce=largest)
+
+    def _joint(self, name: str) -> int:
+        """Return the number of a joint of the scene."""
+        if name not in self.scene.joints:
+            raise invalid("joint", name, f"one of {', '.join(self.scene.joints) or 'none'}")
+        return self.scene.joints.index(name)
 
     # --- running ------------------------------------------------------------------------------
 

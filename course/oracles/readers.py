@@ -27,10 +27,14 @@ from course.oracles.mujoco.kit import library as mujoco_library
 from course.oracles.quiet import quiet
 from course.platforms.models import GOOD, MODELS, Reading
 
+# What a reader reports, by body or joint: masses [kg], principal moments [kg m^2], places (the
+# position in the parent [m]), axes, limits [rad], damping, friction; dof (the count of joints) and
+# mimic (whether one joint follows another).
 Facts = dict[str, Any]
 
 
 def _ours(text: str) -> Facts:
+    """Return what chapter 4's reader reads in a model, in the keys of `Facts`."""
     from course.oracles.mujoco.chain import read
 
     chain = read(text)
@@ -48,6 +52,7 @@ def _ours(text: str) -> Facts:
 
 
 def _mujoco(text: str) -> Facts:
+    """Return what MuJoCo reads in a model, in the keys of `Facts`."""
     mujoco = mujoco_library()
     mujoco.set_mju_user_warning(print)  # its log may be switched off, its warnings are not
     model = mujoco.MjModel.from_xml_string(text)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from course.check import count, invalid, one_of
 from course.learning.ppo import Settings
-from course.libraries import import_error
-from course.pytorch import one_thread
+from course.libraries import import_error, one_thread
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -186,7 +185,7 @@ def ppo(
             # Processor time without the judging: the clock is moved on by what a score takes.
             spent = time.process_time() - self.started
 
-            def policy(observations: Any) -> Any:
+            def policy(observations: NDArray[Any]) -> NDArray[Any]:
                 return self.model.predict(wrapped.normalize_obs(observations), deterministic=True)[
                     0
                 ]
@@ -283,7 +282,7 @@ def sac(
         def record_progress(self) -> None:
             spent = time.process_time() - self.started
 
-            def policy(observations: Any) -> Any:
+            def policy(observations: NDArray[Any]) -> NDArray[Any]:
                 return self.model.predict(observations, deterministic=True)[0]
 
             rows.append((self.num_timesteps, spent, judge(policy)))

@@ -22,6 +22,10 @@ The chapter's algorithms, and the functions of their steps:
 - RRT* (Karaman and Frazzoli, 2011) and informed RRT* (Gammell et al., 2014): `trees._grow`, which
   chooses the parent and rewires the neighbours within the radius of `rrt_star`.
 - Lazy PRM (Bohlin and Kavraki, 2000): `roadmaps._search` runs A*, `_resolve` checks its path.
+- CBiRRT (Berenson et al., 2009), a cup carried upright: `manifold.constrain_config` projects,
+  `manifold.constrained_extend` steps along the constraint manifold, `manifold.cbirrt` joins trees.
+- Kinodynamic RRT (LaValle and Kuffner, 2001): `kinodynamic.kinodynamic_rrt` extends by `propagate`;
+  `minimum_time` and `step_margin` are the bounds that its trajectories are tested with.
 - Conservative advancement (Mirtich, 1996): `capsules._freed` and `worlds._arm_reach` bound the
   motion that is certainly free, `_edge` covers an edge with such bounds.
 
@@ -116,10 +120,12 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.planning import capsules, roadmaps, trajectory, trees, worlds
+    from course.planning import capsules, kinodynamic, manifold, roadmaps, trajectory, trees, worlds
 
     worlds.warm()
     capsules.warm()
     trees.warm()
     roadmaps.warm()
     trajectory.warm()
+    manifold.warm()
+    kinodynamic.warm()

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from course.check import count, finite, invalid, positive, vector
-from course.libraries import import_error
+from course.libraries import pytorch
 from course.rigid_body.integrators import STANDARD_GRAVITY
 
 NAMES = ("restitution", "friction", "mass")
@@ -34,14 +34,6 @@ NAMES = ("restitution", "friction", "mass")
 # record by less than one standard deviation of the noise, and a parameter as unknown when it has
 # more than this share in such a direction.
 _SHARE_IN_UNKNOWN = 1e-3
-
-
-def _torch() -> Any:
-    try:
-        import torch
-    except ImportError as error:
-        raise import_error("PyTorch", "pip install 'torch>=2.6'", error) from error
-    return torch
 
 
 def _is_tensor(value: Any) -> bool:
@@ -272,7 +264,7 @@ def trajectory(parameters: Any, scene: Setup, times: Any) -> Any:
     if not any(map(_is_tensor, (*parameters, *scene.position, *scene.velocity))):
         columns = np.array([piece[:7] for piece in pieces]).T[:, index]
         return _positions_and_velocities(columns, times, np)
-    torch = _torch()
+    torch = pytorch()
     table = [
         torch.stack([torch.as_tensor(value, dtype=torch.float64) for value in column])[index]
         for column in list(zip(*pieces, strict=True))[:7]
@@ -305,7 +297,7 @@ def jacobian(parameters: Sequence[float] | np.ndarray, scene: Setup, times: Any)
         ValueError: if a parameter or time is out of range.
         ModuleNotFoundError: if torch is missing.
     """
-    torch = _torch()
+    torch = pytorch()
     point = torch.tensor(np.asarray(parameters, dtype=float), requires_grad=True)
     out = trajectory(point, scene, times)
     if not out.requires_grad:  # a block that never moves depends on nothing
@@ -376,7 +368,7 @@ def loss(parameters: Any, recorded: Recording, scene: Setup) -> Any:
     positions = trajectory(parameters, scene, recorded.times)[:2]
     measured: Any = recorded.positions
     if _is_tensor(positions):
-        measured = _torch().as_tensor(measured)
+        measured = pytorch().as_tensor(measured)
     return 0.5 * (((positions - measured) / recorded.noise) ** 2).sum()
 
 
@@ -393,7 +385,7 @@ def gradient(
     Returns:
         d loss / d parameter, shape (3,).
     """
-    torch = _torch()
+    torch = pytorch()
     point = torch.tensor(np.asarray(parameters, dtype=float), requires_grad=True)
     value = loss(point, recorded, scene)
     if value.requires_grad:
@@ -693,7 +685,7 @@ def naive_drop_gradients(
     Returns:
         The value and its derivatives.
     """
-    torch = _torch()
+    torch = pytorch()
     h = torch.tensor(height, dtype=torch.float64, requires_grad=True)
     e = torch.tensor(restitution, dtype=torch.float64, requires_grad=True)
     out = naive_drop(h, e, dt, duration, clamp=clamp)
@@ -712,7 +704,7 @@ def drop_gradients(height: float, restitution: float, duration: float) -> DropGr
     Returns:
         The value and its derivatives.
     """
-    torch = _torch()
+    torch = pytorch()
     h = torch.tensor(height, dtype=torch.float64, requires_grad=True)
     parameters = torch.tensor([restitution, 0.0, 1.0], dtype=torch.float64, requires_grad=True)
     out = trajectory(parameters, Setup(position=(0.0, h)), [duration])[1, 0]

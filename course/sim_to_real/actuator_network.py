@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from course.check import count, finite, invalid, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
-from course.pytorch import one_thread, pytorch
+from course.libraries import one_thread, pytorch
 
 Array = NDArray[np.float64]
 

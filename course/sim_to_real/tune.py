@@ -300,14 +300,19 @@ ROWS = {"range": GRID, "known": GRID, "both": GRID, "load": GRID, "delay": DELAY
 
 
 def remake(kind: str, at: float, seed: int = 0) -> Array:
-    """Return gains of the record, tuned anew, shape (6,).
+    """Tune the gains of one entry of the record `tuned.toml` again.
 
     Args:
-        kind: "range" for arms drawn about the simulator's; "known" for the real arm with a delay of
-            10 ms, as if identified; "both" for a range of width 0.4 about that; "load" and "delay"
-            for the simulator that took this part from the real arm.
-        at: width of the range, gap of the real arm, or delay [s].
-        seed: of the training.
+        kind: the arms that the gains are tuned on. "range": arms sampled around the simulator's
+            own; "known": the real arm with a delay of 10 ms, as if it were identified; "both": arms
+            sampled around that one, in a range of width 0.4; "load" or "delay": the simulator's
+            arm with this one part as the real arm has it.
+        at: what the entry varies: the width of the range ("range"), the gap of the real arm
+            ("known", "both", "load"), or the delay [s] ("delay").
+        seed: of the search.
+
+    Returns:
+        Three PID gains for each joint, shape (6,).
     """
     one_of("kind", kind, ROWS)
     width = {"range": at, "both": KNOWN_WIDTH}.get(kind, 0.0)

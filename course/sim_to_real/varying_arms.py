@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
-from course.pytorch import one_thread, pytorch
+from course.libraries import one_thread, pytorch
 
 Array = NDArray[np.float64]
 CUBE = types.Array(numba.float64, 3, "C")

@@ -11,15 +11,11 @@ import hashlib
 import html
 import importlib.metadata
 import io
-import json
 import os
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -27,14 +23,12 @@ import nbformat
 
 from course import CHAPTERS, cards
 from course.check import invalid
-from course.measure.figure import write
 from course.simulations import declaration
 from course.site import charts, modules, notebooks, reference
 
 HERE = Path(__file__).parent
 WORK = notebooks.ROOT / "build" / "site"
 TARGET = notebooks.ROOT / "site"
-SCRIPTS = notebooks.ROOT / "build" / "simulations"
 # What a reader finds beside the chapters, in the order of the side bar.
 BESIDE = ("claims", "charts", "cards", "questions", "glossary")
 DOORS = tuple(notebooks.TEXTS)
@@ -167,48 +161,6 @@ def script(name: str) -> dict[str, str]:
     return files
 
 
-def _stored_script(name: str, key: str) -> dict[str, str]:
-    """Return the files of a simulation, from the cache where nothing in the code has changed."""
-    path = SCRIPTS / f"{name}-{key}.json"
-    if not path.is_file():
-        for old in SCRIPTS.glob(f"{name}-{'[0-9a-f]' * 16}.json"):
-            old.unlink(missing_ok=True)
-        write(path, json.dumps(script(name)))
-    result: dict[str, str] = json.loads(path.read_text(encoding="utf-8"))
-    return result
-
-
-def _code() -> str:
-    """Return a hash of all that a simulation can be made of: the code and the compiled modules."""
-    state = hashlib.sha256()
-    for folder, _, names in sorted(os.walk(notebooks.ROOT / "course")):
-        for name in sorted(names):
-            if name.endswith((".py", ".wasm", ".js", ".npz", ".toml")) or (
-                name.endswith(".json") and "simulations" in folder
-            ):
-                state.update(name.encode() + Path(folder, name).read_bytes())
-    return state.hexdigest()[:16]
-
-
-@contextmanager
-def scripts(names: Iterable[str]) -> Iterator[Iterator[tuple[str, dict[str, str]]]]:
-    """Return each simulation's files, (name, files), made in parallel with the other work.
-
-    Args:
-        names: of the simulations.
-    """
-    key = _code()
-    ordered = sorted(set(names))
-    # Only what is missing goes to the workers.
-    missing = [name for name in ordered if not (SCRIPTS / f"{name}-{key}.json").is_file()]
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        made = {name: pool.submit(_stored_script, name, key) for name in missing}
-        yield (
-            (name, made[name].result() if name in made else _stored_script(name, key))
-            for name in ordered
-        )
-
-
 def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) -> None:
     """Make HTML of the sources.
 
@@ -282,10 +234,15 @@ def read(page: Path) -> _Read:
     return result
 
 
-def broken(site: Path) -> list[str]:
-    """Return the faults of a site's addresses, one sentence each: missing or on another host."""
+def broken(site: Path, known: Callable[[Path], _Read] | None = None) -> list[str]:
+    """Return the faults of a site's addresses, one sentence each: missing or on another host.
+
+    Args:
+        site: its folder.
+        known: `read`, or one that remembers what it has read.
+    """
     # Pages are read once, although many links lead to them.
-    known = functools.cache(read)
+    known = known or functools.cache(read)
     faults = []
     for page in sorted(site.rglob("*.html")):
         where = page.relative_to(site).as_posix()
@@ -340,11 +297,8 @@ def build(
     noted.unlink(missing_ok=True)  # until the build has ended well
     renew(fresh, source)
     shown = sorted(path.stem for path in (source / notebooks.CHARTS).glob("*.png"))
-    # Simulations and charts are made in other processes while Sphinx runs.
-    with (
-        scripts(name for names in on_page.values() for name in names) as simulations,
-        charts.pictures(shown) as narrow,
-    ):
+    # Charts are drawn in other processes while Sphinx runs.
+    with charts.pictures(shown) as narrow:
         sphinx(source, built, on_page)
         out = work.resolve() / "site"
         shutil.rmtree(out, ignore_errors=True)
@@ -353,14 +307,15 @@ def build(
         for name, text in narrow:
             (out / "_static" / "charts" / f"{name}.svg").write_text(text, encoding="utf-8")
         (out / "_static" / "simulations").mkdir()
-        for name, files in simulations:
-            for ending, text in files.items():
+        for name in sorted({name for names in on_page.values() for name in names}):
+            for ending, text in script(name).items():
                 place = out / "_static" / "simulations" / f"{name}{ending}"
                 place.write_text(text, encoding="utf-8")
     for name in _LEFT_OUT:
         (out / name).unlink(missing_ok=True)
     (out / "_sources").rmdir()
-    faults, loaded = broken(out), _loaded(out)
+    known = functools.cache(read)
+    faults, loaded = broken(out, known), _loaded(out, known)
     # Only a site without faults replaces the one that is there.
     if faults:
         raise Unbuildable(faults)
@@ -409,11 +364,11 @@ def _title(source: Path) -> str:
     return title_match[1] if title_match else text.partition("\n")[0]
 
 
-def _loaded(site: Path) -> set[Path]:
+def _loaded(site: Path, known: Callable[[Path], _Read]) -> set[Path]:
     """Return the files that the pages of a site show or link to."""
     return {
         (page.parent / unquote(urlsplit(address).path)).resolve()
         for page in site.glob("*.html")
-        for address in [*read(page).loaded, *read(page).links]
+        for address in [*known(page).loaded, *known(page).links]
         if not urlsplit(address).scheme
     }

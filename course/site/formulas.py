@@ -3,6 +3,7 @@
 `latex2mathml` converts; what it only passes through, a command that it does not know, is refused.
 """
 
+import functools
 import html
 import re
 from xml.etree import ElementTree
@@ -41,6 +42,7 @@ _PART = re.compile(
 )
 
 
+@functools.cache  # a claim stands on its chapter's page and on that of all claims
 def mathml(tex: str, block: bool = False) -> str:
     """Return a formula in LaTeX as a MathML element, which keeps the LaTeX as its text for readers.
 

@@ -21,6 +21,7 @@ from nbformat import NotebookNode
 from PIL import Image
 
 from course import Chapter
+from course.cards import draws
 from course.simulations import LIVE_TAG, declaration
 from course.simulations.model import Model
 from course.site import modules
@@ -61,7 +62,6 @@ _LAB = "in a copy of this page, which <code>make lab</code> opens"
 _NEEDS = {
     "check": "Grading needs Python: <code>drills start {name}</code> in a terminal writes the "
     f"starter, <code>drills check {{name}}</code> grades it; or run this cell {_LAB}.",
-    "checkpoint": f"Formula answers need Python, which compares them with the right one {_LAB}.",
     "answer": f"Formula answers need Python, which compares them with the right one {_LAB}.",
     "badges": f"What you have solved is kept by Python: <code>drills status</code>, or {_LAB}.",
     "TradeOff": f"To drag the tolerance needs Python: run this cell {_LAB}.",
@@ -338,7 +338,13 @@ def page(path: Path, vocabulary: Sequence[str] = (), chapter: Chapter | None = N
             if "remove-input" in cell.metadata.get("tags", ()) and not cell.outputs:
                 continue  # imports: nothing to read, nothing to see
             shown = len(made.simulations)
-            cell.outputs = _outputs(made, cell, film, place)
+            name, arguments = called(cell.source)
+            if name == "checkpoint":
+                # The page draws the questions itself; there is nothing to type into a cell.
+                pool = draws.offered(arguments[0])
+                cell.outputs = [nbformat.v4.new_output("display_data", {"text/markdown": pool})]
+            else:
+                cell.outputs = _outputs(made, cell, film, place)
             # A film belongs to the next simulation only.
             film = None if len(made.simulations) > shown else film
             for output in cell.outputs:

@@ -1,5 +1,5 @@
-// What a page of the site does by itself: it remembers the answers to its cards, counts them, and
-// enlarges a picture. The simulations are live.js.
+// What a page of the site does by itself: it remembers the answers to its cards, counts them, draws
+// the questions of a checkpoint, and enlarges a picture. The simulations are live.js.
 
 "use strict";
 (() => {
@@ -126,6 +126,140 @@
       total.textContent = `All chapters: ${inWords(counted)}.`;
       button.hidden = !counted.given;
     });
+  }
+
+  // --- The checkpoint of a chapter -----------------------------------------------------------------
+
+  const CHECKPOINT = "course.checkpoint"; // in localStorage: topic -> { seed, answers, passed }
+  // As in `course.cards.draws`, which draws the same questions in a notebook.
+  const PARTS = { derive: 1, estimate: 1, formula: 1, claim: 2 };
+
+  // FNV-1a with the finaliser of MurmurHash3, on 32 bits.
+  function rank(seed, key) {
+    let h = 0x811c9dc5;
+    for (const letter of `${seed}/${key}`) h = Math.imul(h ^ letter.charCodeAt(0), 0x01000193);
+    h = Math.imul(h ^ (h >>> 16), 0x85ebca6b);
+    h = Math.imul(h ^ (h >>> 13), 0xc2b2ae35);
+    return (h ^ (h >>> 16)) >>> 0;
+  }
+
+  // No two questions of a draw share a claim, and its claims have different verdicts.
+  function drawn(questions, seed) {
+    const ranked = questions.map((one) => [rank(seed, one.dataset.key), one]);
+    ranked.sort(([a, x], [b, y]) => a - b || (x.dataset.key < y.dataset.key ? -1 : 1));
+    const result = [];
+    for (const [part, count] of Object.entries(PARTS))
+      for (let k = 0; k < count; k += 1) {
+        const fits = ([, { dataset }]) =>
+          (dataset.part === part || (part === "formula" && dataset.part === "derive"))
+          && !result.some((other) => other.dataset.claim === dataset.claim)
+          && !(dataset.verdict && result.some((other) => other.dataset.verdict === dataset.verdict));
+        const next = ranked.find(fits);
+        if (next) result.push(next[1]);
+      }
+    return result;
+  }
+
+  let checkpoints = {}; // where nothing may be stored, they last as long as the page
+  function readCheckpoint(topic) {
+    let stored = checkpoints;
+    try {
+      stored = JSON.parse(localStorage.getItem(CHECKPOINT)) ?? checkpoints;
+    } catch {
+      // Nothing may be stored here, or somebody else stored something.
+    }
+    const { seed, answers: given, passed } = Object(Object(stored)[topic]);
+    const good = ([, one]) => Array.isArray(one) && typeof one[0] === "string";
+    return {
+      seed: Number.isInteger(seed) && seed > 0 ? seed : 1,
+      answers: Object.fromEntries(Object.entries(Object(given)).filter(good)),
+      passed: passed === true,
+    };
+  }
+  function storeCheckpoint(topic, state) {
+    let all = checkpoints;
+    try {
+      all = Object(JSON.parse(localStorage.getItem(CHECKPOINT)) ?? checkpoints);
+    } catch {
+      // As above.
+    }
+    checkpoints = { ...all, [topic]: state };
+    try {
+      localStorage.setItem(CHECKPOINT, JSON.stringify(checkpoints));
+    } catch {
+      // A private window, or no room: see `checkpoints`.
+    }
+  }
+
+  function checkpoint(box) {
+    const { topic } = box.dataset;
+    const questions = [...box.querySelectorAll(".checkpoint-question")];
+    const words = make("span");
+    words.setAttribute("role", "status");
+    const again = make("button", { type: "button", textContent: "New questions" });
+    box.prepend(make("p", { className: "course-score" }, words, " ", again));
+
+    // The first answer to a question counts until others are drawn.
+    function give(question, answer, right) {
+      const state = readCheckpoint(topic);
+      if (state.answers[question.dataset.key]) return;
+      state.answers[question.dataset.key] = [answer, right];
+      const mine = drawn(questions, state.seed);
+      state.passed ||= mine.every((one) => state.answers[one.dataset.key]?.[1]);
+      storeCheckpoint(topic, state);
+      question.querySelector(":scope > details.why").open = true;
+      write();
+    }
+
+    function entry(question) {
+      const { value, factor, unit } = question.dataset;
+      const number = make("input", { type: "text", inputMode: "decimal", size: 10 });
+      number.setAttribute("aria-label", unit ? `Your estimate in ${unit}` : "Your estimate");
+      const send = make("button", { type: "submit", textContent: "Check" });
+      const form = make("form", { className: "checkpoint-entry" }, number, ` ${unit} `, send);
+      form.addEventListener("submit", (event) => {
+        event.preventDefault();
+        const typed = Number(number.value);
+        const wrong = number.value.trim() === "" || !Number.isFinite(typed);
+        number.setCustomValidity(wrong ? "Type a number, such as 0.25 or 2.5e-1." : "");
+        if (!form.reportValidity()) return;
+        const share = typed / Number(value);
+        const right = share > 0 && Math.abs(Math.log(share)) <= Math.log(Number(factor));
+        give(question, `${number.value.trim()} ${unit}`.trim(), right);
+      });
+      number.addEventListener("input", () => number.setCustomValidity(""));
+      question.querySelector(":scope > details.why").before(form);
+    }
+
+    for (const question of questions) {
+      if (question.dataset.part === "estimate") entry(question);
+      for (const option of options(question))
+        option.addEventListener("toggle", () => {
+          if (option.open) give(question, option.dataset.answer, option.dataset.right === "yes");
+        });
+    }
+    again.addEventListener("click", () => {
+      const { seed, passed } = readCheckpoint(topic);
+      storeCheckpoint(topic, { seed: seed + 1, answers: {}, passed });
+      for (const details of box.querySelectorAll("details")) details.open = false;
+      for (const form of box.querySelectorAll("form")) form.reset();
+      write();
+    });
+
+    function write() {
+      const { seed, answers: given, passed } = readCheckpoint(topic);
+      const mine = drawn(questions, seed);
+      for (const question of questions) {
+        question.hidden = !mine.includes(question);
+        mark(question, given[question.dataset.key]);
+      }
+      for (const question of mine) box.append(question); // in the order of the draw
+      const results = mine.map((one) => given[one.dataset.key]).filter(Boolean);
+      const right = results.filter(([, good]) => good).length;
+      words.textContent = `Draw ${seed}: ${right} right of ${results.length} answered, `
+        + `${mine.length} questions. Checkpoint ${passed ? "passed" : "open"}.`;
+    }
+    shown.push(write);
   }
 
   // --- Where a reader was --------------------------------------------------------------------------
@@ -301,6 +435,7 @@
     for (const card of cards) listen(card);
     if (here.length) countHere();
     for (const place of document.querySelectorAll(".course-scores")) countChapters(place);
+    for (const box of document.querySelectorAll(".course-checkpoint")) checkpoint(box);
     const claims = [...document.querySelectorAll(".course-claim[data-verdict]")];
     if (claims.length) browse(claims);
     const doors = document.querySelector(".course-doors");
@@ -312,7 +447,7 @@
     }
     refresh();
     // An answer that is given in another window counts here too.
-    addEventListener("storage", (event) => event.key === KEY && refresh());
+    addEventListener("storage", ({ key }) => [KEY, CHECKPOINT].includes(key) && refresh());
     document.body.append(large);
     for (const image of document.querySelectorAll("article img"))
       if (!image.closest(".course-live, a")) enlarges(image);

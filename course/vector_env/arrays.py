@@ -62,7 +62,9 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             Observations, rewards, terminations and truncations, new arrays of num_envs rows.
         """
 
-    def _final_info(self, finished: NDArray[np.bool_], terminations: Any) -> dict[str, Any]:
+    def _final_info(
+        self, finished: NDArray[np.bool_], terminations: NDArray[np.bool_]
+    ) -> dict[str, Any]:
         """Return the last infos of episodes that just finished, arrays of num_envs rows."""
         return {}
 

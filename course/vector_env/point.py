@@ -234,7 +234,7 @@ class PointTask:
         draws = np.array([generator.random(4) for generator in generators])
         return self._put(draws, ids, self.p, self.v, self.goal, self.steps, self.numbers)
 
-    def move(self, actions: Any) -> Moved:
+    def move(self, actions: NDArray[Any]) -> Moved:
         """Advance all points by one step."""
         return self._step(self.p, self.v, self.goal, self.steps, actions, self.numbers)
 
@@ -278,7 +278,7 @@ class PointReach(Env[Array, NDArray[np.float32]]):
         super().reset(seed=seed)
         return self.task.start(np.zeros(1, np.intp), [self.np_random])[0], {}
 
-    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Push for one step."""
         observed, rewards, over, late = self.task.move(checked_batch(self._row, [action]))
         info = {"is_success": bool(over[0])} if over[0] or late[0] else {}
@@ -306,8 +306,10 @@ class PointReachVector(ArrayVectorEnv):
     def _start(self, ids: Ids, generators: list[np.random.Generator]) -> Array:
         return self.task.start(ids, generators)
 
-    def _move(self, actions: Any) -> Moved:
+    def _move(self, actions: NDArray[Any]) -> Moved:
         return self.task.move(actions)
 
-    def _final_info(self, finished: NDArray[np.bool_], terminations: Any) -> dict[str, Any]:
+    def _final_info(
+        self, finished: NDArray[np.bool_], terminations: NDArray[np.bool_]
+    ) -> dict[str, Any]:
         return {"is_success": terminations.copy()}

@@ -36,6 +36,7 @@ from gymnasium.vector.utils import (
     create_empty_array,
     iterate,
 )
+from numpy.typing import DTypeLike
 
 from course.check import count, invalid, positive
 from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces
@@ -92,7 +93,7 @@ class _Shared:
         if shareable(observation):
             self.observations = create_empty_array(observation, n, fn=self._array)
 
-    def _array(self, shape: Any, dtype: Any = np.float64) -> Any:
+    def _array(self, shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> Any:
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
         # Without memory this only adds up the sizes, for the block that is then allocated.
         n = int(np.prod(shape))

@@ -26,7 +26,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numba import types
 from numba.extending import register_jitable
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, invalid, one_of
 from course.compiled import MATRIX, compiled
@@ -186,13 +186,13 @@ class ReachTask:
         draws = np.array([generator.random(4) for generator in generators])
         return self._start(draws, ids, self.q, self.v, self.target, self.steps, self.arm)
 
-    def move(self, actions: Any, substeps: int) -> Moved:
+    def move(self, actions: NDArray[Any], substeps: int) -> Moved:
         """Move the closed-form arms, and judge."""
         return self._move(
             self.q, self.v, self.target, self.steps, actions, self.arm, self.max_steps, substeps
         )
 
-    def judge(self, actions: Any) -> Moved:
+    def judge(self, actions: NDArray[Any]) -> Moved:
         """Judge arms whose q and v somebody else has brought up to date."""
         return self._judge(
             self.q, self.v, self.target, self.steps, actions, self.arm, self.max_steps
@@ -257,7 +257,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
         self._placed()
         return observation, {}
 
-    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Advance the arm by one control step.
 
         Raises:
@@ -289,7 +289,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
     def _placed(self) -> None:
         """Called when the task has put the arm somewhere."""
 
-    def _move(self, actions: Any) -> Moved:
+    def _move(self, actions: NDArray[Any]) -> Moved:
         raise TypeError("this class moves nothing: use ArmReach or MujocoArmReach")
 
 
@@ -307,7 +307,7 @@ class ArmReach(SingleReach):
         super().__init__(arm, **task)
         self.substeps = count("substeps", substeps, 1)
 
-    def _move(self, actions: Any) -> Moved:
+    def _move(self, actions: NDArray[Any]) -> Moved:
         return self.task.move(actions, self.substeps)
 
 
@@ -343,7 +343,9 @@ class ReachVector(ArrayVectorEnv):
     def _start(self, ids: Ids, generators: list[np.random.Generator]) -> Array:
         return self.task.start(ids, generators)
 
-    def _final_info(self, finished: NDArray[np.bool_], terminations: Any) -> dict[str, Any]:
+    def _final_info(
+        self, finished: NDArray[np.bool_], terminations: NDArray[np.bool_]
+    ) -> dict[str, Any]:
         return {"is_success": terminations.copy()}
 
     def render(self) -> Any:
@@ -380,5 +382,5 @@ class ArmReachVector(ReachVector):
         self.substeps = count("substeps", substeps, 1)
         super().__init__(num_envs, arms, **task)
 
-    def _move(self, actions: Any) -> Moved:
+    def _move(self, actions: NDArray[Any]) -> Moved:
         return self.task.move(actions, self.substeps)

@@ -16,8 +16,8 @@ from typing import Any
 
 import click
 
-from course import json_store
 from course.interview import scenarios
+from drills import json_store
 from drills.interview import listen, read_line
 from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import Terminal, wrapped

@@ -20,10 +20,9 @@ import anywidget
 import ipywidgets
 import traitlets
 
-from course import json_store
 from course.cards import tex
 from course.check import one_of
-from drills import workspace
+from drills import json_store, workspace
 from drills.interview import store
 from drills.interview.deck import KINDS, Entry, deck, judge, sides
 from drills.interview.store import AGAIN, GOOD, RATINGS

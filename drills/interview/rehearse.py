@@ -15,12 +15,12 @@ from typing import Any
 
 import click
 
-from course import CHAPTERS, json_store
+from course import CHAPTERS
 from course.derivations.records import figure
 from course.interview import rehearsal, scenarios
 from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
 from drills import cards as catalogue
-from drills import commands, task_text, workspace
+from drills import commands, json_store, task_text, workspace
 from drills.chapters import notebook_of
 from drills.feedback import clean
 from drills.interview import LONGEST_LINE, deck, listen, read_line, store, was_cut

@@ -10,9 +10,8 @@ from typing import Any
 
 import click
 
-from course import json_store
 from drills import cards as catalogue
-from drills import commands, task_text, workspace
+from drills import commands, json_store, task_text, workspace
 from drills.interview import listen, read_line, store
 from drills.interview.deck import Entry, deck, judge, sides
 from drills.interview.rehearse import EVERY, chapters_of

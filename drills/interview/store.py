@@ -1,7 +1,7 @@
 """How well each card is known: `reviews.json` beside the progress, and the next time it is asked.
 
 When that is comes from the library fsrs (a model of memory; the chance to recall is kept at nine in
-ten). The file holds its state of each card and what was rated. `course.json_store` says how it is
+ten). The file holds its state of each card and what was rated. `drills.json_store` says how it is
 read and written: two terminals at once lose nothing, and a damaged file is put aside.
 """
 
@@ -14,10 +14,10 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
-from course import json_store
 from course.check import invalid
-from course.json_store import Damaged
+from drills import json_store
 from drills.interview.deck import Entry
+from drills.json_store import Damaged
 
 RATINGS = {1: "again", 2: "hard", 3: "good", 4: "easy"}
 AGAIN, HARD, GOOD, EASY = RATINGS

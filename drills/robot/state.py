@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from course import json_store
-from course.json_store import Problem
-from drills import interrupts
+from drills import interrupts, json_store
+from drills.json_store import Problem
 from drills.robot import store, unfinished
 from drills.robot.holders import Holder, holders
 from drills.robot.levels import LEVELS

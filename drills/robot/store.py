@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from course import json_store
-from course.json_store import Damaged
+from drills import json_store
+from drills.json_store import Damaged
 
 RUNS = 300  # that are stored, the newest
 

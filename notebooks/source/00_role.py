@@ -801,14 +801,8 @@ interview("role")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas to derive. The second one stands in an answer above, so try it with that answer closed. The third needs
-# one more fact: the integral of a swing lags behind it by a quarter of a cycle. The gate opens when all three are
-# right.
+# Five questions on this chapter, drawn by a seed. Where a gain is asked for: the integral of a swing lags behind it
+# by a quarter of a cycle.
 
 # %%
-checkpoint(
-    "role",
-    queue_carries_overload="",
-    losses_add_up="",
-    rate_is_bandwidth="",
-)
+checkpoint("role", ["", "", "", "", ""], seed=1)

@@ -972,9 +972,32 @@ more_claims(
 # One program has to run a robot's controller, its camera and the physics at different rates. It performs seven tasks:
 # it reads the **sensors**, exposes the **camera**, asks the **controller** for a command, collects the **forces**,
 # **integrates** the state, detects **collisions**, and now and then **renders** an image for the screen. The physics
-# step is fixed, and the loop schedules the other tasks by counting physics steps. The drawing shows three of the rates:
+# step is fixed, and the loop schedules the other tasks by counting physics steps. The drawing shows the order and three
+# of the rates:
 # %% tags=["hide-code"]
-figure_, axes_ = plt.subplots(figsize=(10, 2.6), layout="constrained")
+figure_, (order_, axes_) = plt.subplots(
+    2, 1, figsize=(10, 4.0), height_ratios=(1.0, 2.2), layout="constrained"
+)
+order = ("sensors", "camera", "controller", "forces", "integration", "collisions", "rendering")
+due = ("camera", "controller", "rendering")  # not in every step
+arrow = {"arrowstyle": "-|>", "color": "0.2"}
+for k, task in enumerate(order):
+    box = {"boxstyle": "round,pad=0.4", "fc": "#e8eaf6" if task in due else "#cfe3f2", "ec": "0.3"}
+    order_.text(k, 0, task, ha="center", va="center", fontsize=9, bbox=box)
+    if k:
+        order_.annotate("", (k - 0.38, 0), (k - 0.6, 0), arrowprops=arrow)
+order_.plot([6, 6, 0, 0], [-0.45, -1.1, -1.1, -0.75], color="0.2", lw=1)
+order_.annotate("", (0, -0.45), (0, -0.85), arrowprops=arrow)
+order_.text(
+    3.0,
+    -1.0,
+    "repeated 1,000 times per second; pale: only in steps in which it is due",
+    ha="center",
+    va="bottom",
+    fontsize=9,
+)
+order_.set(xlim=(-0.6, 6.6), ylim=(-1.25, 0.5))
+order_.axis("off")
 for row, (period, colour) in enumerate(
     ((1000 / 60, "tab:purple"), (2.0, "tab:orange"), (1.0, "tab:blue"))
 ):
@@ -2037,11 +2060,6 @@ interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas to derive from what is on this page.
+# Five questions on this chapter, drawn by a seed.
 # %%
-checkpoint(
-    "rigid_body",
-    verlet_frequency="",
-    explicit_growth_per_second="",
-    mujoco_damped_limit="",
-)
+checkpoint("rigid_body", ["", "", "", "", ""], seed=1)

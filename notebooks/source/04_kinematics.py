@@ -246,8 +246,8 @@ _ = axis.legend(fontsize=10, loc=(0.53, 0.27))
 plt.show()
 
 # %% [markdown]
-# The numbers are those of the frames. Two frames may share one origin, as 1 and 2 do: only the direction of $z$ changes
-# there. The next frame stands $d$ along this frame's $z$, then $a$ along its own $x$.
+# The numbers are those of the frames. Two frames may share one origin, as 1 and 2 do: only the axes turn there. The
+# next frame stands $d$ along this frame's $z$, then $a$ along its own $x$.
 #
 # The **product of exponentials** needs no frame between base and tip. It describes each joint by a **screw**. For a
 # revolute joint, that is the axis in space about which it turns. The velocity of a rigid body is a **twist** $V =
@@ -448,7 +448,7 @@ for i in range(2):
 # motors must supply $\tau = -J^\mathsf{T}F$ to hold still, in addition to what the weight of the links needs.
 #
 # **Worked example.** Hang a weight of 10 N on the tip, $F = (0, -10)$ N. Then $-J^\mathsf{T}F = (8.66,\; 0)$ N m. For
-# this weight the shoulder holds 10 N at a lever arm of 0.866 m. The elbow is directly below the weight and feels
+# this weight the shoulder holds 10 N at a lever arm of 0.866 m. The elbow is directly below the tip and feels
 # nothing.
 #
 # The cell checks both uses of $J$ on the 7-R arm:
@@ -843,8 +843,8 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**, zero
 # with the elbow straight above the line. To find it, look for the direction of axis 5, which passes through the wrist.
 # It lies in the plane of the triangle, at a known angle to the line from shoulder to wrist. While the triangle turns,
-# it runs over a cone about this line. It is also perpendicular to axis 6, so it lies in a plane. Cone and plane meet in
-# two lines or in none.
+# the direction of axis 5 sweeps a cone about this line. It is also perpendicular to axis 6, so it lies in a plane. Cone
+# and plane meet in two lines or in none.
 #
 # With two bends of the elbow and two postures of the shoulder, each angle of the last joint allows up to eight
 # postures.
@@ -931,8 +931,8 @@ plt.show()
 #
 # *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. The link's own
 # force acts at its centre of mass, the passed-on one at the next joint. Each force $f$, at $r$ from this joint, adds
-# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. In a lift that
-# accelerates upwards everything feels heavier, so let the base accelerate upwards at $g$ instead.
+# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. For gravity, let
+# the base accelerate upwards at $g$.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
@@ -953,8 +953,8 @@ print("torques that only hold the arm up [N m]:", listed(held))
 
 # %% [markdown]
 # A second test is energy. A falling arm without motors and friction keeps it, so with RK4 from chapter 1 the drift must
-# fall by a factor of about $2^4 = 16$ when the step is halved. If a wrong $h$ changes the energy, the drift
-# stays:
+# fall by a factor of about $2^4 = 16$ when the step is halved. If an error in the bias $h$ changes the energy,
+# a smaller step does not reduce the drift:
 
 # %% tags=["hide-code"]
 fall = rigid_body.System("arm", kinematics.acceleration, kinematics.pack(free), q, v)
@@ -1163,8 +1163,8 @@ for attempt in (
 # ## 4 · The simulation in full
 #
 # Click or drag to set the target, inside or outside the ring; the arrow keys move it by five centimetres. Choose the
-# step rule, the damping, and the units of the condition number. Before you choose a preset, predict what the numbers
-# below the picture will do:
+# step rule, the damping, and the unit of length in which the Jacobian is written. Before you choose a preset, predict
+# what the numbers below the picture will do:
 #
 # 1. *Stretched, target inward*: which of the five step rules moves?
 # 2. *Target out of reach*: what does the smallest value do? What changes with the pseudo-inverse?
@@ -1264,8 +1264,8 @@ figures(read("ik_success"), summary="Steps, starts, and poses solved per second"
 
 # %% [markdown]
 # Joint limits in every step and restarts decide *whether* a pose is solved. Full steps instead of tenths make the same
-# loop several times as fast. A start from the table saves steps, but its look-up costs time. It pays only for ordinary
-# poses that are solved in one batch.
+# loop several times as fast. A start from the table saves steps, but its look-up costs time. Here it pays only for
+# the large batch of ordinary poses.
 #
 # ### Which step for which tolerance?
 #
@@ -1734,7 +1734,7 @@ for name, point in (("at the tool", longer.tool[:3]), ("at the flange", flange))
 # comparison with finite differences, but not in the remaining error. (With a flipped sign the loop would not converge.)
 # The same matrix also turns forces into torques, printed here for the first three joints. Nothing corrects those.
 #
-# Now find a bug yourself. The next function reports success every time, and on the robot it tears a cable.
+# Now find a bug yourself. The next function returns angles every time, and on the robot it tears a cable.
 
 # %%
 card("wrist_ik")
@@ -1883,8 +1883,8 @@ figures(read("learned_seeds"), summary="Poses solved and solutions covered")
 
 # %% [markdown]
 # The network needs as many steps as the lookup table. Neither covers clearly more solutions than random starts, whose
-# curve is hidden behind the table's; the network covers fewer at 16 and 32 starts. Here, ten seconds of training
-# brought no advantage.
+# curve is hidden behind the table's; the network covers fewer from 16 starts on. Here, ten seconds of training
+# brought no advantage over the table.
 #
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so gradients pass through it: from
 # a loss on a grasp or an image back to joint angles, and even to link lengths. PyTorch computes the Jacobian of section
@@ -1910,14 +1910,7 @@ interview("kinematics")
 # %% [markdown]
 # ### Checkpoint
 #
-# These three formulas are not written out on this page, but you can derive them from what is: the coupling entry
-# $M_{12}$ of the mass matrix of two rods, the radius of the hole when the elbow has a limit, and the pseudo-inverse
-# step close to a singularity. The checkpoint is passed when all three are correct.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
-checkpoint(
-    "kinematics",
-    two_link_mass_matrix="",
-    reachable_annulus="",
-    pseudo_inverse_beside="",
-)
+checkpoint("kinematics", ["", "", "", "", ""], seed=1)

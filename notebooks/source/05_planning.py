@@ -1863,8 +1863,8 @@ interview("planning")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page; you can derive them from what is. The tube's curve in the left chart of
-# section 7, at dimension 3, tests the second one. The gate opens when all three are right.
+# Five questions on this chapter, drawn by a seed. The tube's curve in the left chart of section 7, at dimension 3,
+# tests the formula for a passage.
 
 # %%
-checkpoint("planning", thin_wall_missed="", passage_in_more_dimensions="", informed_area="")
+checkpoint("planning", ["", "", "", "", ""], seed=1)

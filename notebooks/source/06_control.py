@@ -2017,14 +2017,7 @@ interview("control")
 # %% [markdown]
 # ### Checkpoint
 #
-# Derive three formulas from this page: the closed-loop equation of the joint, the springs in contact, and
-# the torque of gravity on a pendulum. The chapter counts as passed when all
-# three are right.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
-checkpoint(
-    "control",
-    tenth_of_p="",
-    critical_in_contact="",
-    high_gain_catches="",
-)
+checkpoint("control", ["", "", "", "", ""], seed=1)

@@ -363,7 +363,7 @@ predict("twice_as_far")
 # steps of $q$ pixels adds an error that is nearly uniform between $-q/2$ and $q/2$. Its variance is the mean of $x^2$
 # over that interval, $q^2/12$. So $s$ becomes $\sqrt{s^2 + q^2/12}$, as long as $s$ is not small compared with $q$.
 # The upper right panel of the chart below shows what happens when it is. A second-order effect is left, because $1/d$
-# is curved; the checkpoint asks for it.
+# is curved; the checkpoint may ask for it.
 #
 # </details>
 
@@ -1820,8 +1820,7 @@ interview("perception")
 # %% [markdown]
 # ### Checkpoint
 #
-# Three formulas that are not on this page. You can derive them from what is. The checkpoint is passed when all three
-# are right.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
-checkpoint("perception", depth_bias="", farthest_part="", fit_residual="")
+checkpoint("perception", ["", "", "", "", ""], seed=1)

@@ -460,6 +460,19 @@ table(*rows)
 # minibatches for 2,048 steps) would make 156; we did not chart them.
 #
 # </details>
+#
+# <details><summary>Offline reinforcement learning: a log and no robot</summary>
+#
+# An offline learner never acts. It improves a policy from a fixed log. An off-policy method can be run like this, and
+# then fails as described above: its critic overestimates actions that the log does not contain, its policy prefers just
+# these, and no new step corrects them. The remedies stay close to the log. Conservative Q-learning (Kumar and others,
+# 2020) lowers the values of actions that the log lacks. Implicit Q-learning (Kostrikov and others, 2021) never
+# evaluates them. TD3+BC (Fujimoto and Gu, 2021) adds a term for cloning to the policy's loss.
+#
+# If all of the log shows one good way, compare with plain cloning first. Offline learning can gain where good and bad
+# actions are mixed and their rewards are stored. We ran none of these methods.
+#
+# </details>
 
 # %%
 more_claims("next_row", "beyond_the_clip")
@@ -1055,7 +1068,7 @@ show("react_less")
 # further, in proportion to $\sqrt{k}$. Changes of side are too rare, though, to explain most of the failures at $k =
 # 1$. What causes the others, the chart does not show.
 #
-# How many demonstrations does this need? Enough to show even the rarest way; in the checkpoint you compute the chance
+# How many demonstrations does this need? Enough to show even the rarest way; the checkpoint may ask for the chance
 # that it is missing. And look for pauses: a person who waits shows one state with two labels, *wait* and *go*.
 
 # %%
@@ -1649,6 +1662,20 @@ your_robot(9)
 # (From abstracts, project pages and summaries by others; we ran none of them.) Octo and pi-0 put one of this
 # chapter's heads behind a large encoder.
 #
+# <details><summary>After cloning: fine-tuning such a model with rewards or preferences</summary>
+#
+# Cloning copies demonstrations with their mistakes, and no failure enters its loss. Two further stages use failures.
+# With **reinforcement learning** the model attempts the task, mostly in simulation, and a reward for success drives a
+# policy gradient as in section 1. With **preferences** somebody, or a rule, says which of two attempts was better. A
+# loss such as DPO (Rafailov and others, 2023) then raises the probability of the better one relative to the worse one,
+# compared with the model from before. GRAPE (Zhang and others, 2024) does this for whole trajectories.
+#
+# Both stay near the cloned model, because a policy that moves far away can find actions that satisfy the reward
+# or the judge and not the task. Liu and others (2025) compared such methods on one model, and found PPO more effective
+# than DPO. (We read these three as abstracts and ran none of them: such models need a large GPU.)
+#
+# </details>
+#
 # ### Why do chunks help? Three explanations
 #
 # A chunk could help because it keeps one mode, because it makes fewer decisions, or because its later actions are
@@ -1762,7 +1789,7 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Three formulas that are not on this page; you can derive them from what is. The gate opens when all three are right.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
-checkpoint("learning", clone_error_grows="", ways_missed="", ensembling_averages="")
+checkpoint("learning", ["", "", "", "", ""], seed=1)

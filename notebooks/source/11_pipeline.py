@@ -1035,9 +1035,11 @@ Markdown(f"Replays alone were wrong in these runs: {wrong}. What they named ther
 #
 # Two things in this table do not exist on a robot. The contract of perception compares each image with the *true*
 # target. And a replay repeats the same noise with an *ideal* stage. Without the true target the contracts miss the
-# three faults of perception among the ten, though they still name the others. On hardware you are left with three
-# things: the contracts that need only the log; a second, better measurement of the target, if only in a test cell; and
-# recorded inputs of one stage, run through that stage again.
+# three faults of perception among the ten, though they still name the others. So the score to expect of this diagnosis
+# on a robot is that of the row *contracts without the true target*, which takes no replay.
+#
+# On hardware you are left with three things: the contracts that need only the log; a second, better measurement of the
+# target, if only in a test cell; and recorded inputs of one stage, run through that stage again.
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
 # also cures a physics step that is too large. Replays try perception, age, planning, physics and control, in this
@@ -1820,8 +1822,7 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Three formulas that are not on this page; you can derive them from what is. Not every letter is needed. The gate opens
-# when all are right.
+# Five questions on this chapter, drawn by a seed. Not every symbol is needed.
 
 # %%
-checkpoint("pipeline", swings_die="", overrun_ages="", latency_is_not_age="")
+checkpoint("pipeline", ["", "", "", "", ""], seed=1)

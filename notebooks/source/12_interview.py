@@ -401,7 +401,7 @@ for name, given in one.given().items():
 # Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it by the square root of two only.
 # The reason is energy. At the deepest point the whole kinetic energy of the effective mass is stored in the spring of
 # the contact. From that sentence you can derive the formula for the peak force, and the checkpoint at the end of this
-# page asks you to.
+# page may ask you to.
 #
 # ### Stop when you feel ten newtons
 #
@@ -800,6 +800,15 @@ Markdown("\n".join(rows))
 # lines of a unit test. Choose its tolerance and its time step with care. A **false alarm** is a correct implementation
 # that the check rejects, and after three of them the team switches the check off.
 #
+# <details><summary>Four invariants of the module that no exhibit needs</summary>
+#
+# `norm_error`: unit vectors, such as quaternions, have the length 1. `inertia_error`: an inertia tensor is symmetric,
+# and no principal moment exceeds the sum of the other two. `shift_error`: far from fixed objects, a motion that begins
+# elsewhere is the same motion, moved. `saturation_error`: what a controller commands after its actuator was at a limit
+# does not depend on how long it was there; with windup it does.
+#
+# </details>
+#
 # ## 7 · Frontier: classical or learned, and what to read
 #
 # "Would you learn this or write it by hand?" is a good last question. It cannot be answered in general, but it can be
@@ -1027,15 +1036,16 @@ mine = ""
 print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 
 # %% [markdown]
-# Three formulas to derive yourself, with one idea for each:
+# Five questions on this chapter, drawn by a seed.
 #
-# 1. The peak force of a contact. All kinetic energy is in the spring (section 2).
-# 2. Two actions: how does the mean reward change with the score $\theta$ of the first? Its probability is the logistic
-#    function of the score, $p = 1/(1 + e^{-\theta})$. Start with the mean reward as a function of $p$, then
-#    use the chain rule.
-# 3. The noise of a derivative that is computed from two noisy samples. Variances of independent errors add up.
+# <details><summary>Ideas for three of the formulas</summary>
 #
-# The chapter counts as completed when all three are right.
+# - The peak force of a contact: all kinetic energy is in the spring (section 2).
+# - The derivative of a mean reward: start with the mean reward as a function of the probability $p$, which is the
+#   logistic function of the score, $p = 1/(1 + e^{-\theta})$, then use the chain rule.
+# - The noise of a derivative that is computed from two noisy samples: variances of independent errors add up.
+#
+# </details>
 
 # %%
-checkpoint("interview", stop_at_ten_newtons="", loss_of_a_policy="", derivative_is_filtered="")
+checkpoint("interview", ["", "", "", "", ""], seed=1)

@@ -66,6 +66,7 @@ def test_swaps_are_the_pairs_out_of_order():
     assert sweep.swaps == 0
 
 
+@pytest.mark.prove
 def test_the_grid_tests_a_fixed_number_a_box():
     rng = np.random.default_rng(2)
     shares = [contact.uniform_grid(broad.crowd("spread", n, rng))[1] / n for n in (1000, 10_000)]

@@ -54,6 +54,7 @@ def from_rest(**values):
     return np.array(run.state["force"]), np.array(run.state["v"]) / friction_cone.STEP
 
 
+@pytest.mark.prove
 @examples(60)
 @given(st.fixed_dictionaries(pulls))
 def test_the_force_balances_the_pull_or_lies_on_the_cone(values):
@@ -219,6 +220,7 @@ def test_a_key_makes_one_sweep_and_the_velocities_are_those_of_the_impulses():
 # --- stopping distances ---------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("pyramid", [stopping_distance.INSIDE, stopping_distance.AROUND])
 @pytest.mark.parametrize("angle", [0.0, 17.0, 45.0, 80.0, -100.0, 160.0])
 def test_a_pyramids_block_goes_where_the_solver_takes_it(pyramid, angle):
@@ -287,6 +289,7 @@ def posed(rng, **values):
     return simplex.CONTROLS.new(**values), simplex.B_SHAPES[values["shape"]]
 
 
+@pytest.mark.prove
 def test_the_result_is_the_distance_or_the_depth_of_the_chapter():
     rng = np.random.default_rng(8)
     a, signs = contact.points(simplex.A_SHAPE[:2]), set()

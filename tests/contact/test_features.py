@@ -26,7 +26,7 @@ def area(points):
     return abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) / 2.0
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("sink", [0.01, 0.0, -0.01])
 @pytest.mark.parametrize("swap", [False, True])
 def test_the_faces_of_stacked_boxes_meet_in_their_common_polygon(sink, swap):

@@ -30,7 +30,7 @@ def test_the_broad_phase_has_the_exponents_of_theory():
     }
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_narrow_phase_is_exact_where_coal_is_not():
     apart, inside, boxes = charts.build("narrow_phase", count=50, repeats=1, boxes=100)
     for rival in ("Coal, one call for all", "Coal, a call a pair"):
@@ -39,7 +39,7 @@ def test_the_narrow_phase_is_exact_where_coal_is_not():
     assert np.max(boxes["Coal, default tolerance"].y) > 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_walls_leak_by_two_limits():
     (panel,) = charts.build("tunnelling_limit", steps=(1e-3, 2e-3), grid=27, phases=2)
     speeds = 400.0 ** (1 / 26)

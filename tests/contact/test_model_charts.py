@@ -38,7 +38,7 @@ def test_a_sentence_fails_on_another_table(table: charts.Panel) -> None:
     assert sum(broken) >= len(broken) - 1
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_table_has_every_model_and_mujocos_rows(table: charts.Panel) -> None:
     for scene in models.QUESTIONS:
         named = {row[1] for row in table.data if row[0] == scene}
@@ -67,6 +67,7 @@ def test_a_table_stands_by_any_forces_that_carry_it() -> None:
         assert forces[f"MuJoCo {solver}"] == pytest.approx(forces["MuJoCo Newton"], abs=1e-6)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("scene", ["heavy", "glass"])
 def test_mujoco_is_compared_at_its_best_and_not_by_its_defaults_alone(scene: str) -> None:
     """Under 100 kg and in two fingers MuJoCo misses by default, and is good once hardened."""
@@ -162,7 +163,7 @@ def test_pyramids_steer_and_cones_do_not() -> None:
         assert turned[label].y == pytest.approx([0.0] * 3, abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_gradients_before_touch_behind_it_and_of_the_wrong_sign() -> None:
     push, bounce = charts.build("contact_gradients", points=7, draws=20)
     speeds = np.array(push["rigid"].x)
@@ -177,7 +178,7 @@ def test_gradients_before_touch_behind_it_and_of_the_wrong_sign() -> None:
     assert np.polyfit(x, y, 1)[0] == pytest.approx(1.0, abs=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_work_precision_of_a_scene_picks_what_is_good() -> None:
     names = ("penalty", "exact pyramid (LCP)", "true cone (Newton)", "MuJoCo Newton, elliptic")
     result = models.work_precision("braking", (1e-2, 5e-3, 2.5e-3), 1, names)

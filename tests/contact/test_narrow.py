@@ -244,7 +244,7 @@ turns = st.tuples(angles, angles, angles)
 shares = st.sampled_from([0.0, 1e-14, 1e-9, 1e-3, 0.5, 1.0, 1.0 + 1e-12, 2.0])
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @given(any_shape(), any_shape(), turns, turns, st.tuples(shares, shares, shares))
 @examples(300)
 def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where):

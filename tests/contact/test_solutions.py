@@ -234,6 +234,7 @@ def stack_case(label, seed):
     return next(case for case in drawn if case.label == label)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "label",
     ["one box", "two boxes", "one box that slides", "two boxes, the upper one lifts off"],

@@ -86,6 +86,17 @@ def test_a_step_of_xpbd_is_implicit_euler_of_the_spring():
     assert q[0] == pytest.approx(x + h * truth, rel=1e-9)
 
 
+@pytest.mark.parametrize("substeps", [1, 4, 20])
+def test_xpbd_ejects_a_ball_that_starts_deep_with_its_depth_over_the_substep(substeps):
+    depth, dt = 0.01, 1e-3
+    ((q, v),) = xpbd_steps(scenes.ball_drop(-depth), dt, 1, substeps=substeps)
+    # All of the overlap is removed in the first sub-step; after that the ball flies freely.
+    h = dt / substeps
+    assert v[0] == pytest.approx(depth / h - (substeps - 1) * h * GRAVITY, rel=1e-9)
+    flight = sum(depth / h - k * h * GRAVITY for k in range(1, substeps)) * h
+    assert q[0] == pytest.approx(flight, rel=1e-9, abs=1e-15)
+
+
 def test_a_contact_of_xpbd_does_not_pull():
     """A ball that is thrown up flies freely."""
     scene = replace(scenes.ball_drop(0.0), v=np.array([1.0]))

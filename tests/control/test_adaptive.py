@@ -125,6 +125,7 @@ def test_the_joint_is_lost_when_the_estimate_passes_the_limit_of_pd() -> None:
     assert ((lost - passed) * DT < 1.0).all()
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "cures",
     [

@@ -47,6 +47,7 @@ def test_inertia_friction_and_gravity_come_back():
         assert (result.deviation < 0.02 * numbers).all()
 
 
+@pytest.mark.prove
 def test_the_exactly_solved_joint_with_an_encoder_comes_back():
     t = 1e-3 * np.arange(8000)
     target = 0.9 * np.sin(1.3 * t) + 0.4 * np.sin(4.1 * t + 1.0)
@@ -135,6 +136,7 @@ def test_a_wrong_torque_limit_is_found_on_both_sides(believed, actual):
     assert report.values["limit"] == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3])
 def test_a_log_without_a_fault_raises_no_alarm(noise):
     """The threshold was measured: 50 joints for each noise, a quarter of them without friction."""

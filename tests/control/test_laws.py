@@ -49,6 +49,7 @@ def drawn(seed, count=None):
 # --- joints ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 @examples(25)
 @given(seeds)
 def test_laws_of_joints_are_pinocchios_torques(seed):
@@ -126,7 +127,7 @@ def test_two_links_are_their_chain():
     assert relative(result, whole) < 1e-13
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("w", [4.0, 10.0])
 @pytest.mark.parametrize("ratio", [0.8, 1.25])
 def test_a_wrong_inertia_leaves_the_error_of_theory(w, ratio):
@@ -185,7 +186,7 @@ def test_friction_compensation_is_odd_and_has_its_limits():
 # --- adaptive -------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_the_adaptive_laws_function_falls_by_its_damping(gravity):
     arm = TwoLink(payload=0.4, damping=(0.3, 0.1), gravity=gravity)
@@ -225,7 +226,7 @@ def test_the_adaptive_laws_function_falls_by_its_damping(gravity):
     assert values[-1] < 0.95 * start
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_adaptive_law_learns_to_track_where_the_wrong_model_does_not():
     wrong = TwoLink(gravity=9.81)
     law = laws.Adaptive(wrong, 10.0, 5.0, 2.0, 1e-3, wrong.parameters)
@@ -375,7 +376,7 @@ class Plain:
         return self.law(*state)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("limit", [np.inf, [6.0, 3.0]])
 def test_the_compiled_loop_is_the_python_loop_and_mujocos(kind, limit):

@@ -19,7 +19,7 @@ def test_delay_and_hold_are_theorys_and_the_simulator_hides_the_hold():
     assert read.y[0] > 1000 * steps.lines[0][1] and read.y[1] == pytest.approx(1111, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_triangles_are_the_closed_forms_and_the_servo_has_others():
     loops, servo = build("pd_triangles", points=9)
     for series in loops.series[:3]:
@@ -41,7 +41,7 @@ def test_a_rate_pays_with_lag_or_with_noise():
         assert np.all(np.diff(series.x) > 0) and np.all(np.diff(series.y) < 0)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_a_weak_motor_catches_up_to_the_arcsine(share):
     assert limits.edge_of_rest(share, linear=True) == pytest.approx(share, abs=1e-5)
@@ -84,6 +84,7 @@ def test_the_rows_of_ziegler_and_nichols_and_what_to_do_instead():
         assert abs(value) < 1e-12
 
 
+@pytest.mark.prove
 def test_the_first_peak_is_the_masss_and_the_walls_while_the_law_is_soft():
     (panel,) = build("contact_regimes", points=3)
     for series in panel.series:

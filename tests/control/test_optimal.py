@@ -61,6 +61,7 @@ def test_a_mode_that_no_law_can_stop_or_that_costs_nothing_is_named():
     assert lqr(A, [[1.0], [0.0]], np.diag([1.0, 0.0]), [[1.0]]).radius < 1.0
 
 
+@pytest.mark.prove
 @examples(120)
 @given(seeds)
 def test_the_box_is_scipys_active_set(seed):

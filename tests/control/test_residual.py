@@ -37,7 +37,7 @@ def test_waves_fit_what_they_span_and_a_smooth_function_nearly():
     assert result.waves(x[:, 7]) == pytest.approx(result.waves(x)[:, 7], abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_learned_law_tracks_where_it_was_trained_and_less_well_elsewhere():
     wrong = TwoLink(gravity=9.81)
     law = Learned(wrong, *GAINS)

@@ -25,6 +25,7 @@ def outcome(preset, **values):
     return chosen(joint.MODEL, preset, **values).state["report"]
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("preset", joint.MODEL.presets)
 def test_the_run_and_its_numbers_are_the_chapters(preset):
     experiment = chosen(joint.MODEL, preset)
@@ -121,6 +122,7 @@ def test_the_probe_is_the_chapters_and_stands_where_it_is_said_to():
     assert {name for name, g in growth.items() if g > 1.0} == unstable
 
 
+@pytest.mark.prove
 def test_a_panel_begins_with_what_is_asked_for():
     panel = simulation("joint", "Hunting")
     assert panel.controls["static"] == 3.0

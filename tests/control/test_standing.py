@@ -213,7 +213,7 @@ SEQUENTIAL = """
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("style", [DUAL, SEQUENTIAL], ids=["dual", "sequential"])
 def test_the_judge_accepts_other_right_styles(style, seed):

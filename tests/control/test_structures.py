@@ -97,6 +97,7 @@ def test_not_every_pid_is_a_cascade() -> None:
         assert sorted(-zeros.real) == pytest.approx(sorted((position, integral / velocity)))
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("late", [2, 10])
 def test_a_cascade_diverges_just_past_the_limit_of_its_matrix(late) -> None:
     plant = joint(late)
@@ -125,6 +126,7 @@ def test_without_delay_the_limit_of_a_cascade_is_that_of_routh() -> None:
 # --- the disturbance observer ---------------------------------------------------------------------
 
 
+@pytest.mark.prove
 @given(
     kp=st.floats(1.0, 200.0),
     kd=st.floats(0.1, 20.0),
@@ -143,6 +145,7 @@ def test_an_observer_of_first_order_is_a_pid(kp, kd, bandwidth, inertia, damping
     assert runs[1].command == pytest.approx(runs[0].command, abs=1e-7 * scale)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("late", [0, 1, 10])
 @pytest.mark.parametrize("wrong", [0.7, 1.0, 1.5])
 def test_the_observer_removes_a_constant_load_whatever_its_inertia(late, wrong) -> None:
@@ -194,6 +197,7 @@ def test_an_observer_that_ignores_the_delay_has_the_limit_of_levin_and_may(late)
     assert np.max(np.abs(np.roots(polynomial))) == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("known", [False, True])
 def test_the_observers_bandwidth_has_a_limit_if_delay_or_inertia_is_wrong(known) -> None:
     late, inertia = 20, J if not known else 2.0 * J
@@ -230,6 +234,7 @@ def test_with_the_exact_delay_the_predictor_takes_it_out_of_the_polynomial(rate,
     assert np.poly(F) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("side", [-1, 1])
 @pytest.mark.parametrize("p", [80.0, 150.0])
 def test_a_wrong_delay_makes_the_predictor_unstable_where_its_matrix_says(side, p) -> None:
@@ -305,6 +310,7 @@ def test_the_elastic_joint_swings_at_its_resonance_and_is_rigid_in_the_limit() -
     assert push[1] == pytest.approx(5.0)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("share", [None, 1.0, 1.2])
 def test_an_elastic_joint_diverges_just_past_the_limit_of_its_matrix(share) -> None:
     plant = held(*shapes.elastic_joint(0.2, 0.3, 3000.0, B, 0.3), DT, 5 * DT)
@@ -333,6 +339,7 @@ def test_respond_is_the_compiled_joint(late) -> None:
     assert ours.command == pytest.approx(run.command, abs=1e-9)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("late", [0, 3])
 def test_the_noise_of_the_torque_is_that_of_a_long_run(late) -> None:
     law = shapes.observer_law(20.0, 4.0, 30.0, **MODEL, late=late)

@@ -71,7 +71,7 @@ def test_in_contact_the_loop_is_its_matrix(law, delay):
 # --- limits, both sides ---------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("wall", [1e3, 1e5])
 def test_the_force_loops_limit_is_theorys_and_mujocos(wall):
     edge = charts.force_edge(wall)
@@ -85,7 +85,7 @@ def test_the_force_loops_limit_is_theorys_and_mujocos(wall):
     assert charts.force_edge_mujoco(wall, 2e-3, "spring", 10) == pytest.approx(edge, rel=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_simulated_contact_passes_the_command_on():
     spring, contact = (charts.force_edge_mujoco(1e5, 2e-3, kind) for kind in ("spring", "contact"))
     assert contact == pytest.approx(1.0 / 0.9, rel=0.02) and contact > 10.0 * spring

@@ -394,6 +394,7 @@ def test_what_is_not_text_is_refused(value):
         _check("semi_implicit_limit", value)
 
 
+@pytest.mark.prove
 def test_a_slow_proof_is_given_up_and_the_alarm_restored():
     import signal
 
@@ -406,6 +407,7 @@ def test_a_slow_proof_is_given_up_and_the_alarm_restored():
     assert signal.getitimer(signal.ITIMER_VIRTUAL) == (0.0, 0.0)
 
 
+@pytest.mark.prove
 def test_a_proof_is_given_up_after_processor_time_not_after_time_that_passes(monkeypatch):
     """Else what a notebook prints would depend on how busy the machine is."""
     import sympy

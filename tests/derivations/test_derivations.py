@@ -22,22 +22,42 @@ FILE = "rigid_body.time_step"
 QUICK = "determinant_one_is_stable"
 SIMULATORS = {"Drake", "PyBullet"}
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks" / "source"
-# Checks that take more than 2 s of processor time once everything is compiled.
+# Checks that take more than half a second of processor time once everything is compiled.
 LONG = set(
     """
 a_residual_tells aabb_all_axes adaptive_finds_parameters adaptive_sum_can_only_fall
-angle_error_wraps articulated_bodies_lose_fewer_digits believed_error_bar below_the_limit_sticks
-best_fixed_gains bias_to_first_order blocked_ends_are_named both_ends_first clip_keeps
-clipped_velocities contact_is_the_wall dagger_needs_room damper_damps damping_is_safe
-dbscan_has_no_order error_follows_acceleration estimate_rests_with_the_arm every_joint_has_ku
-every_recording_identifies fifo_makes_real_time friction_wrong_both_ways gap_table
-gc_hits_the_loop half_the_ultimate_gain largest_step late_command listing_friction
-measured_or_randomised more_gain_rejects_everywhere mpc_beats_clipping notch_can_only_help
-optimisers_get_stuck orders_of_accuracy pd_sample_late peak_sensitivity_bounds_margins
-pile_of_a_hundred rare_contact_is_cheap raw_estimate_replans react_less repeated_actions
-residual_learning_is_faster same_seeds singular_start slow_plans_are_slow_questions
-smith_removes_the_delay sparse_chance stiffness_depends_on_the_wall wrong_clock_fails
-ziegler_nichols_is_safe
+angle_error_wraps any_joint_message articulated_bodies_lose_fewer_digits believed_error_bar
+below_the_limit_sticks best_fixed_gains bias_to_first_order blocked_ends_are_named both_ends_first
+box_of_limits bullet_less_accurate camera_off capture_point_stops chain_age clearance_and_noise
+clip_keeps clipped_velocities cloning_averages coal_is_the_truth computing_and_cycle
+connect_in_narrow_passages constraints_take_larger_steps contact_gradients_vanish
+contact_is_the_wall contracts_before_sliders controller_moves converged_within_limits
+critical_instant dagger_needs_room damper_damps damping_is_safe damping_makes_things_stick
+dbscan_has_no_order diffusion_mends_drift drake_hydroelastic draws_find_the_plane engines_agree
+enough_steps_stop error_follows_acceleration estimate_rests_with_the_arm every_joint_has_ku
+every_recording_identifies feedback_and_regression fifo_makes_real_time fresh_worlds_repeat
+friction_has_a_step_limit friction_wrong_both_ways gain_notices_sooner gap_table
+gate_replaces_contact gc_hits_the_loop goal_bias_in_passages gradient_by_differences
+half_the_ultimate_gain heavy_on_light_sinks high_gain_catches informed_rrt_star integral_clamp
+jitter_leaves_the_mean joint_states_reliable large_step_at_contact largest_step late_command
+latency_is_not_age lazy_tests_the_final_path learned_sampler_speeds_up limit_is_a_wall
+limits_keep_an_arm_from_itself linear_beats_hold listed_is_matched listing_converges
+listing_friction liu_layland_says_no loaded_is_not_sound long_run_mean mass_and_period
+measured_or_randomised mended_parameter more_gain_rejects_everywhere mpc_beats_clipping
+mujoco_rk4_contact_order network_knows_its_part next_row normal_matrix_is_covariance
+not_looked_through_is_right notch_can_only_help one_repair_cures optimisers_get_stuck
+orders_of_accuracy outline_tells overrun_ages passage_in_more_dimensions pd_sample_late
+peak_sensitivity_bounds_margins picture_lost_like_packet pictures_without_bias pile_of_a_hundred
+pipeline_keeps_up planner_step pyramid_halves_its_loss pyramid_slips rank_loss_is_failure
+rare_contact_is_cheap raw_estimate_replans react_less refsafe_keeps_it_stable repeated_actions
+reset_world residual_learning_is_faster restart_continues rk4_and_contact root_sum_square
+rrt_complete rrt_star_converges same_seeds same_variance_same_alarms sampler_orders
+samples_find_the_plan servo_is_a_sampled_loop seven_joints_have_no_closed_form
+shaping_keeps_the_best shortcut_never_lengthens shortcut_share signals_of_different_kinds
+signed_parts_add_up singular_start slow_plans_are_slow_questions smith_removes_the_delay
+sparse_chance step_through_a_passage stiffness_depends_on_the_wall sweep_and_prune_n_log_n
+thin_wall_missed time_is_an_end tip_path_then_ik tower_by_engine tower_sags tutorial_runs
+two_link_mass_matrix vector_zip_of_actions wrong_clock_fails ziegler_nichols_is_safe
 """.split()
 )
 
@@ -70,6 +90,7 @@ def test_verdict_and_figures_reproduce(item):
     assert derivations._stated(item.check) in ("", outcome.finding.statement)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
 def test_texts_are_complete(item):
     assert len(item.claim) > 15 and len(item.corrected) > 15
@@ -168,6 +189,7 @@ def test_a_card_shows_the_record_whether_or_not_its_needs_are_there(item, monkey
         assert derivations.figure(item.id, name) == value
 
 
+@pytest.mark.prove
 @pytest.mark.topic("platforms")
 def test_no_other_claim_of_the_chapter_needs_a_simulator(monkeypatch):
     """Each needs what it names, as the test before shows; and only those need anything."""

@@ -202,6 +202,7 @@ def test_a_condition_swapped_with_its_contrary_fails(item):
     assert any("condition is not enough" in text for text in swapped.problems())
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("item", each(ALL))
 def test_no_entry_of_the_record_can_change(item):
     """Every text and every figure of every entry, one at a time."""

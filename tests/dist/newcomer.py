@@ -15,7 +15,7 @@ from typing import Any
 
 from click.testing import CliRunner
 
-from course import CHAPTERS, charts, derivations
+from course import CHAPTERS, charts, derivations, libraries
 from drills import cards
 from drills.cli import cli
 
@@ -96,10 +96,9 @@ def core() -> None:
         zenoh,
     )
     from course.oracles.mujoco import sysid
-    from course.rigid_body import differentiable
 
     needing = {
-        "torch": importlib.import_module("course.pytorch").pytorch, "torch for gradients": differentiable._torch,
+        "torch": libraries.pytorch,
         "pin": pinocchio._pinocchio, "coal": coal._coal, "ompl": ompl._ompl,
         "open3d": open3d.library,
         "small_gicp": small_gicp.library, "cyclonedds": cyclonedds.library,

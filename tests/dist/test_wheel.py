@@ -215,7 +215,7 @@ def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
 @pytest.mark.parametrize(
     ("name", "extra"),
     [
-        ("torch", "learning"), ("torch for gradients", "learning"), ("pin", "oracles"),
+        ("torch", "learning"), ("pin", "oracles"),
         ("coal", "oracles"), ("ompl", "oracles"), ("open3d", "oracles"),
         ("small_gicp", "oracles"), ("cyclonedds", "oracles"), ("zenoh", "oracles"), ("sysid", "oracles"),
         ("drake", "platforms"), ("pybullet", "platforms"), ("sb3", "sb3"),

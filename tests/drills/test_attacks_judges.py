@@ -146,6 +146,7 @@ NAMED_BEFORE = {
 }
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("label", NAMED_BEFORE)
 def test_a_mistake_is_not_named_as_one_that_it_is_not(label):
     report = grade_here(label.partition(":")[0], NAMED_BEFORE[label], seed=4242)

@@ -102,6 +102,7 @@ def test_the_case_of_every_slip_fails_below_it(name: str) -> None:
         assert compared > 0
 
 
+@pytest.mark.prove
 def test_a_case_that_raises_or_never_ends_is_code_too() -> None:
     card = catalogue.card("fk3")
     raises = "def fk3(lengths, thetas):\n    return 1 / (len(lengths) - 3)\n"
@@ -145,6 +146,7 @@ ARRAYS = arrays.arrays(
 )
 
 
+@pytest.mark.prove
 @examples(100)
 @given(PLAIN | ARRAYS)
 def test_a_value_as_code_is_the_same_value(value: Any) -> None:

@@ -47,8 +47,8 @@ def test_the_console_script_is_there() -> None:
     assert SCRIPT.exists(), "install the project again: the script `drills` is missing"
 
 
+@pytest.mark.prove
 @pytest.mark.smoke
-@pytest.mark.slow
 def test_a_newcomer_starts_fails_asks_and_solves(place: Place) -> None:
     welcome = place.run()
     assert welcome.code == 0 and "drills start" in welcome.out and "verlet" in welcome.out
@@ -164,7 +164,7 @@ def test_the_json_of_the_quick_commands(place: Place) -> None:
     assert place.json("reset", "verlet")["backup"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_to_do_next_is_chosen(place: Place) -> None:
     """By chapter, level and minutes; what was tried goes first, what is solved is gone."""
     every = [card for card in catalogue.cards()]
@@ -200,7 +200,7 @@ def test_what_to_do_next_is_chosen(place: Place) -> None:
     assert [entry["drill"] for entry in place.json("next")["exercises"]] == names
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_chapter_is_started_read_and_counted(place: Place) -> None:
     number = str(FIRST.number)
     path = Path((started := place.json("start", number))["file"])
@@ -236,7 +236,7 @@ def test_a_drill_is_checked_from_a_file(place: Place, name: str = "fk3") -> None
     assert (wrong["verdict"], wrong["reason"], wrong["exit"]) == ("fail", "missing_name", 1)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_seed_draws_the_same_cases_again(place: Place) -> None:
     place.answer(WRONG)
     first = place.json("check", "verlet")
@@ -573,7 +573,7 @@ def test_inside_the_project_the_answers_are_in_its_work_folder(
     assert workspace.folder() == Path("/work")
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_two_terminals_at_once_count_both(place: Place) -> None:
     place.answer(WRONG)
     running = [place.popen("check", "verlet") for _ in range(3)]

@@ -83,7 +83,7 @@ DRAWN = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("name", [n for n in catalogue.names() if exercises.of(n).picture])
 def test_a_case_that_failed_is_drawn(name: str) -> None:
     first, *others = exercises.of(name).slips
@@ -112,7 +112,7 @@ def test_numbers_that_no_picture_can_hold_are_no_fault(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] in ([], ["a.png"])
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_command_writes_the_picture_and_the_notebook_shows_it(place: Place) -> None:
     place.answer(FK3.replace(ANGLES, "thetas"), "fk3")
     data = place.json("check", "fk3", "--rendered")

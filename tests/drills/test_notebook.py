@@ -464,7 +464,7 @@ def test_a_page_without_a_kernel_names_the_command_instead_of_a_button(
     assert "application/vnd.jupyter.widget-view+json" not in home
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_home_page_shows_the_robot_and_plays_its_next_level(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course import json_store
-from drills import progress
+from drills import json_store, progress
 from drills.progress import Record
 
 
@@ -194,7 +193,7 @@ for _ in range(times):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_many_processes_lose_nothing(file: Path) -> None:
     writers = [run(WRITER, file, f"drill{i}", 25) for i in range(8)]
     while any(writer.poll() is None for writer in writers):

@@ -110,7 +110,7 @@ def test_numpy_scalars_are_arrays_of_no_dimension() -> None:
     assert [v.item() for v in values] == [1.5, -3, True]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("expression", "name"),
     [
@@ -376,7 +376,7 @@ class Counter:
             other.fetch(one)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_handles_given_up_are_freed() -> None:
     source = """
 import gc
@@ -495,7 +495,7 @@ def from_threads(function):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_function_argument_is_answered_by_the_grader() -> None:
     requested: list[Any] = []
 

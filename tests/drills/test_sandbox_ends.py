@@ -106,7 +106,7 @@ def h(seconds):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_time_is_what_the_child_works_not_what_passes() -> None:
     with loaded(BUSY, limits=Limits(call=0.5)) as running:
         assert running.call("g", 0.8) == 1
@@ -118,7 +118,7 @@ def test_time_is_what_the_child_works_not_what_passes() -> None:
         assert running.spent >= 0.5 and running.used >= 0.8
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("name", "patience", "clock"), [("f", 50, "of processor"), ("g", 1, "by the")]
 )
@@ -133,7 +133,7 @@ def test_total_time_ends_a_child_that_is_slow_every_time(
     assert f"1.5 s {clock}" in caught.value.sentence and "in all, in" in caught.value.sentence
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_seconds_of_one_request() -> None:
     with loaded(BUSY, limits=Limits(call=0.2)) as running:
         assert running.call("f", 0.4, seconds=5.0) == 1
@@ -179,7 +179,7 @@ def test_a_length_without_content_times_out() -> None:
     assert ended(f"{FORGE}    {body}").reason is Reason.TIMED_OUT
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_answers_are_bounded_in_all() -> None:
     source = "import numpy as np\na = np.zeros(900_000)\ndef f(): return a"
     with loaded(source, limits=Limits(total=300)) as running:
@@ -462,7 +462,7 @@ STARTS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("path", STARTS)
 def test_process_starts_are_refused_and_named(path: str) -> None:
     source = f"""
@@ -508,7 +508,7 @@ def f():
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("layers", [{"procfs"}, {"procfs", "capabilities"}, set()])
 @pytest.mark.parametrize(
     ("depth", "after"),

@@ -103,6 +103,7 @@ def test_colour_is_for_terminals_and_can_be_refused(place: Place) -> None:
     assert "\x1b[" not in in_terminal(place, ["list"], TERM="dumb")[1]
 
 
+@pytest.mark.prove
 def test_a_reader_that_goes_away_changes_nothing(place: Place) -> None:
     place.answer(WRONG)
     for arguments, code in ((["list"], 0), (["check", "verlet"], 1), (["list", "--json"], 0)):
@@ -138,6 +139,7 @@ def test_ascii_keeps_the_meaning() -> None:
 # --- Being stopped --------------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
 )
@@ -162,6 +164,7 @@ def test_a_stopped_check_leaves_nothing_behind(place: Place, number: int, code: 
     assert (place.work / "progress.json").read_bytes() == before
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("processes", [1, 2, 3, 5])
 def test_ctrl_c_ends_a_proof_at_once(place: Place, processes: int) -> None:
     """Also while its workers start: they must neither die with a traceback nor be left over."""
@@ -179,6 +182,7 @@ def test_ctrl_c_ends_a_proof_at_once(place: Place, processes: int) -> None:
     assert not any(Path(f"/proc/{pid}").exists() for pid in running)
 
 
+@pytest.mark.prove
 def test_watch_grades_at_every_save_until_it_is_stopped(place: Place) -> None:
     path = place.answer(WRONG)
     process = place.popen("watch", "verlet", "--json")
@@ -200,6 +204,7 @@ def test_watch_grades_at_every_save_until_it_is_stopped(place: Place) -> None:
     assert observed[-1]["error"]["kind"] == "interrupted"
 
 
+@pytest.mark.prove
 def test_watch_says_the_time_and_survives_a_missing_file(place: Place) -> None:
     path = place.answer(WRONG)
     process = place.popen("watch", "verlet", stdin=subprocess.DEVNULL)

@@ -76,6 +76,14 @@ def test_a_wrong_shape_has_its_own_sentence(shape: tuple[int, ...], text: str) -
     assert str(shape) in caught.value.sentence
 
 
+def test_a_list_of_no_rows_fits_any_length_of_a_row() -> None:
+    assert as_float64([], (0, 3)).shape == (0, 3)
+    assert as_float64(np.zeros(0), (0, 3, 3)).shape == (0, 3, 3)
+    for value, shape in (([], (3, 0)), ([], (2, 3)), (np.zeros((0, 2)), (0, 3)), ([1.0], (0, 3))):
+        with pytest.raises(Mismatch):
+            as_float64(value, shape)
+
+
 def test_narrow_and_whole_numbers_become_float64() -> None:
     for dtype in (np.float32, np.float16, np.int8, np.uint64):
         assert as_float64(np.array([1, 2, 3], dtype=dtype), (3,)).dtype == np.float64

@@ -23,7 +23,8 @@ from tests.budget import exercise_params
 pytestmark = pytest.mark.slow
 
 
-# The long tier takes 50 seeds, in the sandbox.
+# The long tier takes all exercises, and 50 seeds in the sandbox. That every worked answer passes
+# and every slip fails is tested for all of them in `test_rounding.py` and `test_case_code.py`.
 EFFORT = Effort(seeds=1, slip_seeds=1, place=verify.in_this_process)
 EXERCISES = exercise_params(
     "hopper_filter",
@@ -40,6 +41,7 @@ EXERCISES = exercise_params(
     "vector_env",
     "compare_engines",
     "plane_ransac",
+    step=4,
 )
 
 
@@ -64,15 +66,18 @@ def _failed(monkeypatch: pytest.MonkeyPatch, card: Any = None, exercise: Any = N
     }
 
 
+@pytest.mark.prove
 def test_nothing_fails_without_a_change(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _failed(monkeypatch) == set()
 
 
+@pytest.mark.prove
 def test_an_empty_hint_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     hints = tuple(dataclasses.replace(h, text=" ") for h in catalogue.card("fk3").hints)
     assert _failed(monkeypatch, card={"hints": hints}) == {"three hints, none empty"}
 
 
+@pytest.mark.prove
 def test_a_unit_or_shape_that_is_not_stated_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     signature = catalogue.card("fk3").signatures[0]
     wrong = tuple(dataclasses.replace(q, shape="(2,)") for q in signature.arguments)
@@ -81,6 +86,7 @@ def test_a_unit_or_shape_that_is_not_stated_is_found(monkeypatch: pytest.MonkeyP
     assert "the arguments have the stated shapes" in unproved
 
 
+@pytest.mark.prove
 def test_a_slip_that_passes_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     solution = catalogue.card("fk3").solution_text()
     harmless = Slip("harmless", "Nothing.", source=solution + "\nX = 1\n")
@@ -123,6 +129,7 @@ def test_a_judge_that_accepts_the_starter_is_found(monkeypatch: pytest.MonkeyPat
     assert "the starter runs and fails" in _failed(monkeypatch, exercise={"judge": lenient})
 
 
+@pytest.mark.prove
 def test_a_starter_that_raises_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its body may use what the module of the worked answer imports, and no other name."""
     unproved = _failed(monkeypatch, card={"start": "return FACTOR * np.ones((4, 2))"})

@@ -74,6 +74,7 @@ def test_the_code_is_short_and_no_line_is_cut_on_a_page(name: str) -> None:
         assert max(map(len, lines)) <= 100
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", CODE)
 def test_the_code_does_what_the_answer_says(name: str) -> None:
     if name in NEED_NAMES:

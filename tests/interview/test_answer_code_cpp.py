@@ -107,7 +107,7 @@ def test_the_code_is_short_and_no_line_is_cut_on_a_page(name: str) -> None:
         assert max(map(len, lines)) <= 100
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("name", CODE)
 def test_two_threads_lose_and_tear_nothing(name: str, tmp_path: Path) -> None:
     done = outcome("\n".join(CODE[name]) + DRIVERS[name], tmp_path)

@@ -122,6 +122,7 @@ def whole(place: Place) -> dict[str, Any]:
 # --- Review -------------------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 @ENDS
 @pytest.mark.parametrize("phase", ["asked", "answered", "rated"])
 def test_a_review_that_ends_keeps_what_was_rated(place: Place, end: str, phase: str) -> None:
@@ -162,6 +163,7 @@ def reopened(place: Place) -> rehearsal.Interview:
     return talk.interview
 
 
+@pytest.mark.prove
 @ENDS
 @pytest.mark.parametrize("phase", ["asked", "answering", "marking", "replying"])
 def test_an_interview_that_ends_goes_on_where_it_was(place: Place, end: str, phase: str) -> None:
@@ -203,6 +205,7 @@ def lines_of(place: Place, text: str) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.prove
 @ENDS
 def test_questions_of_a_design_are_kept(place: Place, end: str) -> None:
     terminal = Terminal(place, "interview", "--kind", "design", "--minutes", "15", "--seed", "2")
@@ -226,6 +229,7 @@ def waiting(place: Place, key: str, part: str) -> None:
     talk.begin()
 
 
+@pytest.mark.prove
 @ENDS
 def test_probes_of_a_scenario_are_kept(place: Place, end: str) -> None:
     waiting(place, "scenario/touch", "debugging")
@@ -239,6 +243,7 @@ def test_probes_of_a_scenario_are_kept(place: Place, end: str) -> None:
     assert entry.answer == "probe quarter_gain\n"
 
 
+@pytest.mark.prove
 @ENDS
 @pytest.mark.parametrize("phase", ["asked", "grading"])
 def test_the_answer_to_a_drill_is_kept(place: Place, end: str, phase: str) -> None:
@@ -263,6 +268,7 @@ def test_the_answer_to_a_drill_is_kept(place: Place, end: str, phase: str) -> No
 # --- Debug --------------------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 @ENDS
 @pytest.mark.parametrize("phase", ["begun", "probed"])
 def test_debugging_that_ends_keeps_the_probes(place: Place, end: str, phase: str) -> None:
@@ -318,6 +324,7 @@ def state(pid: int) -> str:
     return ""
 
 
+@pytest.mark.prove
 @ENDS
 def test_a_check_that_ends_counts_nothing_and_loses_nothing(place: Place, end: str) -> None:
     place.answer(catalogue.card("verlet").solution_text())

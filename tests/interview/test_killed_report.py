@@ -72,6 +72,7 @@ def report_is_whole(place: Place) -> bool:
     return len(pages) == len(data) == 1
 
 
+@pytest.mark.prove
 @ENDS
 def test_a_killed_report_of_an_interview_is_reported_again(place: Place, end: Any) -> None:
     """At random moments behind the last line that is typed."""
@@ -104,6 +105,7 @@ def test_a_killed_report_of_an_interview_is_reported_again(place: Place, end: An
         assert not list(place.work.rglob("*.part"))
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("phase", ["write_report", "show_report", "store"])
 def test_each_step_of_the_end_of_an_interview_can_be_the_last(
     place: Place, monkeypatch: pytest.MonkeyPatch, phase: str

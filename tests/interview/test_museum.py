@@ -30,7 +30,7 @@ def library(name: str):
         optional.skip(f"the museum was NOT compared with {name}: {error}")
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @EXHIBITS
 @examples(5)
 @given(seed=SEEDS)

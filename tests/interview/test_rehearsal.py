@@ -49,6 +49,7 @@ def test_the_weak_come_as_often_as_is_said() -> None:
     assert abs(hits / n - expected) < 4 * (expected * (1 - expected) / n) ** 0.5
 
 
+@pytest.mark.prove
 @examples(60)
 @given(
     st.lists(st.tuples(st.sampled_from(PARTS), st.integers(1, 40)), min_size=1, max_size=12),
@@ -111,6 +112,7 @@ def test_a_number_is_asked_for_where_the_line_has_one() -> None:
     assert with_number > 3
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("text", "reply"),
     [
@@ -143,6 +145,7 @@ def test_designs_are_drawn_where_designs_are_asked_for(place: Place) -> None:
         assert all(key.endswith("/short") == bool(ends) for key in keys)
 
 
+@pytest.mark.prove
 def test_open_interviews_are_listed_and_resumed_by_number(place: Place) -> None:
     """Each one that is open; beyond five the oldest gets its report, and says so."""
     assert "You have no unfinished interview" in place.run("interview", "--list").out
@@ -267,7 +270,7 @@ def pool_rubric(key: str) -> tuple[str, ...]:
     return rehearse.pool()[key].rubric
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_whole_interview(
     place: Place, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -324,7 +327,7 @@ def test_a_whole_interview(
     assert not {one.key for one in again.interview.items} & set(keys)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """An answer marked low and a drill that is tried and unsolved are weak, a good answer not."""
     for mark, seed in (("0", 1), ("3", 2)):
@@ -388,7 +391,7 @@ def test_a_pasted_text_is_one_answer_and_none_of_its_lines_is_a_mark(place: Plac
     assert entry.marks == ["defended"] * count
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_is_pasted_into_a_terminal_stays_together(place: Place) -> None:
     options = ["interview", "--kind", "concept", "--chapters", "1", "--seed", "7"]
     pasted = "One.\n\nTwo.\n.\n2\nThree.\n"
@@ -400,6 +403,7 @@ def test_what_is_pasted_into_a_terminal_stays_together(place: Place) -> None:
     assert entry.answer == "One.\n\nTwo.\n2\nThree.\n" and entry.marks == []
 
 
+@pytest.mark.prove
 def test_an_answer_of_ten_megabytes_is_refused_and_nothing_else_is_lost(place: Place) -> None:
     first = talk_of(place, [], 15, ("concept",), 1)
     key = first.interview.items[0].key
@@ -545,7 +549,7 @@ def test_the_report_has_marks_answers_model_answers_and_what_to_review() -> None
 # --- Ended from outside, a pipe, a terminal -------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_kill_before_the_first_line_keeps_the_draw(place: Place) -> None:
     process = place.popen("interview", "--seed", "7", stdin=subprocess.PIPE)
     until(process, "ends your answer")
@@ -601,7 +605,7 @@ def test_a_pipe_of_80_columns_in_ascii(place: Place) -> None:
     assert place.run("interview", "--chapters", "1,99").code == 2
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_an_editor_takes_the_answer(place: Place) -> None:
     editor = place.folder / "editor"
     editor.write_text('#!/bin/sh\necho "From the editor." >> "$1"\n')
@@ -626,7 +630,7 @@ def test_a_damaged_file_is_put_aside(place: Place) -> None:
     assert (place.work / "interviews.json.damaged-1").read_text() == damaged
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_reader_who_has_gone_ends_the_questions(place: Place) -> None:
     """Blank lines without end, of which each is refused: nobody sees it."""
     process = place.popen("interview", "--kind", "concept", "--seed", "7", stdin=subprocess.PIPE)

@@ -435,6 +435,7 @@ def test_a_formula_is_readable_in_a_terminal(tex: str, text: str) -> None:
     assert plain_math.readable(f"Say ${tex}$ and `$x$`.").endswith(" and `$x$`.")
 
 
+@pytest.mark.prove
 def test_no_card_or_question_shows_tex_in_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     terminal = Terminal()

@@ -87,7 +87,7 @@ def test_the_listing_is_short_and_gives_nothing_away(one: Scenario) -> None:
         assert text in page and f"`{missing}`" not in page and f"`{scenarios.NONE}`" in page
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @EACH
 def test_all_causes_show_the_same_symptom(one: Scenario) -> None:
     figures = [
@@ -99,14 +99,14 @@ def test_all_causes_show_the_same_symptom(one: Scenario) -> None:
     assert not any(map(one.removed, figures))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @EACH
 def test_every_pair_of_causes_is_told_apart(one: Scenario) -> None:
     for pair in combinations([cause.name for cause in one.causes], 2):
         assert any(scenarios.tells_apart(one.name, p.name, *pair) for p in one.probes), pair
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @SAMPLED
 def test_the_model_answer_leaves_the_cause_alone(name: str, cause: str) -> None:
     path_leaves_the_cause(name, cause, SEEDS)
@@ -123,7 +123,7 @@ def path_leaves_the_cause(name: str, cause: str, seeds: Iterable[int]) -> None:
         } - {cause}, seed
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @SAMPLED
 def test_the_right_repair_removes_the_symptom(name: str, cause: str) -> None:
     """And no other does at a price that can be paid; the popular one is no better."""
@@ -138,7 +138,7 @@ def test_the_right_repair_removes_the_symptom(name: str, cause: str) -> None:
         assert cured == [repair.name == right] * 3, repair.name
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @MOST
 def test_what_is_run_does_not_depend_on_the_cause(one: Scenario) -> None:
     """Counted in calls of functions: a probe must not be quicker for one cause than another."""
@@ -185,7 +185,7 @@ def test_the_draw_is_even(one: Scenario) -> None:
     assert abs(drawn[scenarios.NONE] / n - chance) < allowed
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @MOST
 def test_bots_score_as_they_should(one: Scenario) -> None:
     """One cause always and random answers: chance, no evidence. All probes: right, and dear."""
@@ -209,6 +209,7 @@ def test_bots_score_as_they_should(one: Scenario) -> None:
     assert max(right.values()) < len(seeds)
 
 
+@pytest.mark.prove
 @SAMPLED
 def test_the_model_answer_stops_when_one_cause_is_left(name: str, cause: str) -> None:
     """Whether it is offered or not; what is not offered leaves none of the others."""
@@ -254,7 +255,7 @@ def test_the_policys_probes_stand_beside_those_of_the_model() -> None:
     assert scenarios.diagnose("touch", 1).probe("log_ticks").model is None
 
 
-@EVERY
+@SAMPLED
 def test_a_session_ends_with_the_evidence(name: str, cause: str) -> None:
     session = scenarios.diagnose(name, seed_of(name, cause))
     for probe in scenarios.model_path(name):
@@ -270,6 +271,7 @@ def test_a_session_ends_with_the_evidence(name: str, cause: str) -> None:
     assert wrong.points == 0 and "had ruled it out: " in str(wrong)
 
 
+@pytest.mark.prove
 @EVERY
 def test_the_cause_is_nowhere_by_accident(
     name: str, cause: str, monkeypatch: pytest.MonkeyPatch
@@ -438,6 +440,7 @@ def test_the_loop_has_the_rate_and_the_unit_that_it_was_given() -> None:
             assert scale == pytest.approx(tune.scale, rel=0.05), cause
 
 
+@pytest.mark.prove
 def test_what_is_tried_first_helps_at_times() -> None:
     """Half the step removes only what the step's limit breaks; a softer loop only what is late a
     little. The verdict shows whether the symptom is gone, and the price.

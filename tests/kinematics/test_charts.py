@@ -74,6 +74,7 @@ def test_the_four_steps_end_as_theory_says() -> None:
     assert edge["damped"].y[-1] > 100 * newton[-1]
 
 
+@pytest.mark.prove
 def test_shares_solved_keep_their_order() -> None:
     reached, beside, far = charts.build("ik_success", targets=60, slow=12, seeds=(0,), table=500)
     for panel in (reached, beside):
@@ -144,6 +145,7 @@ def test_the_same_method_in_python_takes_the_same_steps() -> None:
     assert steps[0] == pytest.approx(steps[1], rel=0.02)
 
 
+@pytest.mark.prove
 def test_the_plane_ends_at_a_fault_of_a_tenth_of_a_degree() -> None:
     (panel,) = charts.build("two_links_enough", angles=(0.01, 0.1, 1.0))
     assert dynamics.reaching_arm().check() == []

@@ -141,6 +141,7 @@ def test_on_a_path_no_joint_leaves_its_limits(name):
 LIBRARIES = {"mink": mink, "pink": pink}
 
 
+@pytest.mark.prove
 @pytest.mark.optional
 @pytest.mark.parametrize("name", LIBRARIES)
 def test_the_library_solves_the_same_program(name):
@@ -170,7 +171,7 @@ def test_the_library_solves_the_same_program(name):
     assert limited > 20
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_program_follows_best_within_the_limits():
     accuracy, right = charts.build("velocity_limits", cycles=(0.05,), paths=30, libraries=False)
     error = {series.label: series.y[0] for series in accuracy.series}

@@ -89,6 +89,7 @@ def edge(goal: np.ndarray, branch: int, inside: float, outside: float) -> float:
     return inside
 
 
+@pytest.mark.prove
 def test_a_branch_ends_where_the_other_six_joints_are_singular() -> None:
     ends, angles = 0, np.linspace(-np.pi, np.pi, 400)
     for q in postures(3, 12).T:

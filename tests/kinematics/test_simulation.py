@@ -59,7 +59,7 @@ def test_a_simulation_is_had_by_its_name():
 # --- two links ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("method", range(len(inverse.METHODS)))
 def test_every_step_ends_at_one_of_the_two_exact_answers(method):
     for target in ((0.5, 1.1), (-0.9, 0.4), (0.2, -1.0)):
@@ -213,7 +213,7 @@ def test_a_step_leaves_the_tip_still_to_first_order_and_no_further():
         assert shown == pytest.approx(c, rel=2.0 * h)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_it_swings_to_and_fro():
     now, paths = Experiment(elbow.MODEL, correct=True), []
     for _ in range(50):

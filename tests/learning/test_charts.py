@@ -12,6 +12,7 @@ from course.vector_env.point import plan
 from tests.learning import needs_stable_baselines3
 
 
+@pytest.mark.prove
 def test_many_ways_ranks_them_upside_down_and_keeps_the_shares() -> None:
     error, priced, remaining = charts.build("many_ways", n=300, held=200, repeats=1)
     mean, mixture, nearest = (error[name] for name in ("mean", "mixture", "nearest"))
@@ -26,7 +27,7 @@ def test_many_ways_ranks_them_upside_down_and_keeps_the_shares() -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_errors_compound_as_the_formulas_say() -> None:
     cost, law, growth, _ = charts.build(
         "compounding", n=20_000, horizons=(5, 20, 80), points=16, circle=10
@@ -41,7 +42,7 @@ def test_errors_compound_as_the_formulas_say() -> None:
         assert np.allclose(series.expected, accumulated(a, 1.0, 20)[[4, 19]], rtol=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_samplers_have_their_orders_and_the_nets_their_floor() -> None:
     exact, driven = charts.build("samplers", n=1000, runs=100, fit=300, counts=(1, 2, 10, 40, 160))
     for label, order in (("Euler", 1.0), ("DDIM", 1.0), ("Heun", 2.0)):
@@ -81,6 +82,7 @@ def test_learners_are_judged_by_the_optimum() -> None:
     assert result.scores[0] == again.scores[0] and result.steps[0] == again.steps[0]
 
 
+@pytest.mark.prove
 @pytest.mark.optional
 def test_learners_are_judged_by_the_optimum_and_beside_the_library() -> None:
     needs_stable_baselines3()
@@ -90,6 +92,7 @@ def test_learners_are_judged_by_the_optimum_and_beside_the_library() -> None:
         assert np.all(np.diff(by_time[label].x) > 0.0)
 
 
+@pytest.mark.prove
 @pytest.mark.optional
 def test_sac_learns_from_its_replay_buffer() -> None:
     """A small version of the chart; the score of random actions is below 0.1."""

@@ -136,6 +136,7 @@ def test_noise_injected_into_demonstrations_turns_which_is_best():
 # --- an autoencoder, and what is on record --------------------------------------------------------
 
 
+@pytest.mark.prove
 def test_the_code_says_which_way():
     learn = partial(chunk_policy, SHOWN.states[:, 0], SHOWN.actions, 0, rate=3e-3)
     policy = learn(latent=1, beta=0.1, steps=800)

@@ -120,7 +120,7 @@ def test_dagger_asks_the_expert_where_the_learner_went():
 # --- heads ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_each_head_learns_the_distribution_that_it_can_hold():
     """Two actions, at -1 and +1 with a state's share: mean and spread are known for each head."""
     rng = np.random.default_rng(0)

@@ -78,6 +78,7 @@ def test_n_step_advantages_with_their_weights_add_up_to_the_same(trace, gamma, s
     assert weights @ n_step == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("end", [gae_weights.TERMINATED, gae_weights.TRUNCATED])
 @pytest.mark.parametrize("trace", [0.0, 0.7, 0.95, 1.0])
 def test_bias_and_deviation_are_those_of_many_sampled_paths(trace, end):

@@ -84,6 +84,7 @@ def test_bad_input(call, report):
         call(PointReachVector(3))
 
 
+@pytest.mark.prove
 @pytest.mark.optional
 def test_settings_are_those_of_the_library():
     """The curve of Stable-Baselines3 starts where ours does and climbs as ours does."""

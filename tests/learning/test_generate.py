@@ -139,6 +139,7 @@ def test_trained_policies_pass_on_both_sides_as_the_data_do(flow, diffusion):
         assert stats.fisher_exact(table).pvalue > 1e-3
 
 
+@pytest.mark.prove
 def test_with_one_step_they_are_the_mean_and_hit_the_obstacle(flow, diffusion):
     """The error left is how well the network was fitted, a fraction of the spread of the data."""
     for policy in (flow, diffusion, replace(diffusion, solver="ddpm")):

@@ -130,6 +130,7 @@ def policy_of(state: Any) -> Any:
     return act
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("preset", ["First to finish", "Hovering"])
 def test_what_is_judged_is_one_episode_of_each_common_start(preset: str, monkeypatch: Any) -> None:
     run = Experiment(point.MODEL, **{**point.PRESETS[preset].values, "first": True})

@@ -30,7 +30,7 @@ def episodes(envs, law, seed):
     return steps, retained
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @examples(20)
 @given(SEEDS, st.sampled_from([(0.05, 0.05), (0.02, 0.05), (0.05, 0.1), (0.2, 0.02)]))
 def test_the_plan_takes_the_steps_that_it_promises(seed, case):
@@ -64,7 +64,7 @@ def test_one_step_less_is_not_enough(path):
     assert short.max() > RADIUS - 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @examples(20)
 @given(SEEDS, st.floats(0.0, 3.0))
 def test_no_policy_beats_the_optimum(seed, stray):
@@ -135,7 +135,7 @@ def test_the_other_rewards_and_units():
     np.testing.assert_allclose(scaled.reset(seed=2)[0], 7.0 + 1000.0 * plain.reset(seed=2)[0])
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("bonus", [0.0, 0.0098, 0.0102, 0.05])
 @pytest.mark.parametrize("reward", ["sparse", "potential", "hover", "once"])
 def test_a_prize_put_off_pays_from_a_bonus_of_one_per_cent_on(reward, bonus):

@@ -153,7 +153,7 @@ def test_rewards_are_scaled_by_what_they_come_to():
     np.testing.assert_allclose(runner.scaled(batch), batch.rewards / np.std(sums), rtol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
 def test_the_point_is_learned(mode):
     *_, last = ppo(points(64, mode), replace(SMALL, horizon=32, minibatches=4), steps=60_000)

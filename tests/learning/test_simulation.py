@@ -76,6 +76,7 @@ def test_ten_seeds_end_as_those_of_the_chapter_do(preset):
             assert mannwhitneyu(own, other).pvalue > 0.001, name
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("preset", point.PRESETS)
 def test_a_run_ends_as_on_record(preset):
     """On any machine: all that a weight depends on is rounded alike everywhere."""
@@ -108,6 +109,7 @@ def test_a_run_of_the_chapter_ends_among_those_on_record(preset):
 # --- What a picture shows -------------------------------------------------------------------------
 
 
+@pytest.mark.prove
 def test_no_return_is_above_the_optimum():
     _, output = run("Potential")
     assert np.all(output[point.RETURN] < point.BEST[point.POTENTIAL]) and np.all(
@@ -117,12 +119,14 @@ def test_no_return_is_above_the_optimum():
     assert "optimum: not known" in run("Minus the distance")[0].picture().text
 
 
+@pytest.mark.prove
 def test_hovering_stays_within_the_circle():
     now, _ = run("Hovering")
     paths = np.hypot(*now.state["paths"][-1].transpose(1, 0, 2))
     assert np.mean(paths[:, -1] < 0.5) > 0.8
 
 
+@pytest.mark.prove
 def test_a_drag_along_a_chart_shows_an_iteration_to_its_end():
     now, _ = run("Potential")
     left, right, low, _ = point._UPPER

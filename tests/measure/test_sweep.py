@@ -115,6 +115,7 @@ def test_a_worker_that_is_killed(tmp_path):
         assert sweep(deadly, jobs, pool, saved=saved) == [s**2 for s in range(8)]
 
 
+@pytest.mark.prove
 @pytest.mark.optional
 def test_a_worker_of_a_cluster_is_killed_and_nobody_notices(tmp_path):
     """Dask gives the jobs of a lost worker to another one."""

@@ -35,7 +35,7 @@ def kinds(bus, side):
 # --- The link -------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(("n", "p"), [(1, 0.05), (20, 0.01), (627, 1e-4)])
 def test_a_message_of_n_fragments_is_lost_with_any_of_them(n, p):
     count, size = 20_000, 1472 * n

@@ -3,12 +3,14 @@
 import re
 
 import numpy as np
+import pytest
 
 from course import charts
 from course.middleware import schedule
 from course.middleware.transport import expected_loss
 
 
+@pytest.mark.prove
 def test_messages_are_lost_as_theory_says_on_the_bus():
     lost, turns = charts.build("lost_fragments", messages=1500, sent=40)
     for panel, wide in ((lost, 4.0), (turns, None)):

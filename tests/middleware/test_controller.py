@@ -26,7 +26,7 @@ def settings(joints: int, seed: int = 0) -> np.ndarray:
     return scale * np.random.default_rng(seed).uniform(0.1, 1.0, (4, joints))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("joints", [1, 6, 7])
 def test_torques_are_those_of_python_and_nothing_is_allocated(program, joints: int):
     first = settings(joints)
@@ -122,6 +122,7 @@ def run_by_hand(folder, body: str) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.prove
 def test_an_interface_that_is_busy_is_no_number(program, tmp_path):
     """As in ros2_control: without a value, or not written, where another thread has the lock."""
     lines = run_by_hand(
@@ -141,6 +142,7 @@ def test_an_interface_that_is_busy_is_no_number(program, tmp_path):
     assert lines == ["1 2", "0 0", "0 7"]
 
 
+@pytest.mark.prove
 def test_it_names_its_interfaces_and_rejects_others(program, tmp_path):
     lines = run_by_hand(
         tmp_path,

@@ -158,7 +158,7 @@ def test_bad_input(call, report):
         call()
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("case", "participants", "types", "matched", "policy"),
     [

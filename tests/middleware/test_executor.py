@@ -217,7 +217,7 @@ CHAINS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("name", CHAINS)
 def test_the_bus_runs_a_chain_as_chapter_0_says(name):
     chain = CHAINS[name]
@@ -235,7 +235,7 @@ def test_the_bus_runs_a_chain_as_chapter_0_says(name):
     assert ages.max() <= text.greatest + 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_jitter_and_losses_of_a_chain():
     chain = (Stage("a", 0.02, 0.1, jitter=0.01, lost=0.3), Stage("b", 0.01, 0.037))
     text, trace = age(chain), run_chain(chain, (0.2, 0.7), 3, 1000.0)

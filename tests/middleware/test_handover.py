@@ -92,7 +92,7 @@ def header_with(other: str) -> str:
     return text[:begin] + other.strip() + "\n\n" + text[end:]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("method", ["triple", "mutex", "inherit"])
 def test_no_value_is_torn_or_old_and_the_newest_arrives(method, thread_checked, memory_checked):
     for program, count in ((thread_checked, 3_000), (memory_checked, 3_000)):

@@ -45,7 +45,7 @@ def test_periods_that_are_over_are_skipped_not_bunched(took: int, missed: int):
     assert np.all(np.diff(starts) >= 985_000)  # and never two in a row
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_was_granted_is_what_the_system_says_and_all_is_restored():
     before = loop.given(), gc.isenabled(), gc.get_freeze_count()
     core = min(os.sched_getaffinity(0))
@@ -59,7 +59,7 @@ def test_what_was_granted_is_what_the_system_says_and_all_is_restored():
     assert (loop.given(), gc.isenabled(), gc.get_freeze_count()) == before
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_refusal_is_told_and_the_loop_runs_all_the_same(monkeypatch):
     def refuse(*_) -> None:
         raise PermissionError(1, "Operation not permitted")
@@ -73,6 +73,7 @@ def test_a_refusal_is_told_and_the_loop_runs_all_the_same(monkeypatch):
     assert record.release[0] == 0 and record.skipped + len(record.release) == 3
 
 
+@pytest.mark.prove
 def test_collections_are_counted():
     record = loop.run(lambda k: gc.collect() if k == 1 else None, 1e-3, 3)
     assert record.collections >= (1 in record.release)

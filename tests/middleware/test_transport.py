@@ -60,7 +60,7 @@ def test_zenoh_leaves_nothing_in_shared_memory():
     assert not any(path.exists() for path in segments)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "call",
     [

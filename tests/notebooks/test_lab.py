@@ -145,7 +145,7 @@ def address(project: Path, server: subprocess.Popen[str]) -> tuple[str, str]:
     raise AssertionError("JupyterLab did not start in 90 s")
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_terminal_gets_the_address_and_the_file_the_rest(project: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(project)],

@@ -106,6 +106,7 @@ def ask(program: str, folder: Path, config: bool, *arguments: str) -> Any:
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("config", [True, False])
 def test_a_kernel_websocket_sends_at_once_where_the_extension_is_on(
     config: bool, tmp_path: Path
@@ -114,6 +115,7 @@ def test_a_kernel_websocket_sends_at_once_where_the_extension_is_on(
     assert answer == {"loaded": config, "nodelay": config, "answered": True}
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("config", [True, False])
 def test_lab_asks_for_no_news(config: bool, tmp_path: Path) -> None:
     news = ask(SETTINGS, tmp_path, config, str(tmp_path))
@@ -123,12 +125,14 @@ def test_lab_asks_for_no_news(config: bool, tmp_path: Path) -> None:
         assert news != {"fetchNews": "false", "checkForUpdates": False}
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("config", [True, False])
 def test_no_tool_bar_lies_over_the_text_of_a_cell(config: bool, tmp_path: Path) -> None:
     # JupyterLab's own default is a tool bar inside the active cell.
     assert ask(TOOL_BAR, tmp_path, config, str(tmp_path)) is not config
 
 
+@pytest.mark.prove
 def test_lab_does_not_ask_to_be_built(tmp_path: Path) -> None:
     # A package that Open3D brings along makes Lab open a dialogue over the first notebook.
     assert ask(PAGE, tmp_path, True) == {"buildCheck": False, "buildAvailable": False}

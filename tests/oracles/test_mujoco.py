@@ -244,7 +244,7 @@ def test_heavy_top_nutates_as_the_closed_form():
 # --- the stiff spring -----------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("zeta", [0.05, 0.3, 1.2])
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
 def test_stiff_spring_limit(integrator, zeta):

@@ -114,7 +114,7 @@ def both(request):
     return request.param, np.array(ours), np.array(theirs)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_both_solve_as_many_queries(both) -> None:
     name, ours, theirs = both
     solved = np.array([ours[:, 0].sum(), theirs[:, 0].sum()], dtype=int)

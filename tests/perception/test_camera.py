@@ -17,7 +17,7 @@ from tests.perception.draws import LONG, SMALL, at, facing, scene
 seeds = st.integers(0, 2**32 - 1)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_two_hundred_scenes_as_mujoco_sees_them():
     rng, worst = np.random.default_rng(0), 0.0
     for _ in range(200):

@@ -44,7 +44,7 @@ def truth_of(wall) -> np.ndarray:
     return np.append(normal, -normal @ wall.poses[:3, 0])
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_points_lie_on_what_was_seen():
     shapes = scene(np.random.default_rng(2), 6)
     depth, ids = render(shapes, SMALL)
@@ -83,6 +83,7 @@ def test_a_voxel_mean_is_the_mean_of_its_voxel(seed, voxel):
     assert np.array_equal(counts[order], np.bincount(of.ravel()))
 
 
+@pytest.mark.prove
 @given(seed=seeds, radius=st.floats(1e-3, 0.5))
 @examples(30)
 def test_a_search_finds_what_scipy_finds(seed, radius):
@@ -167,6 +168,7 @@ def test_dense_points_need_no_more_memory():
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
 
 
+@pytest.mark.prove
 def test_components_are_those_of_scipy():
     rng = np.random.default_rng(8)
     depth = np.where(rng.random((60, 80)) < 0.55, 1.0, 0.0)

@@ -94,7 +94,7 @@ def test_the_slope_of_the_leg_is_its_derivative():
     assert P == pytest.approx(1.0 / (1.0 / prior + slope**2 / log.noise[1] ** 2), rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_worked_answer_reaches_the_bound_and_is_the_chapters():
     drawn, yours, least, nees = logs(6, 100), [], [], []
     for log in drawn:
@@ -162,7 +162,7 @@ def hopper_filter(force, length, offset, contact, start, spread, noise, rest, dt
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("style", ["information filter", "flag, load and gate"])
 def test_the_judge_accepts_other_right_styles(style, seed):

@@ -32,6 +32,7 @@ def six(result, pose):
     return min(errors, key=lambda e: np.abs(e[3:]).max())
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("part", [BOX, CYLINDER, SPHERE, SEVERAL], ids="box can ball both".split())
 def test_the_contour_lies_between_the_pixels_of_a_rendered_border(part):
     """Independent of it: rays that meet the part, and their neighbours that don't."""
@@ -94,7 +95,7 @@ def test_only_a_border_that_hides_something_counts():
         assert used.pixel.size > 20 and np.abs(used.residual / used.pixel).max() < 0.75
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("sensor", [SENSOR, STEREO], ids=["white", "stereo"])
 @pytest.mark.parametrize("tilt", [0.0, 0.6], ids=["above", "oblique"])
 def test_a_lone_part_is_found_from_above_with_an_honest_covariance(tilt, sensor):

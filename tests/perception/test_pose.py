@@ -34,7 +34,7 @@ def turned(pose, *rotvec):
     return moved.poses[:, 0]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "part", [BOX, CYLINDER, SPHERE, SMALL], ids=["box", "can", "ball", "small"]
 )
@@ -209,7 +209,7 @@ def test_symmetric_poses_are_no_distance_apart(seed, part):
     assert abs(pose_distance(several, pose, turned(pose, 0, 0, 3.0))[1] - 3.0) < 1e-7
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("window", [1, 3])
 def test_the_stand_in_is_the_chain(window):
     """Spread of the whole chain over its prediction from one exact picture, without noise."""

@@ -17,7 +17,7 @@ def test_a_prism_comes_home_from_half_its_period():
     assert np.median(steps["points"].y) > 3.0 * np.median(steps["planes"].y)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_closest_points_are_sure_and_rays_are_honest():
     panel, shared = charts.build("pose_covariance", runs=20)
     assert np.abs(np.array(panel["along the rays"].y) - 1.0).max() < 0.5

@@ -30,6 +30,7 @@ from tests.perception.part_images import (
 SEEDS = st.integers(0, 2**32 - 1)
 
 
+@pytest.mark.prove
 @given(SEEDS, st.integers(1, 400), st.sampled_from([0.0, 0.3, 2.0]))
 @examples(40)
 def test_nearest_points_are_those_of_scipy(seed, count, grid):
@@ -151,7 +152,7 @@ def calibration(part, pose, sensor, runs, seed, free=DIRECTIONS, **options):
     return ratio, float(np.mean(squares)), fit.unobserved
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("part", "tilt", "blind"),
     [

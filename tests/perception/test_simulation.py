@@ -87,7 +87,7 @@ def _slanted(report, status, result):
     return 8e-3 < abs(report[OFF]) < 20e-3 and status[0] == "refuted"
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("preset", "shows"),
     [

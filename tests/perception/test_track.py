@@ -59,7 +59,7 @@ def flight(rng, T, steps, acceleration, speed):
     return np.array(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_the_covariance_of_a_prediction_is_what_happens(delay):
     """400 tracks; a prediction over the picture's age is as good as it says."""

@@ -34,7 +34,7 @@ def test_a_patch_shows_the_part_in_the_middle_at_its_height():
         yaw_net.height_patch(np.zeros((3, 0)), PLANE)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_short_training_finds_the_turn_within_the_basin():
     net = yaw_net.train(EYE, SENSOR, TABLE, pictures=400, steps=150)
     rng, deviation, axes = np.random.default_rng(1), [], []

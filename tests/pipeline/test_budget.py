@@ -48,6 +48,7 @@ def test_the_error_that_chapter_11_predicts_of_age_is_speed_times_the_age_on_the
     assert np.allclose(late - fresh, -speed * bus.age(times).mean(), rtol=0.003)
 
 
+@pytest.mark.prove
 def test_the_signed_parts_add_up_and_the_squares_do_not(measured):
     gap, deviation = measured.gap()
     assert np.all(np.abs(gap) < 4.0 * deviation + 3e-4)

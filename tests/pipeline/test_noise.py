@@ -32,6 +32,7 @@ def correlation(x, lag):
     return float(np.mean(x[lag:] * x[:-lag]) / np.mean(x**2))
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("noise", "margin"),
     [(Noise(), 0.01), (Noise(tails=3.0), 0.1), (Noise(tails=8.0), 0.01), (Noise(memory=0.9), 0.03)],
@@ -40,6 +41,7 @@ def test_the_variance_is_that_of_the_settings(noise, margin):
     assert np.var(sample(noise)) == pytest.approx(1.0, rel=margin)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
 def test_the_autocorrelation_is_a_power_of_the_memory(memory):
     x = sample(Noise(memory=memory), axes=1)[:, 0]
@@ -87,7 +89,7 @@ def test_alarm_rates_are_those_of_sampled_noise():
     assert alarms_of_mean(n) < 1e-5
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_contracts_raise_false_alarms_as_often_as_the_closed_forms_say():
     scene, settings, runs = Scenario(), Settings(), 60
     for noise, what, rate in (

@@ -243,7 +243,7 @@ def test_an_ideal_pipeline_is_exact_and_each_part_is_what_theory_says():
     np.testing.assert_allclose(biased.error, (0.004, -0.003), atol=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_filter_is_worth_it_and_a_raw_estimate_plans_again_and_again():
     with_it = run_many(Scenario(), Settings(), range(30))
     raw = run_many(Scenario(), Settings(filtered=False), range(5))

@@ -38,7 +38,7 @@ def test_the_arrows_and_the_rate_are_those_of_the_chapter():
     assert report[whole.LOW] <= np.mean(chapter.successes(others)) <= report[whole.HIGH]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("preset", "broken", "cure"),
     [
@@ -57,7 +57,7 @@ def test_what_each_preset_breaks_first_and_what_cures_it(preset, broken, cure):
     assert report[whole.SHARE] == 1.0 if preset == "All stages" else report[whole.LOW] < 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_the_notes_say():
     first, report = outcome("Cancelling errors")
     parts = report[whole.PARTS :].reshape(-1, 2)

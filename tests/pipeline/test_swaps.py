@@ -34,6 +34,7 @@ def paired(name, settings, seeds):
     return one, other, away[0] - away[1]
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "name, at_most, seeds",
     [

@@ -142,7 +142,7 @@ def test_a_torque_that_is_held_over_several_steps():
         assert theory.growth(arm, BENT, kp, kd, h, n) == pytest.approx(max(both), rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(("kp", "kd"), [(25.0, 0.0), (25.0, 0.5), (25.0, 8.0)])
 def test_each_mode_overshoots_and_rings_as_said(kp, kd):
     result = theory.modes(ARM, BENT, kp, kd)

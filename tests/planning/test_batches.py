@@ -40,6 +40,7 @@ def test_spheres_cover_their_capsule_and_are_not_much_larger(swell: float) -> No
         assert np.all((apart <= sizes + 1e-12).any(axis=1))
 
 
+@pytest.mark.prove
 @examples(60)
 @given(seeds)
 def test_batches_say_what_their_points_say(seed: int) -> None:
@@ -56,6 +57,7 @@ def test_batches_say_what_their_points_say(seed: int) -> None:
         assert edge_free(world, a, b) == (gaps.min() > 0.0)
 
 
+@pytest.mark.prove
 def test_what_the_batches_call_free_is_free_and_too_large_spheres_reject_more() -> None:
     world, rng = shelf("open").world, np.random.default_rng(3)
     fine, coarse = in_batches(world, 0.02, 0.1), in_batches(world, 0.02, 0.8)
@@ -116,7 +118,7 @@ def test_bad_input(call, report: str) -> None:
         in_batches(scenes.gap(0.1).world)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_small_chart_is_measured_as_the_stored_one() -> None:
     panels = charts.build(
         "batch_edges",

@@ -80,7 +80,7 @@ def compare(scene: scenes.Scene, method: str, seeds: range) -> None:
     assert stats.fisher_exact(table).pvalue > 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("method", ["rrt", "rrt_connect"])
 @pytest.mark.parametrize("scene", QUICK, ids=lambda scene: scene.name)
 def test_samples_and_lengths_come_from_one_distribution(scene, method) -> None:

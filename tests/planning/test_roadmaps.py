@@ -235,6 +235,7 @@ def test_a_world_that_is_changed_in_place_is_another_world(attach) -> None:
         assert result.path is not None and check_path(world, result.path, *ends)
 
 
+@pytest.mark.prove
 def test_a_function_that_answers_otherwise_than_before_is_asked_again() -> None:
     radius = [0.1]
 

@@ -335,7 +335,7 @@ def rrt(start, goal, discs, bounds, step, max_samples, rng):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_plain_loop_over_a_list_of_nodes_is_right_and_in_time() -> None:
     graded = attempt(catalogue.card("rrt"), PLAIN, seed=3)
     assert graded.report.passed, graded.report.sentence
@@ -345,7 +345,7 @@ def test_a_plain_loop_over_a_list_of_nodes_is_right_and_in_time() -> None:
     assert limits is not None and learner.longest < limits.call / 10.0
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("seed", [100, 719625752])
 def test_who_never_looks_at_the_bounds_is_told(seed: int) -> None:
     careless = PLAIN.replace("np.any(point < low) or np.any(point > high) or ", "")

@@ -104,7 +104,7 @@ def test_a_path_is_one_unless_edges_are_not_tested_exactly(preset, method):
     assert state["counts"][SAMPLES] <= BUDGET[method]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("method", METHODS)
 def test_a_plan_is_its_steps(method):
     """Sample by sample, second by second, or at once: the same numbers, so the same nodes."""
@@ -140,7 +140,7 @@ def test_shortcuts_shorten_and_stay_right():
         assert length(path(now)) > straight
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_notes_of_the_presets_hold():
     """In the trap two trees need far fewer samples, and a goal bias makes it worse."""
 

@@ -284,7 +284,7 @@ def test_a_sampler_draws_what_its_name_says(sampler) -> None:
         assert share.pvalue < 1e-3 and near.mean() > 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("n", [2, 4, 6])
 def test_the_tree_of_neighbours_finds_what_looking_at_all_finds(n) -> None:
     rng = np.random.default_rng(n)

@@ -76,6 +76,7 @@ def test_a_segment_meets_a_polygon_as_in_rational_arithmetic(a, b, reverse) -> N
     assert edge_free(plane(WIDE, polygons=[ring]), a, b) != rational_meets(a, b, ring)
 
 
+@pytest.mark.prove
 @examples(200)
 @given(point, point, point, st.integers(1, 40).map(lambda k: k / 8))
 def test_a_segment_meets_a_disc_as_in_rational_arithmetic(a, b, centre, radius) -> None:
@@ -90,7 +91,7 @@ def test_a_segment_meets_a_disc_as_in_rational_arithmetic(a, b, centre, radius) 
         assert edge_free(plane(WIDE, discs=[[*centre, radius]]), a, b) == (gap > 0)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @examples(60)
 @given(st.integers(0, 10**6))
 def test_the_clearance_is_that_of_the_nearest_of_many_points(seed) -> None:

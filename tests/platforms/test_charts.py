@@ -84,7 +84,7 @@ def test_the_braking_law_and_the_cones() -> None:
     assert np.all(np.array(turn["PyBullet, box"].y)[1:4] < -8.0)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_creep_follows_its_law_on_a_small_scan() -> None:
     rest, held = charts.build("platform_creep", ratios=(1.0, 30.0), dt=2e-3)
     for panel in (rest, held):
@@ -108,7 +108,7 @@ def test_squeezes_and_towers() -> None:
     assert ratio["PyBullet"].y[-1] < 0.3 * theory.sag_growth(8, "inverse mass")
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_readers_effects_and_costs() -> None:
     rows = table.stored_rows("platform_readers")
     assert {r[1] for r in rows} == {m.name for m in MODELS} and {r[3] for r in rows} <= {*VERDICTS}

@@ -106,6 +106,7 @@ def test_what_is_no_scene_is_refused() -> None:
 # --- the same scheme, the same error --------------------------------------------------------------
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("scheme", ["rk4", "implicit_midpoint"])
 def test_other_schemes_of_chapter_1(scheme: str) -> None:
     scene = SCENES["tumble"]()
@@ -167,7 +168,7 @@ def test_contacts_of_a_tower_carry_what_stands_above(engine) -> None:
     np.testing.assert_allclose(report.tangential_force, 0.0, atol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @BOTH
 def test_friction_on_a_slope_holds_the_weight_and_brakes_by_mu(engine) -> None:
     held = ran(engine, slope(0.2), 1e-3, 200).contacts()

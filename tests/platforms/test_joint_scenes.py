@@ -21,6 +21,7 @@ def needs(name: str):
     return engines()[name]
 
 
+@pytest.mark.prove
 def test_the_rod_falls_as_its_energy_says_and_stops_at_the_limit() -> None:
     problem = stop(0.2, -0.9, 0.3)
     fall = next(t for t in np.linspace(0.0, 1.0, 4001) if problem.scene.truth(t)[0] <= -0.9)
@@ -88,11 +89,32 @@ def test_a_mimic_joint_is_soft_exact_or_lost(name, changed, gap, converges) -> N
     for dt in (4e-3, 1e-3):
         act = (lambda run: joints.geared(run, 2.0)) if changed else None
         time, q, _ = joints.motion(engine, scene, dt, scene.duration, act)
-        off = np.abs(q[1] - 2.0 * q[0]).max()
-        assert off > 1.0 if gap == math.inf else off < gap
+        gap_error = np.abs(q[1] - 2.0 * q[0]).max()
+        assert gap_error > 1.0 if gap == math.inf else gap_error < gap
         errors.append(abs(q[0, -1] - scene.truth(float(time[-1]))[0]))
     # An exact copy is of first order: a quarter of the step, about a quarter of the error.
     assert (errors[1] < 0.35 * errors[0]) == converges
+
+
+@pytest.mark.optional
+@pytest.mark.parametrize(
+    ("change", "report"),
+    [
+        ({"first": "elbow"}, "joint"),
+        ({"ratio": 0.0}, "ratio"),
+        ({"ratio": math.nan}, "ratio"),
+        ({"torque": 0.0}, "torque"),
+    ],
+)
+def test_a_gear_that_cannot_be_made_is_named(change, report: str) -> None:
+    run = needs("PyBullet").build(coupled(), 1e-3, joints.settings_of(engines()["PyBullet"]))
+    try:
+        first, second = run.scene.joints
+        gear = {"first": first, "second": second, "ratio": 2.0, "torque": 1.0}
+        with pytest.raises(ValueError, match=report):
+            run.couple(**gear | change)
+    finally:
+        run.close()
 
 
 def test_the_stored_chart_shows_it() -> None:
@@ -119,7 +141,7 @@ def test_bad_input(call, report: str) -> None:
         call()
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_small_chart_is_measured_as_the_stored_one() -> None:
     panels = charts.build("platform_joints", steps=(4e-3, 2e-3))
     stored = charts.stored("platform_joints")

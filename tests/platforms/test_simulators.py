@@ -269,7 +269,7 @@ def test_settings_that_an_engine_lacks_are_refused(name):
         engine(name).build(scenes.drop(), 0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["MuJoCo", *OTHERS])
 def test_what_an_install_costs_is_measured_in_a_fresh_process(name):
     engine(name)

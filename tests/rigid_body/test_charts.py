@@ -7,7 +7,7 @@ import pytest
 
 from course import charts
 from course.charts.rigid_body import accuracy, box_scene, throughput
-from course.measure.figure import KEYS
+from course.measure.colours import KEYS
 from course.rigid_body.integrators import INTEGRATORS
 
 
@@ -30,7 +30,7 @@ def test_mujocos_euler_is_our_semi_implicit_euler(tumble) -> None:
     np.testing.assert_allclose(theirs, ours, rtol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_mujocos_implicit_methods_are_of_first_order_on_a_tumble() -> None:
     names = tuple(f"MuJoCo {name}" for name in ("Euler", "implicitfast", "discrete"))
     result = accuracy.work_precision("tumble", 1, (8_000, 16_000, 32_000), names)
@@ -75,7 +75,7 @@ def test_the_box_is_exact_with_impact_times_and_first_order_without() -> None:
     assert pick.name == "exact flight, impact times" and pick.point.count == 10
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_table_has_every_scene_and_integrator() -> None:
     rows = accuracy.table_at(dt=5e-3, repeats=1)
     for problem in ("tumble", "heavy_top", "oscillator", "box drop"):
@@ -108,7 +108,7 @@ def test_batches_beat_a_general_engine_at_the_same_accuracy() -> None:
         assert np.all(np.less_equal([series.low, series.y], [series.y, series.high]))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_scene_fits_its_question_and_its_neighbours_do_not() -> None:
     scene = box_scene.bouncing_box()
     assert scene.check() == []
@@ -126,6 +126,7 @@ def test_apex_of_a_known_path() -> None:
         box_scene.apex(fall)
 
 
+@pytest.mark.prove
 def test_a_chart_is_made_of_what_its_experiment_yields(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(charts, "FOLDER", tmp_path)
     monkeypatch.setattr(charts, "PICTURES", tmp_path)

@@ -376,7 +376,7 @@ def test_standard_errors_are_those_of_many_recordings():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_recovers_from_several_guesses_and_reports_when_it_is_trapped():
     recorded = record(TRUTH, THROW, TIMES, 1e-3, np.random.default_rng(5))
     for guess in ([0.5, 0.4, 1.0], [0.8, 0.1, 2.0], [0.4, 0.4, 0.5]):

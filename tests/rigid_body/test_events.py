@@ -122,7 +122,7 @@ def _compiled_step(q, v, dt, params):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_same_source_compiles():
     start = np.array([1.0]), np.zeros(1)
     q, v, hits = _compiled_step(*start, 1.2, np.zeros(0))

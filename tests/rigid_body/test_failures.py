@@ -162,7 +162,7 @@ def test_small_steps_in_tune_with_the_motion_grow_and_out_of_tune_do_not():
 # --- quaternions ----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_quaternions_grow_and_lag_as_the_closed_form_says():
     norm_panel, attitude_panel, order_panel = build(
         "quaternion_drift", at_most=100_000, points=3, angles=(1e-3, 2e-2), counts=(500, 1000)

@@ -155,7 +155,7 @@ def test_inputs_are_left_alone(name: str) -> None:
     assert np.array_equal(q, system.q0) and np.array_equal(v, system.v0)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_compiled_and_plain_source_agree() -> None:
     code = (
         "from course.rigid_body import problems, integrators as i\n"

@@ -64,7 +64,7 @@ def lowest(state: np.ndarray, parameters: np.ndarray) -> np.ndarray:
 # Flat drops: closed form
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("restitution", [0.3, 0.7, 0.95])
 @pytest.mark.parametrize("dt", [0.0005, 0.003, 0.05])
 def test_flat_drop_bounces_at_the_analytic_times(restitution: float, dt: float) -> None:

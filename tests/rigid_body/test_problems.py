@@ -67,7 +67,7 @@ def test_tumble_keeps_energy_and_momentum_at_any_time(w1, w3, t, moments) -> Non
     np.testing.assert_allclose(momentum[0][:2], 0.0, atol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_top_reference_is_checked_by_its_closed_height_and_by_halving() -> None:
     inertia, weight, tilt, spin = (0.02, 0.004), 1.0, 0.5, 80.0
     top = problems.heavy_top(inertia, weight, tilt, spin)

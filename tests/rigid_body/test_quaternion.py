@@ -435,7 +435,7 @@ def test_dexp_inverse_against_finite_differences(axis, angle, w):
     np.testing.assert_allclose(omega, w, rtol=0, atol=1e-8 * (1.0 + norm(rate)))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @given(axes, st.one_of(st.floats(0.0, 6.2), st.floats(-12, 0).map(lambda e: 10.0**e)), vectors)
 @unhurried
 def test_dexp_inverse_against_50_digits(axis, angle, w):

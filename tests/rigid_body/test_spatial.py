@@ -88,6 +88,7 @@ def test_thrown_body_keeps_energy_and_flies_a_parabola() -> None:
     np.testing.assert_allclose(body.q[:3], [1.0, 2.0, 5.0 - 0.5 * 9.80665], atol=1e-10)
 
 
+@pytest.mark.prove
 def test_a_batch_flies_as_its_bodies_do() -> None:
     rng = np.random.default_rng(1)
     n = 300  # more than one block

@@ -121,7 +121,7 @@ def timings(draw):
     return stages
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @examples(25)
 @given(timings(), st.integers(0, 99))
 def test_no_age_leaves_its_bounds_and_the_mean_is_the_predicted(stages, seed):

@@ -51,6 +51,7 @@ def test_all_combinations_are_those_of_the_chapter(experiment):
             assert counted == pytest.approx(by_rollouts(some), abs=1.5 / faults.COUNTED), some
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(("radius", "delay"), [(2.2, 0.0), (2.2, 12.0), (4.0, 0.0), (4.0, 12.0)])
 def test_both_ends_of_the_sliders(radius, delay):
     now = Experiment(faults.MODEL, radius=radius, delay=delay)
@@ -76,6 +77,7 @@ def test_which_pairs_interact(experiment):
     assert (neither - both) - (neither - step) - (neither - camera) > 0.12
 
 
+@pytest.mark.prove
 def test_presets_do_what_they_say():
     shares = {}
     for name in faults.PRESETS:

@@ -24,7 +24,7 @@ def test_a_grip_slips_below_m_g_plus_a_over_two_mu_and_holds_above(friction, acc
     assert above.peak == pytest.approx(acceleration, rel=0.13)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_least_force_is_the_formulas_and_a_margin_covers_the_draws():
     result = tuned(Lab(), margin=1.0)
     assert result.force == pytest.approx(Lab().needed, rel=0.03)

@@ -37,6 +37,7 @@ def test_rollout_repeats_the_batch():
     np.testing.assert_allclose(reach.rollout(*given, 5)(), last, atol=1e-13)
 
 
+@pytest.mark.prove
 def test_the_light_pass_turns_by_the_rates():
     arms = layouts.start(32)
     for make, contiguous in ((layouts.structures, False), (layouts.blocks, True)):

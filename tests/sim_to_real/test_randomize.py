@@ -180,7 +180,7 @@ def distance(result: list[float]) -> float:
     return float(stats.kstest(result, stats.uniform(0.4, 0.8).cdf).pvalue)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "measure",
     [
@@ -514,7 +514,7 @@ def test_a_sled_on_a_slope_slips_where_the_measured_friction_says(mu: float) -> 
         assert speed < 0.02 if excess < 0.0 else speed > 0.5 * run
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_measures_say_when_they_cannot() -> None:
     model, _ = scene()
     with pytest.raises(ValueError, match="enough to slide"):

@@ -69,6 +69,7 @@ class DomainRandomizer:
 """
 
 
+@pytest.mark.prove
 def test_another_right_answer_passes() -> None:
     report = grade_here("randomize", ANOTHER, seed=1)
     assert report.passed, report.sentence
@@ -94,6 +95,7 @@ def test_another_wrong_answer_fails(old: str, new: str, text: str) -> None:
     assert text in report.sentence and not report.slip
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "tampering",
     [

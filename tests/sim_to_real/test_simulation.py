@@ -50,6 +50,7 @@ def test_both_rates_are_those_of_the_chapter_and_their_bands_hold_on_other_tasks
     assert real < report[arms.HIGH + 4] < 0.93 < report[arms.LOW]
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("preset", arms.PRESETS)
 def test_the_arms_and_the_costliest_part_are_those_of_the_chapter(preset):
     """The compiled arms by number against the chapter's, made of their parameters by name."""
@@ -72,6 +73,7 @@ def test_the_arms_and_the_costliest_part_are_those_of_the_chapter(preset):
     assert report[arms.COSTS] == costs.max() and report[arms.PART] == np.argmax(costs)
 
 
+@pytest.mark.prove
 def test_every_slider_acts_in_the_opening_preset():
     """Pull the gap up and successes are lost; pull the range up and part of them comes back."""
     start = outcome("Gap")[1]
@@ -81,6 +83,7 @@ def test_every_slider_acts_in_the_opening_preset():
     assert outcome("Gap", width=0.0)[1] == outcome("No range", width=1.0)[1]
 
 
+@pytest.mark.prove
 def test_a_gap_costs_and_a_range_brings_part_of_it_back():
     assert outcome("No gap")[:2] == (1.0, 1.0)
     home, real, _ = outcome("Gap and range")

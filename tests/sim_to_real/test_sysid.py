@@ -16,7 +16,7 @@ def test_the_adapter_finds_the_truth_without_noise():
     )
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_both_give_the_same_answer_and_the_same_interval():
     for seed in range(2):
         log = record(seed=seed)

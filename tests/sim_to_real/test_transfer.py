@@ -73,6 +73,7 @@ def test_so_many_trials_find_a_difference_four_times_in_five(p, q, both):
     assert 0.77 < np.mean(np.abs(z) > 1.959964) < 0.83
 
 
+@pytest.mark.prove
 def test_few_trials_are_too_few_for_an_exact_test():
     """The figures of the docstring, by Fisher's exact test and all outcomes."""
 

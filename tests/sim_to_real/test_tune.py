@@ -73,6 +73,7 @@ def test_the_search_finds_a_best_that_is_known():
     assert result.cost == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.prove
 def test_tuned_on_an_arm_it_serves_that_arm_best():
     """Each of two policies is the better one where it was tuned, by more than chance."""
     homes = nominal(), real(0.5, 0.01)
@@ -85,6 +86,7 @@ def test_tuned_on_an_arm_it_serves_that_arm_best():
     assert again.episodes == 8 * 48 * 32
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("kind", "column"), [("range", 0), ("known", 0), ("load", 10), ("delay", 10)]
 )
@@ -101,6 +103,7 @@ def test_the_record_is_what_tuning_gives(kind, column):
     assert max(low for low, _ in ends) <= min(high for _, high in ends)
 
 
+@pytest.mark.prove
 def test_boundaries_move_one_by_one_by_their_own_buffers():
     low, high = 0.8, 0.9
     got = automatic(1, rounds=9, buffer=32, thresholds=(low, high), at_most=0.3)
@@ -123,6 +126,7 @@ def test_boundaries_move_one_by_one_by_their_own_buffers():
     assert got.episodes > 9 * 48 * 32
 
 
+@pytest.mark.prove
 def test_no_boundary_opens_where_nothing_succeeds():
     """With a demand that no policy meets (all of 16 episodes on a hard arm) ranges stay shut."""
     got = automatic(1, rounds=9, buffer=16, thresholds=(0.9999, 1.0), at_most=30.0, step=30.0)

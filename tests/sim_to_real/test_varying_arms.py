@@ -23,6 +23,7 @@ def test_the_reference_is_the_integral_of_its_rates() -> None:
         np.testing.assert_allclose(slope[1:-1], path[1:-1, i + 1], atol=2e-2)
 
 
+@pytest.mark.prove
 def test_the_true_model_needs_no_feedback_and_a_wrong_one_does() -> None:
     # With the arm's own coefficients only sampling, delay and dry friction are left.
     arms, paths = task()

@@ -22,7 +22,7 @@ def compiled() -> Any:
     return Compiled(WALK)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_compiled_is_plain(compiled: Any) -> None:
     assert_compiled_is_plain(WALK, compiled, [dict(each.values) for each in WALK.presets.values()])
 

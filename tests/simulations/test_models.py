@@ -45,6 +45,8 @@ def assert_sound(experiment):
 
 # Models of which each start replays: the long tier tries all of their controls.
 EXPENSIVE = (
+    "A point learns to reach a disc",
+    "One policy, two arms",
     "The whole pipeline: see, plan, control, move",
     "Faults that can be combined",
     "A table under a depth camera",
@@ -168,6 +170,7 @@ def test_recorded_pictures_are_shown_in_turn_and_the_last_one_stays():
     assert model.recorded and not WALK.recorded
 
 
+@pytest.mark.prove
 def test_a_film_shows_each_picture_as_it_is_drawn():
     made = film(WALK, 0.5, 10.0)
     assert made == film(WALK, 0.5, 10.0)
@@ -186,6 +189,7 @@ def test_a_film_shows_each_picture_as_it_is_drawn():
         film(WALK, 0.0)
 
 
+@pytest.mark.prove
 def test_models_need_no_widget_and_no_plot():
     code = (
         "import sys, course.simulations.rigid_body as r; from course.simulations.model import *;"

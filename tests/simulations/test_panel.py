@@ -44,7 +44,7 @@ def test_a_pointer_drags_and_keys_play_and_reset(panel):
     assert panel.state["x"] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("model", MODELS)
 def test_inputs_have_the_limits_of_the_model_and_follow_it(model):
     panel = Panel(model)

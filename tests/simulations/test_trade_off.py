@@ -88,7 +88,7 @@ def test_the_widget_follows_its_slider_and_its_switches(measured: WorkPrecision)
     assert bundle["text/plain"] == repr(shown) and "image/png" in bundle
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_switch_draws_a_curve_that_was_left_out() -> None:
     measured = WorkPrecision.from_json(charts.FOLDER / "work_precision_tumble.json")
     shown = TradeOff(measured)

@@ -18,6 +18,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from PIL import Image
 
 from course import CHAPTERS, cards, charts, derivations
+from course.cards import draws
 from course.interview import questions
 from course.simulations import declaration
 from course.site import build, formulas, modules, notebooks, reference
@@ -59,6 +60,7 @@ def test_plumbing_is_not_on_a_page(site: Path, name: str) -> None:
     assert [text for text in code if shows.search(text)] == []
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["index", *CHAPTER_PAGES])
 def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
     """Headings, the code that teaches, what was printed and every table of figures, in order.
@@ -273,6 +275,8 @@ def test_no_formula_is_left_as_typed(site: Path, name: str) -> None:
             texts += [
                 output.get("data", {}).get(kind, "") for kind in ("text/markdown", "text/html")
             ]
+        if cell.source.startswith("checkpoint("):
+            texts = [draws.offered(name[3:])]  # the page draws from all questions
         for text in texts:
             quiet = re.sub(r"^```.*?^```|`[^`]*`", "", text, flags=re.S | re.M)
             dollars = len(re.findall(r"(?<!\\)\$", quiet.replace("$$", "$")))
@@ -377,6 +381,7 @@ def test_nothing_is_fetched_by_style_or_script(site: Path) -> None:
     assert "MathJax" not in "".join(page.read_text("utf-8") for page in site.glob("*.html"))
 
 
+@pytest.mark.prove
 def test_everything_is_within_three_clicks(site: Path) -> None:
     clicks = {site / "index.html": 0}
     entered: dict[str, int] = {}
@@ -397,6 +402,7 @@ def test_everything_is_within_three_clicks(site: Path) -> None:
         assert hidden == []
 
 
+@pytest.mark.prove
 def test_a_page_is_small(site: Path) -> None:
     """The page, its styles and scripts, and the pictures that don't wait to be seen."""
     for page in sorted(site.glob("*.html")):
@@ -604,6 +610,38 @@ def test_a_page_with_a_wrong_formula_or_link_is_named(tmp_path: Path) -> None:
     assert any("index: formula must be" in m and "got '\\\\nonsense'" in m for m in message)
     assert any("index: formula must be" in m and "got '\\\\odd'" in m for m in message)
     assert any("b.md" in line for line in message)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("topic", ["control", "learning"])
+def test_the_pool_of_a_checkpoint_becomes_a_page(tmp_path: Path, topic: str) -> None:
+    """Every question with its answers and formulas, five of them visible without a script."""
+    (file,) = [chapter.notebook for chapter in CHAPTERS if chapter.topic == topic]
+    made = notebooks.page(ROOT / file)
+    (cell,) = [one for one in made.notebook.cells if one.source.startswith("checkpoint(")]
+    assert "remove-input" in cell.metadata.tags
+    made.notebook.cells = [new_markdown_cell("# T"), cell]
+    source = tmp_path / "source"
+    (source / "_static").mkdir(parents=True)
+    (source / "_static" / "course.css").touch()
+    (source / "_static" / "page.js").touch()
+    nbformat.write(made.notebook, source / "index.ipynb")
+    build.sphinx(source, tmp_path / "html", {})
+    box = soup(tmp_path / "html" / "index.html").select_one(".course-checkpoint")
+    assert box is not None
+    questions = box.select(".checkpoint-question")
+    pool = draws.pool(topic)
+    assert [one["data-key"] for one in questions] == [question.key for question in pool]
+    visible = {one["data-key"] for one in questions if not one.has_attr("hidden")}
+    assert visible == {question.key for question in draws.draw(topic, 1)}
+    for one, question in zip(questions, pool, strict=True):
+        right = [each for each in one.select("details.answer") if each["data-right"] == "yes"]
+        assert len(right) == (0 if isinstance(question, draws.Estimate) else 1)
+        assert one.select_one(":scope > details.why") is not None
+    assert len(box.select("math")) > 20
+    for code in box.select("code, math, annotation"):
+        code.decompose()
+    assert not re.search(r"[$`]|\*\*", box.get_text())
 
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:

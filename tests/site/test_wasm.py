@@ -87,9 +87,18 @@ def test_a_recorded_simulation_has_no_module() -> None:
     assert retained == {wasm.file_of(name) for name in LIVE}
 
 
-# They count thousands of reaches, render depth images or draw whole curves at each start: many
+# They count thousands of reaches, train, render depth images or draw whole curves: many
 # seconds in this host, and a blink in a browser.
-MINUTES = {"sim_to_real.arms", "sim_to_real.faults", "perception", "control.nyquist"}
+MINUTES = {
+    "control.nyquist",
+    "kinematics.elbow",
+    "learning.denoising",
+    "learning.point",
+    "learning.two_ways",
+    "perception",
+    "sim_to_real.arms",
+    "sim_to_real.faults",
+}
 
 
 @pytest.mark.parametrize(
@@ -113,6 +122,7 @@ def test_it_computes_what_python_does(name: str) -> None:
     within()
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", LIVE)
 def test_a_full_pen_is_an_error_and_nothing_is_written_past_its_end(name: str) -> None:
     model, module = wasm.model(name), hosted(name)

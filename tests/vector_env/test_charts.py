@@ -27,6 +27,7 @@ def test_batches_beat_gymnasiums_loop() -> None:
         assert ratio.low <= ratio.median <= ratio.high and ratio.median > least
 
 
+@pytest.mark.prove
 def test_a_ratio_is_the_median_of_its_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the machine slows from pair to pair, both samples of a pair are slowed alike."""
     slowed = iter([1.0, 5.0, 2.0, 9.0, 3.0])
@@ -55,6 +56,7 @@ def test_runge_kutta_meets_the_tolerance_with_one_step_and_euler_needs_many() ->
     assert first / second == pytest.approx(2.0, abs=0.3) and second > chart.TOLERANCE
 
 
+@pytest.mark.prove
 def test_the_chart_has_every_contender_at_every_size_it_is_asked_for() -> None:
     speed, accuracy, cost = build(
         "vector_env", sizes=(1, 2), substeps=(1, 2), busy=(0, 4000), repeats=1
@@ -81,6 +83,7 @@ def test_where_two_curves_cross() -> None:
     assert chart.predicted_crossing(2e-4, 1e-4, 8, 2, 1e-6) == 1e-6
 
 
+@pytest.mark.prove
 def test_processes_lose_where_an_environment_costs_nothing() -> None:
     result = chart.cost_of_processes((0,), n=4, repeats=5)
     (cost,), (loop,), (processes,) = (result[name] for name in ("cost", "loop", "processes"))

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from course.kinematics.two_link import TORQUES, TwoLink, acceleration
 from course.oracles.gymnasium import check, sync_vector_env
 from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
-from course.simulations import pen
 from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
+from course.vector_env.picture import TARGET, TIP
 from course.vector_env.reach import CONTROL_STEP, RADIUS
 from tests.budget import examples
 from tests.vector_env.test_vector_env import identical
@@ -87,7 +87,7 @@ def tip_error(env_fn, steps: int = 100, samples: int = 8) -> float:
     return worst
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_what_differs_between_the_models_is_the_integrator() -> None:
     """First order for MuJoCo's default, fourth for both Runge-Kuttas; a tenth of the target."""
     tolerance = 0.1 * RADIUS
@@ -304,10 +304,9 @@ def test_every_backend_draws_what_a_single_environment_draws() -> None:
     c1, s1, c2, s2, _, _, dx, dy = observation
     tip = np.array([0.5 * c1 + 0.4 * (c1 * c2 - s1 * s2), 0.5 * s1 + 0.4 * (s1 * c2 + c1 * s2)])
     scale = 300.0 / (2.0 * 1.1 * 0.9)
-    for place, colour in ((tip, pen.ORANGE), (tip - [dx, dy], pen.RED)):
+    for place, colour in ((tip, TIP), (tip - [dx, dy], TARGET)):
         x, y = (np.array([150.0, 150.0]) + scale * place * [1.0, -1.0]).astype(int)
-        expected = [int(pen.PALETTE[colour][k : k + 2], 16) for k in (1, 3, 5)]
-        assert picture[y, x].tolist() == expected
+        assert tuple(picture[y, x]) == colour
 
 
 def test_who_is_not_asked_for_pictures_makes_none() -> None:

@@ -362,7 +362,7 @@ def test_every_environment_has_its_own_seed() -> None:
 # --- wrong use ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 @pytest.mark.parametrize(
     ("actions", "text"),
@@ -437,7 +437,7 @@ def test_more_wrong_construction() -> None:
         ProcessVectorEnv(Counter, 2, timeout=0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 @pytest.mark.parametrize("seed", [[1, 2], -1, "12", 1.5, [1, 2, -3], [1, 2, True]])
 def test_wrong_seeds_are_refused(kind, seed) -> None:

@@ -179,7 +179,7 @@ def played(name: str, envs: VectorEnv, mode: str, folder: str) -> tuple[list[Any
     return received, ""
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=[pytest.mark.optional] if n in NEED_MORE else []) for n in NAMES],

@@ -189,6 +189,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
     rng = np.random.default_rng(2)
     result: dict[str, list[tuple[float, float, float]]] = {}
     for yaw in np.linspace(0.2, 2.9, turns):
+        # A box in full view, one cut off by the image's edge, and depths that are 1 % too large.
         for name, x, scale in (
             ("right", 0.0, 1.0),
             ("cut off", 0.45, 1.0),
@@ -198,6 +199,7 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
             pose = compose(TABLE[:, None], at[:, None])[:, 0]
             scene = perception.together([shape("plane").moved(TABLE), BOX.moved(pose)])
             depth = scale * sense(render(scene, EYE)[0], EYE, SENSOR, rng)
+            # The best pose, if any is found: its error, and the two values that shall judge it.
             for one in perception.locate(depth, EYE, SENSOR, BOX)[:1]:
                 deviation = perception.pose_distance(BOX, pose, one.pose)[0]
                 result.setdefault(name, []).append((deviation, one.residual, one.see_through))

@@ -143,16 +143,18 @@ def batch_edges(
             f"{name} shelf: {queries - len(known)} of {queries} queries begin or end in collision "
             "for the spheres, and are left out for all"
         )
-        ways = {
+        checkers = {
             "proof": requested.world,
             "batches": batch,
             "one by one": one_by_one(batch),
         }
-        for label, way in ways.items():
+        for label, checker in checkers.items():
             spent, solved, wrong = [], 0, 0
-            alone(plan, way, *known[0])  # compiles
+            alone(plan, checker, *known[0])  # compiles
             for k, query in enumerate(known):
-                result, share_ = alone(lambda w, q, s: plan(w, *q, rng=s, **BOTH), way, query, k)
+                result, share_ = alone(
+                    lambda w, q, s: plan(w, *q, rng=s, **BOTH), checker, query, k
+                )
                 spent.append(1e3 * share_ * result.seconds if result.solved else np.inf)
                 solved += result.solved
                 if result.path is not None and k % 3 == 0:

@@ -171,12 +171,12 @@ def held_object(
         for label, world, blind, number in (
             ("itself", itself, bare, queries), ("cup", cup, itself, cups)
         ):  # fmt: skip
-            asked: Shelf = replace(requested, world=world)
+            shelf: Shelf = replace(requested, world=world)
             rng, solved, wrong, paths, failed = np.random.default_rng(0), 0, 0, 0, 0
             spent: list[tuple[float, float]] = []
-            alone(plan, world, *asked.query(rng))  # compiles
+            alone(plan, world, *shelf.query(rng))  # compiles
             for k in range(number):
-                ends = asked.query(rng)
+                ends = shelf.query(rng)
                 (ignorant, before), (result, part) = (
                     alone(lambda w, q, s: plan(w, *q, rng=s, **BOTH), each, ends, k)
                     for each in (blind, world)

@@ -208,7 +208,7 @@ def _samples(
     step: float,
     budget: int,
     seed: int,
-    tests: Any,
+    tests: tuple[Any, ...],
 ) -> float:
     """Return samples to a path that the judge passes."""
     if mine:

@@ -72,7 +72,7 @@ def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
     return result, min(1.0, (time.thread_time() - own) / (time.perf_counter() - wall))
 
 
-def asked_twice(world: World) -> World:
+def checked_twice(world: World) -> World:
     """Return the same world with each edge checked from both ends.
 
     The added time is that of the edge checks.
@@ -87,14 +87,21 @@ def asked_twice(world: World) -> World:
     return replace(world, edge_free=edge_free)
 
 
-# --- soon -----------------------------------------------------------------------------------------
+# --- time to a plan -------------------------------------------------------------------------------
 
 
 def planners(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, int], Any]]]:
-    """Return for each interface how often it is run, and the plan of a scene with a seed."""
+    """Return each interface as a pair (k, plan), by its name.
+
+    Every k-th seed is planned with it, and `plan(scene, seed)` makes the plan.
+
+    Args:
+        world: of the scenes.
+        slow: k of OMPL with states in Python, in the plane; four times as large for an arm.
+    """
     (state, edge), python = ompl.tests(world), ompl.plain(world)
-    # States in Python are slow, so they are asked on fewer seeds.
-    twice, rare = asked_twice(world), slow if world.dim == 2 else 4 * slow
+    # States in Python are slow, so fewer seeds are planned with them.
+    twice, rare = checked_twice(world), slow if world.dim == 2 else 4 * slow
 
     def other(state: Any, edge: Any, resolution: float = 0.01) -> Callable[[Scene, int], Any]:
         return lambda q, k: theirs(q, k, "rrt_connect", state, edge, resolution=resolution)
@@ -114,8 +121,7 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
     There is one world, with seeds from 1 up.
 
     A path that the exact judge refuses is a failure. OMPL's own part is its run with our edge check
-    without the calls into Python. `slow` is every how many OMPL is asked with states in Python, in
-    the plane; of an arm a quarter of those.
+    without the calls into Python. `slow` is as in `planners`.
     """
     paths = planners(questions[0].world, slow)
     spent: dict[str, list[float]] = {name: [] for name in [*paths, "OMPL's own part"]}
@@ -222,7 +228,7 @@ def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) 
     return both
 
 
-def roadmap_joins(scene: Scene, nodes: Array, pairs: Any) -> bool:
+def roadmap_joins(scene: Scene, nodes: Array, pairs: NDArray[np.int64]) -> bool:
     """Return whether the states nearest to start and goal, of those with an edge, are joined."""
     matrix = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), (len(nodes),) * 2)
     _, part = sparse.csgraph.connected_components(matrix, directed=False)

@@ -12,6 +12,7 @@ from course.charts.platforms.smooth import LIBRARIES
 from course.measure.figure import Panel, Series
 from course.measure.work_precision import machine
 from course.oracles.engines import engines
+from course.oracles.pybullet import PyBulletRun
 from course.platforms import FAIR, Engine, Run, Scene, Settings
 from course.platforms.joint_scenes import coupled, stop
 
@@ -41,15 +42,9 @@ def stiffened(run: Run) -> None:
 
 def geared(run: Run, ratio: float) -> None:
     """Add to a run of PyBullet the gear that its reader of URDF leaves out."""
-    lib, arm = run._lib, run.bodies[0]  # type: ignore[attr-defined]
-    links, still = run._links, [0.0] * 3  # type: ignore[attr-defined]
-    client = run.client  # type: ignore[attr-defined]
-    gear = lib.createConstraint(
-        arm, links[0], arm, links[1], lib.JOINT_GEAR, [0, 0, 1], still, still,
-        physicsClientId=client,
-    )  # fmt: skip
-    # The ratio is that of the rates with the other sign, first over second.
-    lib.changeConstraint(gear, gearRatio=-1.0 / ratio, maxForce=TORQUE, physicsClientId=client)
+    assert isinstance(run, PyBulletRun), run
+    first, second = run.scene.joints[:2]
+    run.couple(first, second, ratio, TORQUE)
 
 
 def motion(
@@ -136,15 +131,15 @@ def platform_joints(
     stiffer = "MuJoCo, stiffer"
     problem, middle = stop(), steps[len(steps) // 2]
     panel = Panel(
-        "A rod falls on its limit", "time [s]", "angle beyond the limit [mrad]",
+        "A rod falls on its limit", "time since the release [s]", "angle beyond the limit [mrad]",
         ylim=(-100.0, 110.0), lines=[("y", 0.0, "limit")], footer=footer,
     )  # fmt: skip
     for name, engine in known.items():
         time, q, _ = motion(engine, problem.scene, middle, 0.6)
         beyond = 1e3 * (problem.limit - q[0])
         # Around the impact; a joint that swings through leaves the panel.
-        seen = (time > 0.2) & (time < 0.4) & (beyond < 100.0)
-        panel.series.append(Series(name, time[seen], beyond[seen], name, marker=""))
+        shown = (time > 0.2) & (time < 0.4) & (beyond < 100.0)
+        panel.series.append(Series(name, time[shown], beyond[shown], name, marker=""))
     yield panel
 
     panel = Panel(

@@ -16,6 +16,7 @@ from course.measure.work_precision import machine
 from course.oracles.installs import install
 from course.oracles.readers import READERS, readings
 from course.platforms import AS_SHIPPED, FAIR, SCENES, Engine, Scene, prepared
+from course.platforms.contract import Settings
 from course.platforms.measures import effects, path_error, repeatability
 from course.platforms.models import MODELS, honesty, verdict
 from course.platforms.scenes import brake, field, tower
@@ -44,7 +45,7 @@ def stored_rows(name: str = "platforms_table") -> Rows:
     return from_json((FOLDER / f"{name}.json").read_text(encoding="utf-8"))["rows"]
 
 
-def with_rows(panels: Sequence[Panel], rows: Any) -> list[Panel]:
+def with_rows(panels: Sequence[Panel], rows: Rows) -> list[Panel]:
     """Return panels whose data file holds the rows of their table as well."""
     panels[0].data = {**document(panels), "rows": rows}
     return [*panels]
@@ -258,7 +259,7 @@ def in_the_air(rows: Rows, scene: str, settings: str = "fair") -> dict[str, floa
     return {row[1]: row[8] for row in rows if row[0] == scene and row[2] == settings}
 
 
-def path_row(engine: Engine, name: str, settings: Any, dt: float) -> list[Any]:
+def path_row(engine: Engine, name: str, settings: Settings, dt: float) -> list[Any]:
     """Return one row of `platform_paths`."""
     scene = TABLE[name]()
     # Only the time until Coulomb's law stops the block counts for the share in the air.

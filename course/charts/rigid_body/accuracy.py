@@ -385,7 +385,7 @@ def table_at(
 
 @chart
 def table_at_one_millisecond(**sizes: Any) -> Iterator[Panel]:
-    """Chart who is how wrong and how fast at the same step of 1 ms."""
+    """Tabulate error and time per step of every method and problem at a step of 1 ms."""
     panel = Panel("Everybody at the same step")
     panel.notes = [f"{'problem':<11} {'method':<30} {'error':>9}      {'time per step':>13}"]
     for row in table_at(**sizes):

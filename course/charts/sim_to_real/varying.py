@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.charts import chart
+from course.learning import one_thread
 from course.measure.figure import Panel, Series
 from course.measure.timing import calls, interleaved
-from course.pytorch import one_thread
 from course.sim_to_real import actuator_network as an
 from course.sim_to_real import varying_arms as va
 

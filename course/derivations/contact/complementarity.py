@@ -235,8 +235,8 @@ def contact_is_an_lcp(result):
     "f >= 0, J v + h J M^-1 (f_ext + J^T f) >= 0, one of them zero, governs the contact.",
     "The gap is missing, so the condition also "
     "acts on bodies that are apart: a ball that falls {height_m:.0f} m above the ground would stop "
-    "in the air. With the gap, phi / h is added to the velocity. At gap zero the force over the "
-    "step is {formula}, and zero if that is negative.",
+    "in the air. Nor does it push out a body that has sunk in. With the gap, phi / h is added to "
+    "the velocity. At gap zero the force over the step is {formula}, and zero if that is negative.",
     ask=(
         "A body of mass m touches (phi = 0). Its velocity is v (negative: approaching) and its "
         "acceleration without contact is a. Which constant force f over a step h makes its "
@@ -287,14 +287,20 @@ def velocity_lcp_without_gap(result):
     )
     result.statement_holds(
         not stops(height),
-        only_if="the contact is closed and does not bounce",
+        only_if="the gap is zero and the contact does not bounce",
         inside=[stops(-1e-9 * x) for x in gaps]
         + [agrees(-1e-9 * x, speed) for x, speed in zip(gaps, speeds, strict=True)],
         # Chosen to break it: a restitution, which the law has no place for.
         outside=[not stops(x) for x in gaps]
-        + [agrees(-1e-9 * x, speed, 0.5) for x, speed in zip(gaps, speeds, strict=True)],
+        + [agrees(-1e-9 * x, speed, 0.5) for x, speed in zip(gaps, speeds, strict=True)]
+        # And a gap below zero, of 0.1 to 2 mm: a step also takes back a share of the depth.
+        + [agrees(-1e-3 * x, speed) for x, speed in zip(gaps, speeds, strict=True)],
     )
-    result.correction_holds(air < -1.0, abs(touching - float(desired)) < 1e-6)
+    result.correction_holds(
+        air < -1.0,
+        abs(touching - float(desired)) < 1e-6,
+        not any(agrees(-1e-3 * x, 0.0) for x in gaps),
+    )
 
 
 @claim(

@@ -290,8 +290,11 @@ def box_of_limits(result):
     "old velocity. In both Euler schemes a step multiplies the speed by 1 - h mu f_n/(m v_s), so "
     "the step must be below 2 m v_s/(mu f_n). Here m is the mass felt at the contact point: the "
     "whole mass of a block that cannot turn, but only {felt:.3f} of a solid ball, which the same "
-    "force also spins. At twice the limit, {step_ms:.2f} ms, a block at rest trembles for ever at "
-    "{trembles:.1f} times the slip speed, although its spring would allow {spring_ms:.1f} ms.",
+    "force also spins. If a body has several contacts, f_n is the sum of their forces, and the "
+    "motion in which they feel the least mass decides: a square plate on its {corners:.0f} corners "
+    "that may turn about the vertical trembles above {turning:.2f} of the limit for sliding. At "
+    "twice the limit, {step_ms:.2f} ms, a block at rest trembles for ever at {trembles:.1f} times "
+    "the slip speed, although its spring would allow {spring_ms:.1f} ms.",
 )
 def friction_has_a_step_limit(result):
     from course.charts.contact.limits import step_limit
@@ -334,6 +337,40 @@ def friction_has_a_step_limit(result):
         bears = step_limit(0.0, "semi-implicit") / np.sqrt(stiffness)
         return np.abs(v).max() / slip, dt, bears
 
+    def standing(mu, slip, share, count, moment):
+        """Return the speed over slip speed of a body of 1 kg that stands on several contacts.
+
+        They are on a circle of radius R. The body may slide and turn about the vertical, with a
+        moment of inertia over m R^2. The share is of 2 v_s / (mu g), the limit for sliding.
+        """
+        radius, dt = 0.1, share * 2 * slip / (mu * scenes.GRAVITY)
+        stiffness = 0.02 / dt**2 / count
+        angles = 2 * np.pi * np.arange(count) / count
+        rows = np.zeros((count, 3, 4))
+        rows[:, 0, 2] = rows[:, 1, 0] = rows[:, 2, 1] = 1.0
+        rows[:, 1, 3], rows[:, 2, 3] = -radius * np.sin(angles), radius * np.cos(angles)
+        body = scenes.Scene(
+            np.diag([1.0, 1.0, 1.0, moment * radius**2]),
+            rows,
+            np.zeros(count),
+            np.array([0.0, 0.0, -scenes.GRAVITY, 0.0]),
+            np.full((count, 2), mu),
+            np.array([0.0, 0.0, -scenes.GRAVITY / (count * stiffness), 0.0]),
+            slip * np.array([0.3, 0.2, 0.0, 0.3 / radius]),
+        )
+        options = {"stiffness": stiffness, "damping": 0.0, "slip": slip}
+        v = scenes.run(body, "penalty", dt, 400, **options).v[:, -50:]
+        return max(np.abs(v[:2]).max(), radius * np.abs(v[3]).max()) / slip
+
+    corners = int(result.input("corners", 4))
+    # A square plate of side L has the moment m L^2 / 6, and its corners are at R = L / sqrt(2).
+    plate, low, high = 1 / 3, 0.1, 0.9
+    while high - low > 1e-3:
+        middle = (low + high) / 2
+        low, high = (
+            (middle, high) if standing(0.5, 1e-3, middle, corners, plate) < 1e-3 else (low, middle)
+        )
+    turning = result.measure("turning", low, tolerance=1e-2)
     trembles, step, bears = remaining(0.5, 1e-3, 2.0)
     result.measure("trembles", trembles, tolerance=1e-3)
     result.measure("step_ms", 1e3 * step, tolerance=1e-9)
@@ -342,22 +379,33 @@ def friction_has_a_step_limit(result):
     # Of a body with the moment i m r^2 the contact feels m i / (1 + i).
     moments = result.rng.uniform(0.2, 1.0, 8)
     masses = moments / (1 + moments)
+    counts, turns = result.rng.integers(2, 7, 8), result.rng.uniform(0.1, 3.0, 8)
     moment = result.input("moment", 0.4)
     ball = result.measure("felt", moment / (1 + moment), tolerance=1e-9)
     result.statement = f"At {1e3 * step:.3f} ms it trembles at {trembles:.3f} times the slip speed."
     result.statement_holds(
         trembles < 1e-3,
-        only_if="the step is also below 2 m v_s/(mu f_n), with m the mass felt at the contact",
+        only_if="the step is also below 2 m v_s/(mu f_n), with f_n the sum over the contacts of "
+        "the body and m the least mass that they feel in a motion of it",
         inside=[remaining(*draw)[0] < 1e-3 for draw in draws]
         + [
             rolling(mu, slip, share * mass, i) < 1e-3
             for (mu, slip, share), mass, i in zip(draws, masses, moments, strict=True)
+        ]
+        # Chosen to break it: several contacts, whose body may turn about the vertical.
+        + [
+            standing(mu, slip, share * min(1.0, i), count, i) < 1e-3
+            for (mu, slip, share), count, i in zip(draws, counts, turns, strict=True)
         ],
         # From 2 % above the limit, with the same friction and slip speeds as inside.
         outside=[remaining(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws]
         + [
             rolling(mu, slip, 1.05 * mass, i) < 1e-3
             for (mu, slip, _), mass, i in zip(draws, masses, moments, strict=True)
+        ]
+        + [
+            standing(mu, slip, 1.05 * min(1.0, i), count, i) < 1e-3
+            for (mu, slip, _), count, i in zip(draws, counts, turns, strict=True)
         ],
     )
     result.correction_holds(
@@ -366,6 +414,10 @@ def friction_has_a_step_limit(result):
         trembles > 1,
         rolling(0.5, 1e-3, 0.97 * ball, moment) < 1e-3,
         rolling(0.5, 1e-3, 1.03 * ball, moment) > 0.1,
+        # By the force of one of the four contacts the limit would be four times as large.
+        standing(0.5, 1e-3, 0.98, corners, 10.0) < 1e-3,
+        standing(0.5, 1e-3, 1.03, corners, 10.0) > 0.1,
+        abs(turning - plate) < 0.01,
     )
 
 

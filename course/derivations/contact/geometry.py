@@ -116,7 +116,7 @@ def aabb_six_numbers(result):
     mean = result.measure("mean_comparisons", np.mean(counts), 0.02)
     # Apart only along the last axis, to either side: one of the two takes every comparison.
     above = [cost(np.array([[0.0, 0.5], [0.0, 0.5], [0.0, z]]), 1.0) for z in (-2.0, 2.0)]
-    most = max(took for together, _, took in above if not together)
+    largest = max(took for together, _, took in above if not together)
     result.statement = f"The course's own test, counted; {len(counts)} random boxes that are apart."
     result.statement_holds(max(comparisons, *every) == 6)
     result.correction_holds(
@@ -125,7 +125,7 @@ def aabb_six_numbers(result):
         comparisons == 6,
         mean < comparisons,
         min(counts) == 1,
-        most == comparisons,
+        largest == comparisons,
     )
 
 

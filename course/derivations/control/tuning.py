@@ -116,9 +116,9 @@ def integral_removes_the_error(result):
     def remaining(gains=gains, joint=held, **more):
         return abs(_step(gains, joint=joint, seconds=seconds, dt=2e-3, **more)[1].error)
 
-    def limited(gains, most):
+    def limited(gains, limit):
         """Return the same gains with a limited command."""
-        return replace(gains, u_min=-most, u_max=most)
+        return replace(gains, u_min=-limit, u_max=limit)
 
     n = round(seconds / 2e-3)
     # Stable without its limit; with it, the integral winds up alternately on both sides.

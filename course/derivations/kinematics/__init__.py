@@ -1,20 +1,23 @@
 """Claims of chapter 4: where an arm is, how it moves, and what its joints feel."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+Floats = Sequence[float] | np.ndarray
+
 ARM = (1.0, 0.8)  # links of the usual listing [m]
 
 
-def planar_tip(lengths: Any, q: Any) -> np.ndarray:
+def planar_tip(lengths: Floats, q: Floats) -> np.ndarray:
     """Return the tip of a planar arm by the course's kinematics, (2,) or (2, N) [m]."""
     from course.kinematics import planar, tip
 
     return tip(planar(lengths), q)[:2]
 
 
-def planar_jacobian(lengths: Any, q: Any) -> np.ndarray:
+def planar_jacobian(lengths: Floats, q: Floats) -> np.ndarray:
     """Return the course's Jacobian of a planar arm's tip position, (2, n) or (2, n, N)."""
     from course.kinematics import jacobian, planar
 

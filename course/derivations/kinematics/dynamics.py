@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from course.derivations import Symbol, claim
-from course.derivations.kinematics import panda_postures
+from course.derivations.kinematics import Floats, panda_postures
 
 SYMBOLS = {
     "m2": Symbol("mass of the second link, a uniform rod [kg]"),
@@ -99,7 +99,12 @@ def two_link_mass_matrix(result):
 
 
 def exact_accelerations(
-    lengths: Any, masses: Any, q: Any, v: Any, tau: Any, gravity: float = 0.0
+    lengths: Floats,
+    masses: Floats,
+    q: np.ndarray,
+    v: np.ndarray,
+    tau: np.ndarray,
+    gravity: float = 0.0,
 ) -> np.ndarray:
     """Return the exact joint accelerations (n,) of planar rods under gravity along -y.
 

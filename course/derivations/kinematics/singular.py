@@ -7,6 +7,7 @@ import numpy as np
 from course.derivations import Symbol, claim
 from course.derivations.kinematics import (
     ARM,
+    Floats,
     damped_inverse,
     panda_postures,
     planar_jacobian,
@@ -24,7 +25,9 @@ SYMBOLS = {
 }
 
 
-def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, share: float = 0.5):
+def _listing(
+    target: Floats, start: Floats, damping: float = 0.1, steps: int = 100, share: float = 0.5
+):
     """Return the result of the usual loop: damped steps, scaled by a share, until 0.1 mm is left.
 
     Args:
@@ -88,7 +91,7 @@ def pseudo_inverse_beside(result):
     result.formula = sympy.sqrt(sympy.factor(square)) / delta
     law = sympy.lambdify((l1, l2, e, delta), result.formula)
 
-    def requested(lengths: Any, beside: float, error: float) -> float:
+    def requested(lengths: Floats, beside: float, error: float) -> float:
         J = planar_jacobian(lengths, [0.0, beside])
         return float(np.linalg.norm(np.linalg.pinv(J, rcond=1e-12) @ [-error, 0.0]))
 
@@ -202,7 +205,7 @@ def damping_is_free(result):
 
 @claim(
     "IK fails when the Jacobian loses rank.",
-    "What fails there is a step that divides by s_min. The closed form solves targets exactly on "
+    "Many methods get there. The closed form solves targets exactly on "
     "the outer edge, whose only answer is singular, up to rounding. A loop of half damped steps "
     "comes within a tenth of a millimetre too, but the larger lambda, the more slowly: in "
     "{steps_edge:.0f} steps with {damping} m/rad (for targets inside it needs {steps_inside:.0f}), "
@@ -422,7 +425,7 @@ def condition_above_hundred(result):
 
 
 @claim(
-    "The condition number is a property of the arm's posture.",
+    "The condition number of a Jacobian with position and rotation is a property of the posture.",
     "Of the posture and of a length. Rows of position in metres beside rows of rotation in radians "
     "have no common scale: with millimetres the same postures of the 7-R arm have "
     "{factor:.0f} times the number in the median, from {least:.0f} to {most:.0f} times over nine "

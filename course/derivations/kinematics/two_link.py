@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from course.derivations import Ask, Symbol, claim
-from course.derivations.kinematics import planar_jacobian, planar_tip, two_links
+from course.derivations.kinematics import Floats, planar_jacobian, planar_tip, two_links
 
 SYMBOLS = {
     "l1": Symbol("length of the first link [m]"),
@@ -20,7 +20,7 @@ def _lengths(rng: np.random.Generator, count: int) -> np.ndarray:
     return rng.uniform(0.2, 1.5, (count, 2))
 
 
-def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, high: float = 1):
+def _ring(rng: np.random.Generator, lengths: Floats, count: int, low: float = 0, high: float = 1):
     """Return points between two shares of the width of the annulus of two links, (2, count) [m]."""
     near, far = abs(lengths[0] - lengths[1]), sum(lengths)
     r = near + (far - near) * rng.uniform(low, high, count)
@@ -30,9 +30,9 @@ def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, hi
 
 @claim(
     "The pose of the tip is a product of one transform per joint, in order from base to tip.",
-    "Only the joints on the path to the tip count. The order matters: multiplied the other way "
-    "round, the tip of a random arm of {joints:g} joints lies {reversed_m:.1f} m away in the "
-    "median. The transforms may be "
+    "A fixed transform of the tool may follow, and only the joints on the path count. The order "
+    "matters: multiplied the other way round, the tip of a random arm of {joints:g} joints lies "
+    "{reversed_m:.1f} m away in the median. The transforms may be "
     "matrices or, as in this course, positions with quaternions; both agree to rounding.",
     source="Denavit and Hartenberg, A kinematic notation for lower-pair mechanisms (1955)",
 )
@@ -77,7 +77,7 @@ def fk_is_a_product(result):
 def two_link_position(result):
     lengths = result.input("l1_m", 1.0), result.input("l2_m", 0.8)
 
-    def deviation(lengths: Any, q: np.ndarray, absolute: bool = False) -> float:
+    def deviation(lengths: Floats, q: np.ndarray, absolute: bool = False) -> float:
         """Return distance between the quoted formula and the course's arm [m]."""
         (l1, l2), (a, b) = lengths, q
         quoted = [l1 * f(a) + l2 * f(a + b) for f in (np.cos, np.sin)]
@@ -231,7 +231,7 @@ def reachable_annulus(result):
 
     from course.kinematics import two_link_ik
 
-    def right(lengths: Any, beta: float, points: np.ndarray) -> bool:
+    def right(lengths: Floats, beta: float, points: np.ndarray) -> bool:
         """Return whether the annulus says of every point whether the arm gets there."""
         answer = two_link_ik(lengths, points)
         error = np.linalg.norm(
@@ -243,7 +243,7 @@ def reachable_annulus(result):
         inside = (r >= abs(lengths[0] - lengths[1])) & (r <= sum(lengths))
         return bool((gets == inside).all())
 
-    def hole(lengths: Any, beta: float) -> float:
+    def hole(lengths: Floats, beta: float) -> float:
         """Return the least distance of the tip from the base, from a sweep of the elbow [m]."""
         # A sweep of the elbow, independent of the formula.
         bend = np.linspace(-beta, beta, 2001)
@@ -288,7 +288,7 @@ def reachable_annulus(result):
 def number_of_solutions(result):
     from course.kinematics import jacobian, null_space, planar, two_link_ik
 
-    def paths(lengths: Any, target: np.ndarray) -> int:
+    def paths(lengths: Floats, target: np.ndarray) -> int:
         """Return different postures of the closed form whose tip is at the target."""
         q = two_link_ik(lengths, target).q
         other = [bool(np.linalg.norm(planar_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]

@@ -91,9 +91,9 @@ def own_points_come_home(result):
         fit = icp(points, model, start, method=method, iterations=200)
         return abs(np.degrees(np.arctan2(fit.R[1, 0], fit.R[0, 0])))
 
-    start, near, most = (result.input(*x) for x in (("start", 4), ("near", 1), ("most", 10)))
+    start, near, far = (result.input(*x) for x in (("start", 4), ("near", 1), ("most", 10)))
     stall = result.measure("stall", remaining(start), 0.01)
-    ends = [remaining(x) for x in result.rng.uniform(start, most, 6)]
+    ends = [remaining(x) for x in result.rng.uniform(start, far, 6)]
     result.statement = "A box of 4 mm points registered to itself, turned by up to ten degrees."
     result.statement_holds(stall < 0.1)
     result.correction_holds(

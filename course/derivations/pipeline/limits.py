@@ -317,20 +317,23 @@ def swings_die(result):
     )
 
 
-def wanders(gain, *late):
-    """Return whether look and move with late pictures does not get there.
+def fails_to_settle(gain, *late):
+    """Return whether a look-and-move loop with delayed images fails to reach its target.
+
+    It starts at an error of 1 and fails if that error grows beyond 1e6, or still exceeds 0.5 after
+    20,000 images.
 
     Args:
-        gain: share of the error seen that is corrected.
-        late: frames by which pictures are late, in turn.
+        gain: share of the observed error that each move corrects.
+        late: delays of the images in frames, taken in turn.
     """
     past = [1.0] * (max(late) + 1)
     for i in range(20_000):
-        # Pure integrator with delay: the error seen is `late` frames old.
+        # Pure integrator with delay: the observed error is `late` frames old.
         past.append(past[-1] - gain * past[-1 - late[i % len(late)]])
         if abs(past[-1]) > 1e6:
             return True
-    # A loop that has neither diverged nor settled counts as wandering.
+    # A loop that has neither diverged nor settled counts as a failure.
     return abs(np.array(past[-40:])).max() > 0.5
 
 
@@ -367,18 +370,20 @@ def look_and_move_limit(result):
     # Delays of 0 to 8 frames, with gains 2 % to both sides of each limit.
     late = [int(x) for x in result.rng.integers(0, 9, 12)]
     inside, outside = (
-        [not wanders(x * theory.look_limit(k), k) for k in late] for x in (0.98, 1.02)
+        [not fails_to_settle(x * theory.look_limit(k), k) for k in late] for x in (0.98, 1.02)
     )
     exact = [float(result.formula.subs(n, k)) / theory.look_limit(k) for k in late]
     # Chosen to break it: gains that are tiny, none, or of the wrong sign, and delays that change.
-    inside += [not wanders(0.02 * theory.look_limit(k), k) for k in late]
-    outside += [not wanders(x, k) for x in (0.0, -0.01) for k in late]
+    inside += [not fails_to_settle(0.02 * theory.look_limit(k), k) for k in late]
+    outside += [not fails_to_settle(x, k) for x in (0.0, -0.01) for k in late]
     # Delays that alternate, with the gain of the shorter one and of the longer one.
-    jumping = [not wanders(0.98 * theory.look_limit(k), k, k, k + 4, k + 4) for k in late]
-    longest = [not wanders(0.98 * theory.look_limit(k + 4), k, k, k + 4, k + 4) for k in late]
+    jumping = [not fails_to_settle(0.98 * theory.look_limit(k), k, k, k + 4, k + 4) for k in late]
+    longest = [
+        not fails_to_settle(0.98 * theory.look_limit(k + 4), k, k, k + 4, k + 4) for k in late
+    ]
     result.statement = "The loop itself, 2 % on both sides of the limits for 0 to 8 late frames."
     result.statement_holds(
-        not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)),
+        not any(fails_to_settle(x, 4) for x in (0.2, 0.5, 1.0)),
         inside=inside,
         outside=outside + jumping,
         only_if="all images are late by the same n frames and the gain is above 0 and below "
@@ -390,7 +395,7 @@ def look_and_move_limit(result):
         not all(jumping),
         all(longest),
         four < 0.5,
-        not wanders(0.9, 0),
+        not fails_to_settle(0.9, 0),
     )
 
 

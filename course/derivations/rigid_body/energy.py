@@ -1,5 +1,6 @@
 """Claims about what integrators do to energy and to phase-space area."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -589,7 +590,7 @@ def symplectic_with_varying_step(result):
             ]
         )
 
-    def there_and_back(method: Any) -> float:
+    def there_and_back(method: Callable[..., Any]) -> float:
         """Return how far a step and the step -h end from the start."""
         end = method(*method(*here, attraction, 0.1, None), attraction, -0.1, None)
         return float(np.abs(np.array(end) - here).max())

@@ -67,10 +67,10 @@ def drop(
     method: str,
     steps: int = 20_000,
     bounces: int = 10,
-    dt: Any = STEP,
-    e: Any = 1.0,
-    height: Any = HEIGHT,
-    speed: Any = 0.0,
+    dt: float | np.ndarray = STEP,
+    e: float | np.ndarray = 1.0,
+    height: float | np.ndarray = HEIGHT,
+    speed: float | np.ndarray = 0.0,
 ) -> Bounces:
     """Drop balls side by side and let the bounce rule act after each step.
 
@@ -547,7 +547,13 @@ def elastic_bounce_rule(result):
     )
 
 
-def _rule_gain(method: str, rng: Any, e: Any = 1.0, share: Any = 1.0, n: int = 200) -> Any:
+def _rule_gain(
+    method: str,
+    rng: np.random.Generator,
+    e: float | np.ndarray = 1.0,
+    share: float | np.ndarray = 1.0,
+    n: int = 200,
+) -> Any:
     """Return the energy gained in one bounce of n random balls.
 
     Args:

@@ -1,6 +1,7 @@
 """Claims about the state of a body, Euler angles and quaternions."""
 
 import itertools
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ def _state_rank(spatial: bool) -> tuple[int, int]:
     return base.size, int(np.linalg.matrix_rank(np.array(jacobian), tol=1e-6))
 
 
-def _turns(order: Any, middle: float) -> np.ndarray:
+def _turns(order: Sequence[int], middle: float) -> np.ndarray:
     """Return the body axes of the three rates of an order, as rows, at a middle angle [rad].
 
     The last turn is left at zero: it rotates all three axes alike.
@@ -64,7 +65,9 @@ def _rank(rows: np.ndarray) -> int:
     return int(np.linalg.matrix_rank(rows, tol=1e-12))
 
 
-def _spun(rate: np.ndarray, h: float, steps: int, after: Any = None) -> tuple[Any, Any]:
+def _spun(
+    rate: np.ndarray, h: float, steps: int, after: Callable[[np.ndarray], np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return quaternions after `steps` of a steady spin, by adding the rate and by the exponential.
 
     Args:
@@ -218,7 +221,7 @@ def pointing_up_locks(result):
 
     up = quaternion.exp(np.array([0.0, -np.pi / 2, 0.0]))  # takes the body's x axis to z
 
-    def locks(order: Any) -> bool:
+    def locks(order: Sequence[int]) -> bool:
         """Return whether the order is singular at the attitude `up`, by its direction cosines.
 
         An order a-b-c locks where its first axis, fixed in the world, and its last, fixed in the

@@ -1,10 +1,13 @@
 """Claims about Newton's and Euler's equations: the gyroscopic term, tops and tumbling bodies."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from course.derivations import Ask, Symbol, claim
+
+Floats = Sequence[float] | np.ndarray
 
 SYMBOLS = {
     "I1": Symbol("moment across the axis, about the tip [kg m^2]"),
@@ -22,13 +25,13 @@ _FREE = {
 _EXAMPLE = np.array([1.0, 2.0, 3.0])  # moments [kg m^2]
 
 
-def _moments(rng: Any) -> np.ndarray:
+def _moments(rng: np.random.Generator) -> np.ndarray:
     """Return moments I1 < I2 < I3 of a body that exists, well apart, shape (3,) [kg m^2]."""
     # Each below the sum of the other two, as the moments of any body are.
     return np.sort(rng.uniform(1.0, 1.8, 3)) + [0.0, 0.1, 0.2]
 
 
-def _spin(moments: Any, omega: Any, seconds: float, steps: int = 1000) -> Any:
+def _spin(moments: Floats, omega: Floats, seconds: float, steps: int = 1000) -> Any:
     """Return trajectory of a free body by RK4, from the identity, at body rates `omega` [rad/s]."""
     from course.rigid_body import System, problems, quaternion, simulate
 
@@ -46,7 +49,7 @@ def _wander(q: np.ndarray, omega: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(axis[:, 0] @ axis, -1, 1)).max()))
 
 
-def _without_term(moments: Any, omega: Any, seconds: float) -> float:
+def _without_term(moments: Floats, omega: Floats, seconds: float) -> float:
     """Return the error of the attitude of a free body whose gyroscopic term is left out [rad]."""
     from course.rigid_body import quaternion
 
@@ -54,7 +57,9 @@ def _without_term(moments: Any, omega: Any, seconds: float) -> float:
     return float(quaternion.angle_between(end, quaternion.exp(seconds * np.asarray(omega))))
 
 
-def _top_run(inertia: Any, spin: float, tilt: float, duration: float, dt: float = 5e-4) -> Any:
+def _top_run(
+    inertia: tuple[float, float], spin: float, tilt: float, duration: float, dt: float = 5e-4
+) -> Any:
     """Run a top with m g l = 1 N m; return the cosines of its tilt, the run and the system."""
     from course.rigid_body import problems, simulate
 
@@ -63,7 +68,7 @@ def _top_run(inertia: Any, spin: float, tilt: float, duration: float, dt: float 
     return problems.top_height(run.q.T), run, system
 
 
-def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
+def _pushed(rng: np.random.Generator, push: float = 1.0, mass: float = 2.0) -> Any:
     """Return a random body in flight under a random force; at the start its axes are the world's.
 
     Args:
@@ -220,11 +225,11 @@ def euler_equation_point(result):
 def gyroscopic_term_always_there(result):
     from course.rigid_body import problems, quaternion
 
-    def torque(moments: Any, omega: Any) -> np.ndarray:
+    def torque(moments: np.ndarray, omega: Floats) -> np.ndarray:
         rates = problems.tumble_acceleration(quaternion.identity(), np.array(omega), moments)
         return -moments * rates
 
-    def term(moments: Any, omega: Any) -> float:
+    def term(moments: np.ndarray, omega: Floats) -> float:
         return float(np.linalg.norm(torque(moments, omega)))
 
     cube, axes = np.full(3, 2.0), np.eye(3)
@@ -446,7 +451,7 @@ def principal_axis_is_stable(result):
     result.formula = sympy.sqrt(sympy.factor((i2 - i3) / i1 * w * (i1 - i2) / i3 * w))
     spin = result.input("spin_rad_per_s", 3.0)
 
-    def aside(moments: Any, axis: int, seconds: float = 10.0) -> np.ndarray:
+    def aside(moments: Floats, axis: int, seconds: float = 10.0) -> np.ndarray:
         """Return largest rate about the other axes at each step, from 1e-7 rad/s, shape (4001,)."""
         start = np.where(np.arange(3) == axis, spin, 1e-7)
         run = _spin(moments, start, seconds, 4000)

@@ -79,14 +79,14 @@ def signals_of_different_kinds(result):
         worst = int(np.argmax(predicted[name])) if name == "plain" else 0
         result.measure(name, predicted[name][worst], 0.01)
         result.measure(f"{name}_seen", factors[name][worst], 0.2)
-    off = result.input("off", 3.0)
+    factor_off = result.input("off", 3.0)
 
     def speeds(factor):
         """Return the worst factor over the bound if the speeds' noise is assumed wrongly."""
         return float(over_the_bound(noise * (1.0, 1.0, factor, factor), noise).max())
 
-    small = result.measure("small", speeds(1.0 / off), 0.01)
-    large = result.measure("large", speeds(off), 0.01)
+    small = result.measure("small", speeds(1.0 / factor_off), 0.01)
+    large = result.measure("large", speeds(factor_off), 0.01)
     alone = result.measure("angles_only", speeds(1e4), 0.01)
     result.measure("speeds_only", speeds(1e-4), 0.01)
 
@@ -123,12 +123,12 @@ def estimates(loop, samples, runs, rng):
     from course.sim_to_real.signals import regression, speed_output_error, with_instrument
 
     measured, sent = loop.record(samples, runs, rng)
-    ways = {
+    values = {
         "least squares": regression(measured, sent, loop.dt),
         "output error": speed_output_error(measured, sent, loop.dt),
         "instrument": with_instrument(measured, sent, loop.plan(samples), loop.dt),
     }
-    return {name: value * loop.inertia - 1.0 for name, value in ways.items()}
+    return {name: value * loop.inertia - 1.0 for name, value in values.items()}
 
 
 @claim(
@@ -159,11 +159,11 @@ def feedback_and_regression(result):
         return float(error.mean()), float(error.std(ddof=1))
 
     few = estimates(loop, n, runs, result.rng)
-    many, deviation = mean_of(loop, times * n)
+    long_mean, deviation = mean_of(loop, times * n)
     law = result.measure("law", loop.inertia * loop.bias(n), 1e-3)
-    seen = result.measure("seen", few["least squares"].mean(), 0.03)
-    short = result.measure("short", seen / few["least squares"].std(ddof=1), 0.15)
-    long = result.measure("long", many / deviation, 0.15)
+    short_mean = result.measure("seen", few["least squares"].mean(), 0.03)
+    short = result.measure("short", short_mean / few["least squares"].std(ddof=1), 0.15)
+    long = result.measure("long", long_mean / deviation, 0.15)
     double = result.measure("double", mean_of(replace(loop, gain=2.0 * loop.gain), n)[0], 0.03)
 
     def limit(errors):
@@ -210,10 +210,10 @@ def feedback_and_regression(result):
     laws = [replace(loop, gain=g) for g in gains]
     result.correction_holds(
         all(abs(mean_of(x, n)[0] / (x.inertia * x.bias(n)) - 1.0) < 0.05 for x in (loop, *laws)),
-        abs(seen - law) < limit(few["least squares"]),
+        abs(short_mean - law) < limit(few["least squares"]),
         # Four times the root: the bias stays and the scatter falls.
         3.0 < long / short < 5.3,
-        1.7 < double / seen < 2.1,
+        1.7 < double / short_mean < 2.1,
         all(abs(errors.mean()) < limit(errors) for errors in unbiased.values()),
         swapped > 0.2,
         swapped > limit(other["output error"]),

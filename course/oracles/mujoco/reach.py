@@ -93,7 +93,7 @@ class MujocoArmReach(SingleReach):
     def _placed(self) -> None:
         self._qpos[:], self._qvel[:] = self.task.q[:, 0], self.task.v[:, 0]
 
-    def _move(self, actions: Any) -> Moved:
+    def _move(self, actions: NDArray[Any]) -> Moved:
         self._torque[:] = self._limits * actions[0].clip(-1.0, 1.0)
         self._step(self.model, self.data, self.substeps)
         self.task.q[:, 0], self.task.v[:, 0] = self._qpos, self._qvel
@@ -163,7 +163,7 @@ class MujocoArmReachVector(ReachVector):
         self._qpos[ids], self._qvel[ids] = self.task.q[:, ids].T, self.task.v[:, ids].T
         return observations
 
-    def _move(self, actions: Any) -> Moved:
+    def _move(self, actions: NDArray[Any]) -> Moved:
         np.multiply(self._limits, actions.clip(-1.0, 1.0), out=self._torque)
         self.batch.step(nstep=self.substeps)
         self.task.q[:], self.task.v[:] = self._qpos.T, self._qvel.T

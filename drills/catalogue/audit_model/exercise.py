@@ -190,6 +190,17 @@ SLIPS = slips(
         "np.abs(np.diag(loaded - inertia[i])).max() > tolerance * np.abs(inertia[i]).max()",
         "Only the diagonals are compared: products of inertia count, too.",
     ),
+    absolute_mass=(
+        _MASS,
+        "> tolerance",
+        "The tolerance of the mass is taken in kilograms. It is a part of the mass in the file: "
+        "multiply by that.",
+    ),
+    inertia_reported_as_mass=(
+        "marks[i] += 2",
+        "marks[i] += 1",
+        "A wrong inertia adds 1 in your answer, the code of a wrong mass. It adds 2.",
+    ),
 )
 
 EXERCISE = Exercise(

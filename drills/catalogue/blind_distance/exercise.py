@@ -63,6 +63,11 @@ SLIPS = slips(
         "delay = float(np.sum(np.asarray(latencies, dtype=float) + period)) - period",
         "Every stage waits for a clock in your answer. Only the last one, the loop, has one.",
     ),
+    speeds_cut_to_integers=(
+        "v = np.asarray(speed, dtype=float)",
+        "v = np.asarray(speed, dtype=int)",
+        "The speeds are cut to integers: 0.8 m/s becomes 0. Use float for a quantity with a unit.",
+    ),
 )
 
 EXERCISE = Exercise(

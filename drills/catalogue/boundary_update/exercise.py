@@ -105,6 +105,12 @@ SLIPS = slips(
         "mean > upper",
         "A mean at the upper threshold counts as enough.",
     ),
+    lower_threshold_left_out=(
+        "mean <= lower",
+        "mean < lower",
+        "A mean exactly at the lower threshold leaves the end where it is in your answer. It moves "
+        "inward already there.",
+    ),
     half_way_back=(
         "np.where(mean <= lower, -1.0, 0.0)",
         "np.where(mean < upper, -1.0, 0.0)",

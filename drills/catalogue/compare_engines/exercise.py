@@ -148,6 +148,12 @@ SLIPS = slips(
         "np.floor(times / dt)",
         "Times are cut off to rows: 0.07 / 0.01 is a little less than 7. Round them.",
     ),
+    both_pushed_forward=(
+        "np.array([1.0, -1.0])",
+        "np.array([1.0, 1.0])",
+        "Friction pushes block and plank in the same direction. It acts with opposite signs on "
+        "the two bodies, and their momentum is constant.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -121,6 +121,11 @@ SLIPS = slips(
         _MOVE.replace("(K @ x)", "(0.5 * K @ x + 0.5 * expert(x))"),
         "Half of each action is the expert's. In this round the learner drives alone.",
     ),
+    sign_of_the_loop=(
+        _MOVE,
+        "        x = plant @ x - push @ (K @ x)\n",
+        "The action enters the plant with a minus. The learner's law is u = K x, not u = -K x.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -137,6 +137,11 @@ SLIPS = slips(
         "Clusters are numbered by their first points, border points included. The first core "
         "point decides.",
     ),
+    clusters_from_one=(
+        "    return labels",
+        "    return np.where(labels >= 0, labels + 1, -1)",
+        "Noise is -1, as it should be, but the first cluster is 1. Number the clusters from 0.",
+    ),
 )
 
 EXERCISE = Exercise(

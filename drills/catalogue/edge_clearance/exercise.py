@@ -72,6 +72,16 @@ SLIPS = slips(
         "return np.atleast_1d(np.min(np.hypot(*(centres - nearest).T) - radius, initial=np.inf))",
         "One number came back, that of the nearest disc. Return one for each disc.",
     ),
+    ray_for_segment=(
+        "np.clip(share, 0.0, 1.0)",
+        "np.maximum(share, 0.0)",
+        "The edge has no end at b in your answer. Limit the share from both sides, to 0 and to 1.",
+    ),
+    squared_distance=(
+        "np.hypot(*(centres - nearest).T)",
+        "np.sum((centres - nearest) ** 2, axis=1)",
+        "The radius is subtracted from the square of the distance. Take the root first.",
+    ),
 )
 
 EXERCISE = Exercise(

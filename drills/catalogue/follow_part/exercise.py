@@ -154,6 +154,21 @@ SLIPS = slips(
         "        command = queue.pop(0) if queue else 0.0\n",
         "Without a new command the drive uses 0. It must keep the last command.",
     ),
+    deadline_from_publishing=(
+        "if here and now - here[-1][1] <=",
+        "if here and now - here[-1][0] <=",
+        "The deadline is counted from publishing. The age of a position counts from its capture.",
+    ),
+    belt_backwards=(
+        "here[-1][2] + drift",
+        "here[-1][2] - drift",
+        "The position is moved against the belt. Add the velocity times the age.",
+    ),
+    oldest_position=(
+        "sent.append((now, here[-1][2] + drift * (now - here[-1][1])))",
+        "sent.append((now, here[0][2] + drift * (now - here[0][1])))",
+        "The command comes from the first position that was ever published. Take the newest one.",
+    ),
 )
 
 EXERCISE = Exercise(

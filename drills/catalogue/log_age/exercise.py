@@ -114,6 +114,12 @@ SLIPS = slips(
         "captured[here].max() - now",
         "The ages are negative: time of reading minus time of capture.",
     ),
+    age_at_its_arrival=(
+        _AGE,
+        "(published - captured)[here][np.argmax(captured[here])]",
+        "That is the age that the newest information had when it arrived. It gets older until it "
+        "is read: subtract the capture from the time of reading.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -69,6 +69,22 @@ SLIPS = slips(
         "The draws are uniform in the inverse, which favours small values. Interpolate the "
         "logarithms.",
     ),
+    ends_taken_as_exponents=(
+        "np.exp(start + share * (end - start))",
+        "10.0 ** (np.exp(start) + share * (np.exp(end) - np.exp(start)))",
+        "The ends are taken as exponents of ten. They are values: take their logarithms first.",
+    ),
+    one_number_for_all=(
+        "share = np.asarray(u, dtype=float)",
+        "share = np.asarray(u, dtype=float)[:, :1]",
+        "All parameters of an episode get the first random number, so they rise and fall "
+        "together. Each parameter has a column of its own.",
+    ),
+    ratio_rounded_down=(
+        "np.exp(start + share * (end - start))",
+        "np.asarray(low, dtype=float) * (np.asarray(high, dtype=float) // np.asarray(low))**share",
+        "The ratio of the ends is rounded down to an integer: // is an integer division.",
+    ),
 )
 
 EXERCISE = Exercise(

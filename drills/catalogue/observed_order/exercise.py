@@ -258,6 +258,12 @@ SLIPS = slips(
         "Runs that do not converge get a number all the same. Check that the second difference "
         "is smaller than the first and not zero, else raise ValueError.",
     ),
+    mean_beside_a_norm=(
+        "first = np.linalg.norm(medium - coarse)",
+        "first = np.mean(np.abs(medium - coarse))",
+        "The first difference is measured by its mean size and the second by its 2-norm. Use the "
+        "2-norm for both.",
+    ),
 )
 
 EXERCISE = Exercise(

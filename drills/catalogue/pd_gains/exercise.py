@@ -71,6 +71,12 @@ SLIPS = slips(
         "The frequency is taken for that of the damped swing. It is the undamped one, sqrt(kp / "
         "J).",
     ),
+    inertia_forgotten_in_both=(
+        "omega**2 * J, kd",
+        "omega**2, kd + 2.0 * np.asarray(ratio, dtype=float) * omega * (1.0 - J)",
+        "The inertia is missing in both gains: they are right for 1 kg m^2. The friction that is "
+        "subtracted belongs to the real joint.",
+    ),
 )
 
 EXERCISE = Exercise(

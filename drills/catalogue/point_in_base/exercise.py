@@ -146,6 +146,12 @@ SLIPS = slips(
         "The turn is interpolated across the jump from pi to -pi: half way it points backwards. "
         "That was right before.",
     ),
+    nearest_row=(
+        "np.array([np.interp(stamp, rows[0], row) for row in rows[1:]])",
+        "rows[1:, np.argmin(np.abs(rows[0] - stamp))]",
+        "The pose of the flange is that of the nearest row of the log. It moves between two rows: "
+        "interpolate.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -123,6 +123,11 @@ SLIPS = slips(
         "for k in range(1, n) for others in [tuple(range(k, n)) + tuple(range(1, k))]]",
         "Only turns of the row are tried, not all orders of it.",
     ),
+    degrees_in_the_sine=(
+        "np.sin(2.0 * np.pi / n)",
+        "np.sin(360.0 / n)",
+        "The angle between two axes is given to the sine in degrees. It takes radians: 2 pi / n.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -94,6 +94,11 @@ SLIPS = slips(
         "gamma * ahead - phi[:-1]",
         "The bonus for reaching the disc is missing.",
     ),
+    start_counts=(
+        "inside = -phi[1:] <= radius\n",
+        "inside = -phi[1:] <= radius\n    inside[0] |= -phi[0] <= radius\n",
+        "A start inside the disc ends the episode in your answer. Only the end of a step counts.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -67,6 +67,12 @@ SLIPS = slips(
         "The total divides by the longest run, as if all ran at the same time. They follow one "
         "another.",
     ),
+    divided_by_the_copies=(
+        " * np.asarray(copies)\n",
+        " / np.asarray(copies)\n",
+        "You divide by the number of robots. All of them make all the steps, so simulated time is "
+        "multiplied by it.",
+    ),
 )
 
 EXERCISE = Exercise(

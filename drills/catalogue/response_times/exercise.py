@@ -168,6 +168,12 @@ SLIPS = slips(
         _MET + "        else:\n            break\n",
         "The tasks below one that misses its deadline get no result. They still need theirs.",
     ),
+    all_blocking_added=(
+        "    times = np.full(len(C), -1)\n",
+        "    B = np.cumsum(B[::-1])[::-1]\n    times = np.full(len(C), -1)\n",
+        "The blocking of all less important tasks is added. Each entry already is the most that "
+        "they can block this task: take only its own.",
+    ),
 )
 
 EXERCISE = Exercise(

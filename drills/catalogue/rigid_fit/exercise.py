@@ -159,6 +159,11 @@ SLIPS = slips(
         "w = np.ones(len(w)) / len(w)",
         "The weights are not used: points of weight 0 count too.",
     ),
+    weights_squared=(
+        "(a - start[:, None]) * w @",
+        "(a - start[:, None]) * w**2 @",
+        "The weights enter the sum of products twice. Multiply one of the two sets by them.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -153,6 +153,15 @@ SLIPS = slips(
         "",
         "Two places on one edge split it in three. Nothing is gained: leave the path as it is.",
     ),
+    first_length_for_all=(
+        "    for pair in np.asarray(draws, dtype=float):\n",
+        "    whole = np.hypot(*np.diff(path, axis=0).T).sum()\n"
+        "    for pair in np.asarray(draws, dtype=float):\n",
+        _PLACES,
+        "places = np.minimum(np.sort(pair) * whole, along[-1] * (1 - 1e-12))",
+        "The fractions are those of the first path's length for all draws. Each cut makes the "
+        "path shorter: measure it again for every draw.",
+    ),
 )
 
 EXERCISE = Exercise(

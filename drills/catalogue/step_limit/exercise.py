@@ -145,6 +145,16 @@ SLIPS = slips(
         "Right until kp is small: then a difference of nearly equal numbers is divided by "
         "almost zero. Use the equivalent form 4 / (sqrt(d^2 + 4 k) + d).",
     ),
+    damping_subtracted=(
+        _DRAG,
+        "(kd - damping) * quickest",
+        "The joints' damping is subtracted from the gain kd. Both brake the arm, so they add up.",
+    ),
+    smallest_for_all=(
+        f"return np.asarray({_LIMIT})",
+        f"result = np.asarray({_LIMIT})\n    return np.full(len(result), result.min())",
+        "Every posture gets the limit of the worst one. Return the limit of each posture.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -167,6 +167,11 @@ SLIPS = slips(
         "np.diag([0.0, age])",
         "The acceleration noise is in the velocity only; the position takes T^3 / 3 of it.",
     ),
+    oldest=(
+        _NEWEST,
+        "newest = here[np.argmin(stamps[here])]",
+        "The oldest estimate is taken. The one that was captured last knows more of the present.",
+    ),
 )
 
 EXERCISE = Exercise(

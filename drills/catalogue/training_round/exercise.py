@@ -135,6 +135,11 @@ SLIPS = slips(
         "        z",
         "The statistics are never updated. The positions of training belong in them.",
     ),
+    normalised_before_added=(
+        "        learn(x)\n        z = normalised(x)\n",
+        "        z = normalised(x)\n        learn(x)\n",
+        "The positions are normalised before they are added to the statistics. Add them first.",
+    ),
 )
 
 EXERCISE = Exercise(

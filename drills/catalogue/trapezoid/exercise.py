@@ -175,6 +175,12 @@ SLIPS = slips(
         "0.0 * move[:, None] + rate",
         "You return the rate of s. The rate of a joint is its move times the rate of s.",
     ),
+    speed_over_the_longest_move=(
+        "float(np.min(speed / size))",
+        "float(np.min(np.asarray(speed, dtype=float)[move != 0.0]) / size.max())",
+        "The smallest speed limit is divided by the longest move. They may belong to different "
+        "joints: divide each joint's limit by its own move, and take the smallest result.",
+    ),
 )
 
 EXERCISE = Exercise(

@@ -327,6 +327,11 @@ SLIPS = slips(
         "The values are right, at twice the price: the acceleration at the start of the step is "
         "what came in as `a`. In a real simulator that evaluation is the whole cost.",
     ),
+    sign_of_the_acceleration=(
+        "v_half = v + 0.5 * dt * a",
+        "v_half = v - 0.5 * dt * a",
+        "The acceleration at the old position is subtracted. Both halves of the kick are added.",
+    ),
 )
 
 EXERCISE = Exercise(

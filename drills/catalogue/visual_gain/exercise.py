@@ -128,6 +128,12 @@ SLIPS = slips(
         "e.append(e[-1] - gain * e[-1 - delay])\n    return limit, sum(x * x for x in e)",
         "The sum of squares stops after a hundred frames. Near the limit an impulse lasts longer.",
     ),
+    one_frame_less_in_both=(
+        _LIMIT,
+        "delay = max(delay - 1, 0)\n    " + _LIMIT,
+        "Limit and variance are those of a delay that is one frame shorter. An image that is d "
+        "frames old shows e[n - d].",
+    ),
 )
 
 EXERCISE = Exercise(

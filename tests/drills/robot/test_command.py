@@ -96,7 +96,7 @@ def test_a_run_is_stored_and_a_replaced_part_is_compared(own: Place) -> None:
     assert Path(past["picture"]).stat().st_size > 5000
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.optional
 def test_the_libraries_play_the_same_tasks_and_are_lines_of_the_chart(own: Place) -> None:
     if not any(libraries.installed(name) for name in ("ompl", "mujoco", "pinocchio", "open3d")):
@@ -116,7 +116,7 @@ def test_the_libraries_play_the_same_tasks_and_are_lines_of_the_chart(own: Place
     assert all(f"{3:>7}   100.0 %" in rows[name] for name in ("course", "libraries"))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_broken_promise_comes_with_the_expected_result(own: Place) -> None:
     file = own.work / "two_link_ik.py"
     text = file.read_text(encoding="utf-8")
@@ -137,7 +137,7 @@ def test_a_broken_promise_comes_with_the_expected_result(own: Place) -> None:
     np.testing.assert_allclose(values[1] - values[0], 0.02, atol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_broken_part_is_named_with_its_call(own: Place) -> None:
     file = own.work / "two_link_ik.py"
     file.write_text("def two_link_ik(lengths, target):\n    return lengths / 0 * target[0]\n")
@@ -169,7 +169,7 @@ def test_ompl_can_hold_the_planner(place: Place) -> None:
     assert done["parts"]["rrt_connect"] == "ompl"
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_right_answer_of_a_notebook_becomes_a_part(place: Place) -> None:
     """As `drills.notebook.check` sends it; an answer that is in the folder stays as it is."""
     sent = ["check", "verlet", "--file", "-", "--rendered", "--called", "your cell"]
@@ -216,7 +216,7 @@ def test_misuse_says_what_to_do(place: Place) -> None:
         assert done.code == 2 and message in done.err, done
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_hidden_fault_is_found_from_the_log(place: Place) -> None:
     """As a learner would: which two signals differ by more than others do."""
     row = 0
@@ -287,7 +287,7 @@ def test_hidden_faults_are_spread_over_the_stages() -> None:
 # --- what a chapter changes -----------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_chapter_s_part_is_compared_with_the_course_s(own: Place) -> None:
     """An own part that is slower on purpose: the cycle grows, on the same tasks and noise."""
     file = own.work / "trapezoid.py"
@@ -302,7 +302,7 @@ def test_a_chapter_s_part_is_compared_with_the_course_s(own: Place) -> None:
     assert own.run("robot", "history").code == 2
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_chapters_without_slots_compare_worlds_and_levels(place: Place) -> None:
     twin = place.json("robot", "compare", "--chapter", "8", "--level", "1", "--tasks", "6")
     assert twin["slots"] == [] and twin["change"]["distance"][1] > 1e-3

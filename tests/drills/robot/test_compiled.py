@@ -8,17 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from course.pipeline.robot_parts import FUNCTIONS, clearance, nearest, on_a_face
 from drills.robot import cell as scene
 from drills.robot import engine, stages
-from drills.robot.compiled import (
-    DRIVEN,
-    FUNCTIONS,
-    clearance,
-    engine_of,
-    nearest,
-    on_a_face,
-    render,
-)
+from drills.robot.compiled import DRIVEN, engine_of, render
 from drills.robot.engine import Engine
 from drills.robot.holders import course_part
 from drills.robot.inside import Robot
@@ -137,6 +130,7 @@ def test_the_compiled_matches_are_the_same() -> None:
     assert 0 < plain.sum() < plain.size
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("twin", (False, True))
 def test_a_whole_motion_is_its_ticks(twin: bool) -> None:
     """Only the law and the integrator are compiled here, the rest is the plain robot."""
@@ -154,6 +148,7 @@ def test_a_whole_motion_is_its_ticks(twin: bool) -> None:
     assert (second.processor > 0.0).all()
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("number", (1, 3, 5))
 def test_compiled_and_plain_robots_agree_task_by_task(number: int) -> None:
     """The stated interval of one task: 0.1 mm in the slot, no tick of the cycle, no outcome."""
@@ -173,6 +168,7 @@ def the_worked_robot() -> Played:
     return played(5, SWAPPED)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("slot", sorted(FUNCTIONS))
 def test_swapping_a_part_for_the_course_s_changes_no_outcome(
     slot: str, worked_answers: Played

@@ -20,6 +20,7 @@ def run(**texts: str) -> Played:
     return play(parts_with(**texts), level(2), 3)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("text", "kind", "message"),
     (
@@ -74,6 +75,7 @@ def test_a_part_that_takes_the_process_with_it_is_named(line: str, kind: str) ->
     assert failure.call.startswith("computed_torque(") and failure.tick == 4 * 12
 
 
+@pytest.mark.prove
 def test_what_a_part_prints_does_not_end_the_run() -> None:
     from drills.robot.holders import course_part
 

@@ -58,6 +58,7 @@ def test_the_picture_of_the_home_page_shows_the_course_s_robot(tmp_path: Path) -
     assert new.shape == stored.shape and np.mean(np.abs(new - stored) > 60.0) < 0.01
 
 
+@pytest.mark.prove
 def test_the_lesson_is_the_worst_of_the_most_frequent_failure() -> None:
     one = robot(1)
     played = gather([one.play(number) for number in range(4)])

@@ -47,6 +47,7 @@ def of_the_course() -> Summary:
     return summarise(play(parts_with(), level(5), 8))
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(("slot", "library"), OFFERED)
 def test_a_robot_with_a_library_s_part_does_as_well(slot: str, library: str) -> None:
     both(slot, library)
@@ -60,6 +61,7 @@ def test_a_robot_with_a_library_s_part_does_as_well(slot: str, library: str) -> 
         assert abs(value) <= limit + 1e-12
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("library", ("pinocchio", "open3d", "mujoco"))
 def test_a_library_s_part_runs_beside_a_part_of_the_learner_s(library: str) -> None:
     """In the sandbox's child process."""

@@ -26,6 +26,7 @@ def test_the_course_s_parts_solve_each_level_and_break_no_promise(number: int) -
     assert (result.processor > 0.0).all()
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("number", (1, 3, 5))
 def test_the_shares_of_the_stages_add_up_to_the_error(number: int) -> None:
     result = played(number, FEW)
@@ -33,6 +34,7 @@ def test_the_shares_of_the_stages_add_up_to_the_error(number: int) -> None:
     assert result.budget.shape == (FEW, len(STAGES), 2)
 
 
+@pytest.mark.prove
 def test_with_perfect_sensing_the_grasp_is_as_exact_as_a_tick() -> None:
     """From rest, an arm at its largest planned acceleration moves so far in one tick."""
     result = played(1, FEW)
@@ -43,6 +45,7 @@ def test_with_perfect_sensing_the_grasp_is_as_exact_as_a_tick() -> None:
     assert np.hypot(*result.budget[:, STAGES.index("perception")].T).max() < 0.1 * bound
 
 
+@pytest.mark.prove
 def test_the_part_slides_as_far_as_the_closed_form_says() -> None:
     """It falls for sqrt(2 h / g cos); gravity pulls it down the slope; it stops on landing."""
     result = played(1, FEW)
@@ -54,6 +57,7 @@ def test_the_part_slides_as_far_as_the_closed_form_says() -> None:
     np.testing.assert_allclose(physics[:, 1], -down, atol=1e-3 * CELL.gravity * fall + 5e-5)
 
 
+@pytest.mark.prove
 def test_tasks_and_noise_are_the_same_whatever_the_parts_are() -> None:
     slow = course_part("trapezoid").source.replace(
         "    ramp = v / a\n", "    v = 0.5 * v\n    ramp = v / a\n"
@@ -80,6 +84,7 @@ def test_levels_differ_in_noise_and_not_in_the_scene() -> None:
         np.testing.assert_array_equal(first.posts, second.posts)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(("slot", "library"), (("lqr", "scipy"), ("rigid_fit", "scipy")))
 def test_an_equivalent_part_changes_nothing_beyond_its_interval(slot: str, library: str) -> None:
     from drills.robot import libraries
@@ -92,6 +97,7 @@ def test_an_equivalent_part_changes_nothing_beyond_its_interval(slot: str, libra
         assert low - 1e-6 <= 0.0 <= high + 1e-6 and abs(value) < 1e-6
 
 
+@pytest.mark.prove
 def test_every_slot_is_called_and_timed() -> None:
     one = robot(5)
     called = set()
@@ -106,6 +112,7 @@ def test_thresholds_fall_as_levels_get_harder() -> None:
     assert limits == sorted(limits, reverse=True) and min(limits) > 0.5
 
 
+@pytest.mark.prove
 def test_the_imperfect_arm_shows_in_control_and_physics() -> None:
     from drills.robot.twin import imperfect_world
 
@@ -118,6 +125,7 @@ def test_the_imperfect_arm_shows_in_control_and_physics() -> None:
 NO_FRICTION = "def friction_torque(v, coulomb, viscous, transition):\n    return 0.0 * v\n"
 
 
+@pytest.mark.prove
 def test_with_friction_compensation_the_arm_moves_as_one_without_friction() -> None:
     """With perfect sensing the arm is on its reference, so all of its friction is cancelled."""
     smooth = World(CELL.lengths, CELL.masses)
@@ -127,6 +135,7 @@ def test_with_friction_compensation_the_arm_moves_as_one_without_friction() -> N
     np.testing.assert_allclose(first.error, second.error, atol=5e-5)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("number", (1, 5))
 def test_the_friction_term_matters_and_its_sign_more(number: int) -> None:
     """The steady lag is M^-1 friction / kp: some millimetres at the tip, twice with the sign."""

@@ -70,6 +70,7 @@ def test_a_stage_s_call_can_be_repeated(tmp_path: Path) -> None:
         assert f"import {record.__name__}\n" in program.read_text(encoding="utf-8")
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("name", "result", "kind"),
     (
@@ -90,6 +91,7 @@ def test_a_wrong_result_of_a_stage_is_named(name: str, result: str, kind: str) -
     assert failure is not None and (failure.part, failure.kind) == (name, kind), failure
 
 
+@pytest.mark.prove
 def test_a_sweep_in_processes_is_the_sweep_here() -> None:
     here = sweep(evaluate, JOBS)
     assert len({row.cycle for row in here}) == len(JOBS)
@@ -108,6 +110,7 @@ def test_a_sweep_on_dask_is_the_sweep_here() -> None:
         assert sweep(evaluate, JOBS[:2], executor) == sweep(evaluate, JOBS[:2])
 
 
+@pytest.mark.prove
 def test_a_sweep_takes_the_imperfect_arm_and_own_functions(planner: Path) -> None:
     exact = evaluate(2, 0, 3)
     assert evaluate(2, 0, 3, gap=0.5).distance > 2.0 * exact.distance

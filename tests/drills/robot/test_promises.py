@@ -121,6 +121,7 @@ def test_every_typical_mistake_with_friction_breaks_a_promise() -> None:
     }
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "slip", ("friction_itself", "coulomb_missing", "viscous_missing", "sign_for_the_transition")
 )

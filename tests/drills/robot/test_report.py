@@ -51,7 +51,7 @@ def test_a_summary_survives_being_stored() -> None:
 
 
 def test_a_damaged_file_is_refused() -> None:
-    from course import json_store
+    from drills import json_store
 
     contents: tuple[dict[str, Any], ...] = (
         {"runs": {}},

@@ -333,6 +333,36 @@ def test_the_home_page_moves_at_once_and_is_dragged(
         )
 
 
+@pytest.mark.parametrize("wide", [390, pytest.param(1440, marks=pytest.mark.prove)])
+def test_nothing_lies_on_a_picture_that_one_scrolls_up_to(
+    browser: "Browser", addresses: list[str], wide: int
+) -> None:
+    with Reader(browser, addresses[0], viewport={"width": wide, "height": 850}) as reader:
+        page = reader.open("01_rigid_body.html")
+        canvas = page.locator(".course-live[data-ready] canvas[data-frame]").first
+        page.locator(".course-live").first.scroll_into_view_if_needed()
+        canvas.wait_for()
+        page.evaluate("() => scrollBy(0, 2000)")
+        page.wait_for_timeout(100)
+        # With the wheel, as a reader does it: by and by, until it is below the bar at the top.
+        page.mouse.move(wide // 2, 400)
+        while canvas.bounding_box()["y"] < 60:
+            page.mouse.wheel(0, -40)
+            page.wait_for_timeout(20)
+        button = page.locator(".back-to-top")
+        button.wait_for(state="visible")
+        covered = canvas.evaluate(
+            """canvas => {
+              const box = canvas.getBoundingClientRect(), result = [];
+              for (let x = box.left + 5; x < box.right; x += 10)
+                for (let y = box.top + 5; y < box.bottom; y += 10)
+                  if (document.elementFromPoint(x, y) !== canvas) result.push([x, y]);
+              return result;
+            }"""
+        )
+        assert covered == []
+
+
 def test_with_less_motion_the_home_page_stands_still(
     browser: "Browser", addresses: list[str]
 ) -> None:
@@ -384,6 +414,7 @@ CanvasRenderingContext2D.prototype.fillText = function (words, ...given) {
 """
 
 
+@pytest.mark.prove
 def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 390, "height": 844}) as reader:
         reader.page.add_init_script(WORDS_DRAWN)
@@ -397,6 +428,39 @@ def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: li
             assert 0 <= left and right <= wide, text
             for other, its_line, start, end in words[:k]:
                 assert its_line != line or end <= left or right <= start, (text, other)
+
+
+def test_tables_in_html_have_the_lines_of_those_in_markdown(
+    browser: "Browser", addresses: list[str]
+) -> None:
+    looks = """() => [...document.querySelectorAll('article table')].map(e => {
+      const {padding, borderLeftWidth, borderBottomWidth} = getComputedStyle(e.rows[1].cells[1]);
+      return [e.classList.contains('docutils'), parseFloat(padding.split(' ').at(-1)),
+        parseFloat(borderLeftWidth), parseFloat(borderBottomWidth)];
+    })"""
+    with Reader(browser, addresses[0]) as reader:
+        tables = reader.open("09_learning.html").evaluate(looks)
+        assert {of_markdown for of_markdown, *_ in tables} == {True, False}
+        for _, padding, left, bottom in tables:
+            assert padding >= 4.0 and left == bottom == 1.0
+
+
+def test_a_tap_enlarges_a_picture_beyond_a_telephone(
+    browser: "Browser", addresses: list[str]
+) -> None:
+    options: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True}
+    with Reader(browser, addresses[0], **options) as reader:
+        page = reader.open("02_contact.html")
+        # A drawing of the page, which has no narrow version as the charts have.
+        picture = page.locator("article a.course-enlarge img[alt*=Delassus]").first
+        picture.scroll_into_view_if_needed()
+        small = picture.bounding_box()
+        picture.tap()
+        large = page.locator("dialog img").bounding_box()
+        assert small and large and small["width"] <= 390 < 600 < large["width"]
+        room = page.locator("dialog > div")
+        assert room.evaluate("e => e.scrollWidth > e.clientWidth"), "it moves below the finger"
+        assert reader.wrong == []
 
 
 @pytest.mark.prove
@@ -415,6 +479,7 @@ def test_a_page_prints_as_it_is(browser: "Browser", addresses: list[str]) -> Non
             assert not page.locator(bar).first.is_visible(), bar
 
 
+@pytest.mark.prove
 def test_subscripts_lie_below_their_letters(browser: "Browser", addresses: list[str]) -> None:
     """With the font that the site brings along; few machines have one with a table for formulas."""
     lowered = """async () => {

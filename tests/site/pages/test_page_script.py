@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from course.cards import draws
 from course.derivations import markup
 from course.site import build
 from tests.conftest import chromium
@@ -139,6 +140,117 @@ def test_what_others_have_stored_does_no_harm(page: Any, stored: str) -> None:
     assert result_of(page, "contact.mug") == ""
 
 
+# --- The checkpoint -------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def checkpoint(page: Any, tmp_path: Path) -> Any:
+    """A page with the checkpoint of a chapter, as the site writes it; its Markdown is left raw."""
+    style = '<link rel="stylesheet" href="course.css"><script src="page.js" defer></script>'
+    text = f'<!doctype html><meta charset="utf-8"><article>{draws.offered("contact")}</article>'
+    (tmp_path / "gate.html").write_text(f"{text}{style}", "utf-8")
+    page.goto((tmp_path / "gate.html").as_uri())
+    return page
+
+
+def questions(page: Any) -> list[str]:
+    shown = page.locator(".checkpoint-question:visible")
+    return [str(one.get_attribute("data-key")) for one in shown.all()]
+
+
+def give(page: Any, key: str, right: bool = True) -> None:
+    question = page.locator(f'[data-key="{key}"]')
+    if question.get_attribute("data-part") == "estimate":
+        question.locator("input").fill(question.get_attribute("data-value") if right else "-1")
+        question.get_by_role("button", name="Check").click()
+    else:
+        mark = "yes" if right else "no"
+        question.locator(f'.answer[data-right="{mark}"] > summary').first.click()
+    page.wait_for_selector(f'[data-key="{key}"] .card-answered')
+
+
+def status(page: Any) -> str:
+    return str(page.locator(".course-checkpoint .course-score span").inner_text())
+
+
+def test_a_seed_draws_the_same_questions_as_in_a_notebook(checkpoint: Any) -> None:
+    for seed in range(1, 31):
+        assert questions(checkpoint) == [q.key for q in draws.draw("contact", seed)]
+        assert status(checkpoint).startswith(f"Draw {seed}: 0 right of 0 answered, 5 questions.")
+        checkpoint.get_by_role("button", name="New questions").click()
+
+
+def test_a_checkpoint_is_passed_when_all_are_right_and_stays_passed(checkpoint: Any) -> None:
+    first = questions(checkpoint)
+    give(checkpoint, first[0], right=False)
+    why = checkpoint.locator(f'[data-key="{first[0]}"] > .why')
+    assert why.evaluate("e => e.open"), "it explains"
+    for key in first[1:]:
+        give(checkpoint, key)
+    ended = "Draw 1: 4 right of 5 answered, 5 questions. Checkpoint open."
+    assert status(checkpoint) == ended
+    checkpoint.locator(f'[data-key="{first[0]}"] .answer[data-right="yes"] > summary').click()
+    checkpoint.wait_for_timeout(100)
+    assert status(checkpoint) == ended, "the first answer counts"
+    checkpoint.reload()
+    assert status(checkpoint) == ended and questions(checkpoint) == first
+    checkpoint.get_by_role("button", name="New questions").click()
+    assert checkpoint.locator("details[open]").count() == 0
+    assert checkpoint.locator(".card-answered").count() == 0
+    for key in questions(checkpoint):
+        give(checkpoint, key)
+    assert status(checkpoint) == "Draw 2: 5 right of 5 answered, 5 questions. Checkpoint passed."
+    checkpoint.get_by_role("button", name="New questions").click()
+    checkpoint.reload()
+    assert status(checkpoint) == "Draw 3: 0 right of 0 answered, 5 questions. Checkpoint passed."
+
+
+def test_an_estimate_is_right_within_its_factor_and_has_to_be_a_number(checkpoint: Any) -> None:
+    (key,) = [key for key in questions(checkpoint) if key.startswith("estimate.")]
+    question = checkpoint.locator(f'[data-key="{key}"]')
+    value = float(question.get_attribute("data-value"))
+    factor = float(question.get_attribute("data-factor"))
+    for text in ("", "much", "1e999"):
+        question.locator("input").fill(text)
+        question.get_by_role("button", name="Check").click()
+        assert question.locator(".card-answered").count() == 0
+    for share, verdict in ((0.99 * factor, "Right"), (1.01 * factor, "Not right"),
+                           (1.01 / factor, "Right"), (0.99 / factor, "Not right")):  # fmt: skip
+        question.locator("input").fill(repr(share * value))
+        question.get_by_role("button", name="Check").click()
+        assert result_at(checkpoint, key).startswith(f"{verdict}: your first answer was")
+        checkpoint.evaluate("localStorage.removeItem('course.checkpoint')")
+        checkpoint.reload()
+
+
+def result_at(page: Any, key: str) -> str:
+    page.wait_for_selector(f'[data-key="{key}"] .card-answered')
+    return str(page.locator(f'[data-key="{key}"] .card-answered').inner_text())
+
+
+@pytest.mark.parametrize(
+    "stored",
+    ["not json", "[]", "3", "null", '{"contact": 3}', '{"contact": {"seed": -1, "answers": [1]}}',
+     '{"contact": {"seed": 1, "answers": {"x": 3}, "passed": "yes"}}'],
+)  # fmt: skip
+def test_a_damaged_checkpoint_begins_with_the_first_draw(checkpoint: Any, stored: str) -> None:
+    checkpoint.evaluate("text => localStorage.setItem('course.checkpoint', text)", stored)
+    checkpoint.reload()
+    assert status(checkpoint) == "Draw 1: 0 right of 0 answered, 5 questions. Checkpoint open."
+    give(checkpoint, questions(checkpoint)[-1])
+    assert status(checkpoint).startswith("Draw 1: 1 right of 1 answered")
+
+
+def test_answers_to_cards_and_checkpoints_do_not_mix(checkpoint: Any) -> None:
+    cards = '{"contact.mug": ["It falls", false]}'
+    checkpoint.evaluate("text => localStorage.setItem('course.cards', text)", cards)
+    checkpoint.reload()
+    give(checkpoint, questions(checkpoint)[0])
+    assert checkpoint.evaluate("localStorage.getItem('course.cards')") == cards
+    stored = checkpoint.evaluate("JSON.parse(localStorage.getItem('course.checkpoint'))")
+    assert list(stored) == ["contact"] and stored["contact"]["seed"] == 1
+
+
 def claim(number: int) -> str:
     verdict = ("holds", "false", "holds only if")[number % 3]
     return f"""<div class="course-claim" id="c{number}" data-chapter="{number // 30}"
@@ -190,6 +302,7 @@ def test_the_verdict_is_hidden_until_it_is_guessed(claims: Any) -> None:
     assert claims.locator(".course-verdict:visible").all_inner_texts() == ["It is false."]
 
 
+@pytest.mark.prove
 def test_a_quiz_asks_ten_claims_and_counts(claims: Any) -> None:
     claims.get_by_label("Chapter").select_option("0")
     claims.get_by_role("button", name="Quiz me").click()
@@ -206,6 +319,7 @@ def test_a_quiz_asks_ten_claims_and_counts(claims: Any) -> None:
     assert len(visible(claims)) == 20
 
 
+@pytest.mark.prove
 def test_a_picture_is_enlarged_and_closed_with_the_keyboard(page: Any) -> None:
     dialog, chart = page.locator("dialog"), page.locator("article a.course-enlarge")
     assert chart.count() == 1, "a simulation is not enlarged"

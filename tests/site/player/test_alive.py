@@ -308,6 +308,7 @@ def _scrolls(name: str) -> bool:
     )
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", sampled(filter(_scrolls, declaration.names())))
 def test_a_finger_that_begins_on_a_picture_scrolls_a_phone(
     browser: Any, folder: Path, name: str

@@ -604,6 +604,7 @@ def test_a_page_without_the_simulation_says_so(open_page: Any) -> None:
     assert page.locator(".course-live img").is_visible()
 
 
+@pytest.mark.prove
 def test_a_recorded_simulation_says_so_and_shows_its_pictures(
     open_page: Any, monkeypatch: Any
 ) -> None:

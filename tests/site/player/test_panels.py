@@ -278,6 +278,7 @@ def swipe(page: Any, direction: str) -> None:
     page.evaluate(FRAME)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["rigid_body.spring", "contact.touch"])
 def test_a_finger_scrolls_the_page_where_nothing_is_dragged_upright(
     browser: Any, tmp_path: Path, name: str
