@@ -24,7 +24,7 @@ from drills.values import Failure, close
 # A slip explains a submission when it gives this share of what the submission has wrong, and this
 # one of what either of them has wrong: a mistake may spare an edge case, or come with another.
 EXPLAINED, SHARED = 0.75, 0.4
-ALIKE = 0.9  # the share of both where nothing but integers is alike
+ALIKE = 0.5  # the share of both where nothing but integers is alike
 EQUAL, COARSEST = 1e-9, 1e-6  # relative to the largest number, or to 1
 CAST = "Cannot cast ufunc"  # how NumPy refuses to add floats into an array of integers
 
@@ -99,7 +99,7 @@ def _share(right: NDArray[np.bool_], alike: Iterator[tuple[bool, Any]]) -> float
         if spared < 0:
             return 0.0
     share = agreed / report
-    # Two mistakes often share a 1 or a 0, a verdict or a failure: then nearly all must be alike.
+    # Two mistakes often share a 1 or a 0, a verdict or a failure: then more must be alike.
     return share if telling or share >= ALIKE else 0.0
 
 
