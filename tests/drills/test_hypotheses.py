@@ -56,22 +56,6 @@ def edge_clearance(a, b, discs):
 """,
         "with one sign turned",
     ),
-    "the edge goes on behind its end": (
-        "edge_clearance",
-        """
-import numpy as np
-
-
-def edge_clearance(a, b, discs):
-    a, u, result = np.array(a, float), np.array(b, float) - np.array(a, float), []
-    for x, y, r in np.array(discs, float).reshape(-1, 3):
-        w = np.array([x, y]) - a
-        s = max(w @ u / (u @ u), 0.0) if u @ u > 0.0 else 0.0
-        result.append(np.linalg.norm(w - s * u) - r)
-    return np.array(result)
-""",
-        "without one limit to a range",
-    ),
 }
 
 
