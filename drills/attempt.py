@@ -162,6 +162,8 @@ class Attempt:
         shown: the slip that the answers show, whichever check has failed; or "".
         in_part: a sentence on what is right where the rest is wrong, or "".
         factor: a sentence on the factor that all values have too much, or "".
+        answers: of a function, each a `drills.case_judge.Answer`.
+        nearest: of several right results, from what came back and one of them: the nearest.
         output_ranges: for each case that was begun, the length of the output before and after it.
     """
 
@@ -178,6 +180,8 @@ class Attempt:
         self.report = report
         self.shown = ""
         self.in_part = self.factor = ""
+        self.answers: list[Any] = []
+        self.nearest: Callable[[Any, Array], Array] = lambda got, truth: truth
         self._part = -1
         self.output_ranges: dict[int, tuple[float, float]] = {}
         self.rng = np.random.default_rng(report.seed)

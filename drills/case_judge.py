@@ -138,6 +138,7 @@ def judge_of(
             attempt.report.shown = _simplest_wrong(answered)
             with np.errstate(all="ignore"):  # what came back may be as large as it likes
                 readable = [a for a in answered if a.parts]
+                attempt.answers, attempt.nearest = readable, nearest
                 attempt.shown = explain(readable) or swapped(readable) or whole_numbers(readable)
                 attempt.factor = constant_factor(readable)
                 attempt.in_part = one_part_right(attempt, readable, names)

@@ -1,7 +1,8 @@
 """Which known mistake explains a wrong answer.
 
-Three sources, in this order: a check or the answers of a function show it by their values; a
-slip's own text, asked the same, gives what came back; some parts are right and others never are.
+Four sources, in this order: a check or the answers of a function show it by their values; a slip's
+own text, asked the same, gives what came back; some parts are right and others never are; the
+worked answer with other arguments or with one step changed gives what came back.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt, Place, Step, request
 from drills.exercise import Exercise
+from drills.hypotheses import hypothesis, rough
 from drills.inprocess import InProcess
 from drills.reasons import Reason
 from drills.sandbox import Ended, Handle, Raised
@@ -22,6 +24,8 @@ from drills.values import Failure, close
 # A slip explains a submission when it gives this share of what the submission has wrong, and this
 # one of what either of them has wrong: a mistake may spare an edge case, or come with another.
 EXPLAINED, SHARED = 0.75, 0.4
+ALIKE = 0.5  # the share of both where nothing but integers is alike
+EQUAL, COARSEST = 1e-9, 1e-6  # relative to the largest number, or to 1
 CAST = "Cannot cast ufunc"  # how NumPy refuses to add floats into an array of integers
 
 
@@ -33,6 +37,9 @@ def diagnosis(attempt: Attempt, graded: Exercise) -> tuple[str, str]:
     report = attempt.report
     sentences = {slip.name: slip.sentence for slip in graded.slips}
     named = next((c.slip for c in report.checks if c.slip and not c.passed), "") or attempt.shown
+    # Written into an argument of integers, a result is cut off: the argument is the matter.
+    if report.reason is Reason.INPUTS_CHANGED and named == "whole_numbers":
+        return "", ""
     if not named and report.reason is Reason.RAISED and report.problem is not None:
         named = "whole_numbers" if CAST in report.problem.message else ""
     if named not in sentences:
@@ -41,7 +48,12 @@ def diagnosis(attempt: Attempt, graded: Exercise) -> tuple[str, str]:
         return named, sentences[named]
     if attempt.factor:
         return "constant_factor", attempt.factor
-    return ("one_part_right" if attempt.in_part else ""), attempt.in_part
+    if attempt.in_part:
+        return "one_part_right", attempt.in_part
+    if report.reason is not Reason.WRONG_VALUE:
+        return "", ""  # the reason says it: None, a shape, an exception
+    name, sentence = hypothesis(attempt, graded)
+    return (name, sentence) if name else rough(attempt.answers)
 
 
 def matched(attempt: Attempt, graded: Exercise) -> str:
@@ -51,7 +63,10 @@ def matched(attempt: Attempt, graded: Exercise) -> str:
             if slip.cause(attempt.learner.last_args):
                 return slip.name
     solution, steps = attempt.card.solution_text(), attempt.learner.steps
-    right = np.array([same for same in _alike(solution, graded, steps)], dtype=bool)
+    # What is judged coarsely, such as the end of an iteration, is compared no finer than that.
+    stated = [check.tolerance for check in attempt.report.checks if check.tolerance > 0.0]
+    relative = min(max(EQUAL, min(stated, default=EQUAL)), COARSEST)
+    right = np.array([same for same, _ in _alike(solution, graded, steps, relative)], dtype=bool)
     if right.all():
         return ""  # what came back was right as far as it went
     best, name = SHARED, ""
@@ -59,35 +74,53 @@ def matched(attempt: Attempt, graded: Exercise) -> str:
         # One that never answers must not be run here.
         if slip.ends is not None or slip.generic:
             continue
-        share = _share(right, _alike(slip.text(solution), graded, steps))
+        share = _share(right, _alike(slip.text(solution), graded, steps, relative))
         if share > best:
             best, name = share, slip.name
     return name
 
 
-def _share(right: NDArray[np.bool_], alike: Iterator[bool]) -> float:
+def _share(right: NDArray[np.bool_], alike: Iterator[tuple[bool, Any]]) -> float:
     """Return how much a slip explains: of what either has wrong, the share that is the same; or 0.
 
     Args:
         right: which answers of the submission are those of the worked answer.
-        alike: whether an answer is that of the slip, one after the other.
+        alike: whether an answer is that of the slip, and the answer, one after the other.
     """
     spared = (1.0 - EXPLAINED) * np.sum(~right)
     agreed = report = 0
-    for is_right, same in zip(right, alike, strict=True):
+    telling = False
+    for is_right, (same, value) in zip(right, alike, strict=True):
         # Where the submission is right and unlike the slip, the slip is wrong.
         report += not (is_right and same)
         agreed += same and not is_right
+        telling |= same and not is_right and has_digits(value)
         spared -= not same and not is_right
         if spared < 0:
             return 0.0
-    return agreed / report
+    share = agreed / report
+    # Two mistakes often share a 1 or a 0, a verdict or a failure: then more must be alike.
+    return share if telling or share >= ALIKE else 0.0
 
 
-def _alike(text: str, graded: Exercise, steps: Sequence[Step]) -> Iterator[bool]:
-    """Yield for each recorded request, whether a text of this project gives what came back."""
+def has_digits(value: Any) -> bool:
+    """Return whether a number in a result is not an integer, so that it hardly comes by chance."""
+    if isinstance(value, dict):
+        return any(map(has_digits, value.values()))
+    if isinstance(value, list | tuple):
+        return any(map(has_digits, value))
+    if isinstance(value, float | np.ndarray | np.floating):
+        array = np.asarray(value)
+        return array.dtype.kind == "f" and bool(np.any(array != np.rint(array)))
+    return False
+
+
+def _alike(
+    text: str, graded: Exercise, steps: Sequence[Step], relative: float
+) -> Iterator[tuple[bool, Any]]:
+    """Yield for each recorded request, whether a text of this project gives the same, and what."""
     for step, result in repeated(InProcess(text, graded.given), steps):
-        yield result is step.result or close(step.result, result)
+        yield result is step.result or close(step.result, result, relative), step.result
 
 
 def repeated(place: Place | InProcess, steps: Sequence[Step]) -> Iterator[tuple[Step, Any]]:

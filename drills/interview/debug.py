@@ -296,8 +296,8 @@ def _print_verdict(session: Session, verdict: scenarios.Verdict) -> None:
     for sentence in verdict.sentences():
         session.wrap(sentence)
     for title, rows in (
-        (f"Your probes ({verdict.minutes} minutes)", verdict.rows),
-        (f"The model answer ({verdict.model_minutes} minutes)", verdict.model),
+        (f"Your probes ({scenarios.in_minutes(verdict.minutes)})", verdict.rows),
+        (f"The model answer ({scenarios.in_minutes(verdict.model_minutes)})", verdict.model),
     ):
         session.say()
         session.say(session.terminal.paint(title, "head"))

@@ -298,6 +298,14 @@ def test_the_cause_is_nowhere_by_accident(
         assert inside and cause not in str(message) + "".join(str(f.locals) for f in inside)
 
 
+def test_one_minute_and_one_cause_are_singular() -> None:
+    case = scenarios.diagnose("sure", 9)
+    case.probe("read_residual")
+    text = " ".join(case.conclude("other_origin", "fix_origin").sentences())
+    assert "After 1 minute of probes, this cause remains possible: wrong_focal." in text
+    assert scenarios.in_minutes(2) == "2 minutes"
+
+
 def test_bad_input_is_named() -> None:
     for act, name in (
         (lambda: scenarios.diagnose("nothing"), r"name must be .*, got 'nothing'"),

@@ -421,9 +421,10 @@ class Verdict:
                 message.append(f"Your own probes had ruled it out: {', '.join(against)}.")
         names = tuple(cause.name for cause in offered(self.case))
         remaining = self.rows[-1].remaining if self.rows else names
+        causes = "this cause remains" if len(remaining) == 1 else "these causes remain"
         message.append(
-            f"After {self.minutes} minutes of probes, "
-            f"these causes remain possible: {', '.join(remaining) or NONE}."
+            f"After {in_minutes(self.minutes)} of probes, {causes} possible: "
+            f"{', '.join(remaining) or NONE}."
         )
         message.append(self._of(self.tried, "Your repair,"))
         if self.popular.repair != self.tried.repair:
@@ -472,6 +473,11 @@ def table(rows: tuple[Row, ...]) -> str:
             f"| {remaining} |"
         )
     return "\n".join(lines)
+
+
+def in_minutes(count: int) -> str:
+    """Return a number of minutes in words, such as "1 minute"."""
+    return f"{count} minute{'s' * (count != 1)}"
 
 
 def span(one: Range) -> str:

@@ -23,6 +23,14 @@ def clear(args: tuple[Any, ...]) -> bool:
     return not np.any((gaps > least / 3.0) & (gaps < 2.0 * least))
 
 
+def small_beside_the_largest(args: tuple[Any, ...], low: float, high: float) -> bool:
+    """Return whether a gap between two values is below the threshold times the largest gap."""
+    points, normals, lever, least = args
+    rows = np.vstack((normals, np.cross(points.T, normals.T).T / lever))
+    gaps = np.sqrt(np.clip(np.linalg.eigvalsh(rows @ rows.T / rows.shape[1]), 0.0, None))
+    return bool(np.any((gaps > low) & (gaps < min(high, 0.7 * least * gaps[-1]))))
+
+
 def cases(rng: np.random.Generator) -> list[Case]:
     """Return surfaces with known blind motions, about the origin, then in any pose and size."""
 
@@ -50,6 +58,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         rough: float = 0.0,
         level: str = "core",
         least: float = LEAST,
+        between: tuple[float, float] | None = None,
     ) -> Case:
         while True:
             points, normals = surface(kind, n)
@@ -59,7 +68,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
                 Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
                 points, normals = Q @ points + moved * rng.normal(size=(3, 1)), Q @ normals
             args = size * points, normals, size * rng.uniform(0.8, 1.3), least
-            if clear(args):
+            if clear(args) and (not between or small_beside_the_largest(args, *between)):
                 return Case(args, label or f"a {kind}", level)
 
     # A peg whose axis does not go through the origin: turning about the axis is a shift and a turn
@@ -94,6 +103,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
             for kind in ("patch", "ball")
         ),
         observed("cylinder", "a strict threshold", rough=1e-2, least=1e-4, moved=0.6),
+        # Far from the origin a turn moves the points by many levers, so the largest mean square is
+        # far above 1: a threshold in parts of it takes observed motions for blind ones.
+        observed(
+            "patch", "far from the origin", rough=0.06, moved=8.0, between=(LEAST, 0.8 * LEAST**0.5)
+        ),
+        # A threshold that is not squared, sqrt(least), is above that gap and below this one.
+        observed(
+            "patch", "far away, rough", rough=0.2, moved=25.0, between=(1.2 * LEAST**0.5, 1.0)
+        ),
         observed("corner", "all is seen", n=60, level="edge"),
         observed("patch", "one point", n=1, level="edge"),
         Case(whole, WHOLE, "edge"),
@@ -147,6 +165,12 @@ SLIPS = slips(
         "blind = motions[:, values < 1e-9 * values[-1]]",
         "Only what is zero to rounding counts as blind. Noise makes every eigenvalue positive; "
         "`least` says what is too little.",
+    ),
+    relative_to_the_largest=(
+        _BLIND,
+        "blind = motions[:, values < least**2 * values[-1]]",
+        "The threshold is relative to the largest eigenvalue, which grows with the distance from "
+        "the origin. `least` is a gap that could be measured: compare with its square alone.",
     ),
     axis_by_axis=(
         _BLIND,

@@ -210,8 +210,10 @@ SLIPS = slips(
         "np.diff(R, axis=1, append=2 * R[:, -1:] - R[:, -2:-1]) / step",
         "late < 0.25",
         "late < 1e-3",
-        "Differences to one side are off by half a step of angular acceleration, and the limit is "
-        "below that: right programs are reported. Take central ones.",
+        "Right rates are reported as wrong. Try your difference quotient on a body that turns at a "
+        "constant rate: is it divided by the time between its two samples? If so, see whether it "
+        "looks to one side: that is off by half a step of angular acceleration, more than your "
+        "limit. Take central ones.",
     ),
     energy_for_momentum=(
         f"{_DRIFT}\n    {_PART}",

@@ -26,10 +26,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
         noise: float = 0.01,
         n: int = 1500,
         dt: float = 2e-3,
+        own_offset: float = 0.0,
+        half_period: float = 0.0,
     ) -> Case:
         late = rng.uniform(0.2, 0.8) + rng.integers(1, 20) if samples is None else samples
         rates = 2.0 * np.pi * rng.uniform(0.2, 1.0, 12) * FASTEST
         phases, sizes = rng.uniform(0.0, 6.28, 12), rng.uniform(0.5, 1.0, 12)
+        if half_period:  # [samples] of a command that is a single sine
+            rates, sizes = np.full(12, np.pi / half_period), np.eye(12)[0]
 
         def signal(t: Array) -> Array:
             return np.asarray(sizes @ np.sin(np.outer(rates, t) + phases[:, None]))
@@ -38,7 +42,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         sent, clean = signal(t), gain * signal(t - late)
         measured = clean + noise * np.std(clean) * rng.normal(size=n)
         signs = rng.choice([-1.0, 1.0], 2)
-        moved = sent + signs[0] * offset, measured + signs[1] * gain * offset
+        moved = sent + signs[0] * offset, measured + signs[1] * gain * (offset + own_offset)
         return Case((*moved, dt, 25.0 * dt), label, level)
 
     return [
@@ -47,6 +51,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(log("parts of a sample, no offset", offset=0.0, noise=0.0) for _ in range(2)),
         *(log("parts of a sample") for _ in range(4)),
         log("a large offset", offset=30.0),
+        # Offsets of the same part of both signals don't move the best match, one of its own does.
+        *(log("an offset of one log alone", offset=0.0, own_offset=100.0) for _ in range(2)),
+        # Half a period later, here a whole number of samples, a sine is its own negative. The next
+        # match of the right sign is beyond `longest`.
+        log("a single sine", samples=2.4, offset=0.0, half_period=13.6),
         log("more noise", noise=0.02),
         log("samples of 10 ms", dt=0.01),
         log("no delay", "edge", samples=0.0),
@@ -89,6 +98,18 @@ SLIPS = slips(
         "return float(a @ b)",
         "The means are left in: with a large offset the sum of products is nearly all mean, and "
         "the lag with the longest or shortest overlap wins.",
+    ),
+    means_left_in=(
+        _MEANS,
+        "",
+        "The means are left in. Where only one of the logs has an offset, the match then follows "
+        "the sum of the other log over the overlap: take the mean off both parts.",
+    ),
+    either_sign=(
+        "np.argmax(matches[1:-1])",
+        "np.argmax(np.abs(matches[1:-1]))",
+        "The largest match of either sign is taken. The gain is positive, so a match of -1 is half "
+        "a period too late: take the largest, not the largest amount.",
     ),
     off_by_one=(
         "lags[at]",

@@ -186,6 +186,12 @@ SLIPS = slips(
         "(along > 0.5 * lengths[:, None]) * lengths[:, None]",
         "Only the joints and the tip are checked. The links between them touch discs, too.",
     ),
+    far_ends_only=(
+        _NEAREST,
+        "np.broadcast_to(lengths[:, None], along.shape)",
+        "Only the far end of each link is checked. The rest of the link touches discs, too: take "
+        "its point nearest to each centre.",
+    ),
     centres_for_discs=(
         "distance - discs[:, 2]",
         "distance",

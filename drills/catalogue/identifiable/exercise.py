@@ -23,6 +23,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         hidden: int = 0,
         sizes: float = 0.0,
         alone: bool = False,
+        unit: float = 1.0,
     ) -> Case:
         scale = 10.0 ** rng.uniform(-sizes, sizes, p)
         relative = rng.normal(size=(n, p)) @ (np.eye(p) + 0.3 * rng.normal(size=(p, p)))
@@ -34,7 +35,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
                 N[0] = 0.0
                 N = np.linalg.qr(N)[0]
             relative = relative - relative @ N @ N.T
-        return Case((relative / scale, scale, float(rng.uniform(0.5, 2.0))), label, level)
+        # The unit of the samples: signal and noise are larger or smaller together.
+        return Case(
+            (unit * relative / scale, scale, unit * float(rng.uniform(0.5, 2.0))), label, level
+        )
 
     whole = np.array([[1, 2, 2], [0, 1, 1], [3, 0, 0], [1, 1, 1]]), np.array([1, 2, 2]), 2
     return [
@@ -45,6 +49,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
         log("all seen, many samples", n=400, p=5),
         *(log("one hidden", hidden=1) for _ in range(2)),
         *(log("one hidden, unlike sizes", hidden=1, sizes=3.0) for _ in range(2)),
+        log("one hidden, samples in nanometres", hidden=1, unit=1e9),
+        log("one hidden, nanometres in metres", hidden=1, unit=1e-9),
         log("two hidden", hidden=2, p=6),
         log("two hidden, unlike sizes", hidden=2, p=6, sizes=2.0),
         log("fewer samples than parameters", "edge", n=2, p=4, sizes=1.0),
@@ -73,6 +79,12 @@ SLIPS = slips(
         "half",
         "A pseudo-inverse gives each parameter an error bar, also one that the log does not show: "
         "it takes the hidden part for known. Such a parameter has none.",
+    ),
+    absolute_threshold=(
+        "values > 1e-8 * values[0]",
+        "values > 1e-8",
+        "The threshold is a fixed number. Singular values have the unit of the samples: in another "
+        "unit all would be hidden, or rounding errors seen. Compare with the largest one.",
     ),
     noise_counted_twice=(
         "sigma**2 * np",

@@ -97,8 +97,9 @@ SLIPS = slips(
     ),
     unit_of_noise=(
         *_UNIT,
-        "The noise comes in millimetres and is compared with metres: no new plan is ever made,"
-        " which is right while nobody touches the part.",
+        "No new plan is ever made, which is right while nobody touches the part. Look at both "
+        "sides of the comparison: the noise comes in millimetres and the distance is in metres, "
+        "and the estimate must come from the last five frames, so that it changes.",
     ),
     stale_reference=(
         *_STALE,

@@ -118,7 +118,9 @@ def _tree(world: World, run: Run) -> list[Fault]:
         text = f"Node {i} has the parent {run.parents[i]}, which is not a node before it."
         return [Fault("tree", text)]
     if bounds_faults(run.nodes, world.bounds):
-        slip = "always_a_whole_step" if _whole_steps(world, run) else ""
+        # Targets outside the bounds lead there too, in whole steps while the tree is small.
+        overshot = _whole_steps(world, run) and not bounds_faults(run.samples, world.bounds)
+        slip = "always_a_whole_step" if overshot else ""
         return [Fault("tree", "A node lies outside the bounds.", slip)]
     return []
 
@@ -133,6 +135,9 @@ def _whole_steps(world: World, run: Run) -> bool:
 def _edges(world: World, run: Run) -> list[Fault]:
     result: list[Fault] = []
     from_start = len(run.nodes) > 4 and not run.parents[1:].any()
+    from_last = len(run.nodes) > 4 and np.array_equal(
+        run.parents[1:], np.arange(len(run.nodes) - 1)
+    )
     tails, heads = run.nodes[run.parents[1:]], run.nodes[1:]
     suspect = np.hypot(*(heads - tails).T) > world.step
     suspect |= clearances(tails, heads, world.discs).min(axis=1, initial=1.0) < 0.0
@@ -142,7 +147,11 @@ def _edges(world: World, run: Run) -> list[Fault]:
             text = f"{fault.sentence[0].upper()}{fault.sentence[1:]}."
             if fault.kind == "step":
                 is_target = bool((run.samples == b).all(axis=1).any())
-                slip = "start_for_parent" if from_start else "no_steering" if is_target else ""
+                # A target within a step of an earlier node is reached from there: only the parent
+                # that is stored is another.
+                in_reach = bool(np.min(np.hypot(*(run.nodes[:i] - b).T)) <= world.step)
+                slip = "start_for_parent" if from_start else "last_for_parent" if from_last else ""
+                slip = slip or ("no_steering" if is_target and not in_reach else "")
                 result.append(Fault("edges are no longer than the step", text, slip))
             else:
                 result.append(Fault("edges are free", text, _unchecked(world, a, b)))

@@ -147,6 +147,12 @@ SLIPS = slips(
         "Every node has the start as its parent. The parent is the node that the step began at, "
         "the nearest to the target.",
     ),
+    last_for_parent=(
+        "        parents.append(near)\n",
+        "        parents.append(len(parents) - 1)\n",
+        "Every node has the one before it as its parent, however far away. The parent is the node "
+        "that the step began at, the nearest to the target.",
+    ),
     square_compared_with_radius=(
         "np.hypot(gaps[:, 0], gaps[:, 1]) > discs[:, 2]",
         "gaps[:, 0] ** 2 + gaps[:, 1] ** 2 > discs[:, 2]",

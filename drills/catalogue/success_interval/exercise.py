@@ -52,6 +52,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         counts("never works", "edge", share=0.0),
         counts("one trial each", "edge", at_most=1),
         counts("one is enough", "edge", confidence=0.5, half=0.45),
+        counts("any interval is narrow enough", "edge", half=0.6),
     ]
 
 
@@ -145,6 +146,12 @@ SLIPS = slips(
         "middle + width, high",
         "middle + width, low",
         "The number of trials is one too small: with it the interval is still too wide.",
+    ),
+    no_trial_at_all=(
+        "middle + width, high",
+        "middle + width, high * int(half < 0.5)",
+        "No trials are planned where `half` is large. Without a trial there is no rate and no "
+        "interval: the smallest number is 1.",
     ),
     power_of_two=(
         "while high - low > 1:",
