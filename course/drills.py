@@ -265,7 +265,7 @@ class PID:
         return float(command)
 
 
-class Joint:
+class ExactJoint:
     """The joint that the controller drives: inertia q'' = u + load - damping q', solved exactly.
 
     The command is held from one sample to the next (zero-order hold) and the system is linear, so

@@ -37,7 +37,7 @@ class Contender:
 
     Attributes:
         make: N -> vector environment.
-        key: row of `course.measure.figure.KEYS`.
+        key: row of `course.measure.colours.KEYS`.
         max_envs: the largest N that is measured.
         style: line style.
         extra: not among the six curves that are shown.

@@ -61,7 +61,7 @@ from course.control.sampled import (
 from course.control.sampling import cem, mppi, predictive
 from course.control.touch import Probe, TouchLaw, run_touch
 from course.control.tracking import JointLaw, rollouts, track
-from course.drills import PID, closed_loop
+from course.drills import PID, ExactJoint, closed_loop
 
 __all__ = [
     "PID",
@@ -69,6 +69,7 @@ __all__ = [
     "Adaptive",
     "Controller",
     "Encoder",
+    "ExactJoint",
     "Gains",
     "Joint",
     "JointLaw",

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, positive, vector
-from course.measure.figure import Series, key_of
+from course.measure.colours import key_of
+from course.measure.figure import Series
 
 Array = NDArray[np.float64]
 Problem = TypeVar("Problem")

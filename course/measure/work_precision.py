@@ -25,8 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, invalid, one_of, positive, vector
+from course.measure.colours import key_of
 from course.measure.data import from_json, json_text
-from course.measure.figure import SIX, Panel, Series, key_of, write
+from course.measure.figure import SIX, Panel, Series, write
 from course.measure.timing import calls, interleaved
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class Method:
         parameters: the settings, usually step sizes; a larger parameter means less work.
         style: "ours", "oracle" (another library) or "yours" (the reader's).
         unit: what `Result.count` counts.
-        key: whose colour and marker (a row of `course.measure.figure.KEYS`); empty where the name
+        key: whose colour and marker (a row of `course.measure.colours.KEYS`); empty where the name
             says it, or for the next colour.
         extra: not among the six curves that are drawn before others are switched on.
     """

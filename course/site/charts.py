@@ -17,7 +17,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from course import charts
-from course.measure import data, figure, labels
+from course.measure import colours, data, figure, labels
 from course.site.notebooks import ROOT
 
 CACHE = ROOT / "build" / "charts"
@@ -30,7 +30,7 @@ def _drawn_with() -> bytes:
 
     state = hashlib.sha256(matplotlib.__version__.encode())
     # The code that draws belongs to the name, so that a change of it draws all pictures again.
-    for path in (__file__, figure.__file__, labels.__file__, data.__file__):
+    for path in (__file__, figure.__file__, colours.__file__, labels.__file__, data.__file__):
         state.update(Path(path).read_bytes())
     return state.digest()
 

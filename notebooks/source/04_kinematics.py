@@ -246,7 +246,8 @@ _ = axis.legend(fontsize=10, loc=(0.53, 0.27))
 plt.show()
 
 # %% [markdown]
-# The numbers are those of the frames. Two frames may share one origin, as 1 and 2 do: only the axes turn there. The next frame stands $d$ along this frame's $z$, then $a$ along its own $x$.
+# The numbers are those of the frames. Two frames may share one origin, as 1 and 2 do: only the axes turn there. The
+# next frame stands $d$ along this frame's $z$, then $a$ along its own $x$.
 #
 # The **product of exponentials** needs no frame between base and tip. It describes each joint by a **screw**. For a
 # revolute joint, that is the axis in space about which it turns. The velocity of a rigid body is a **twist** $V =
@@ -842,8 +843,8 @@ for name, posture_ in (("one IK run after each step", moved), ("never corrected"
 # The triangle can still turn about the line from shoulder to wrist. How far it is turned is the **swivel angle**, zero
 # with the elbow straight above the line. To find it, look for the direction of axis 5, which passes through the wrist.
 # It lies in the plane of the triangle, at a known angle to the line from shoulder to wrist. While the triangle turns,
-# the direction of axis 5 sweeps a cone about this line. It is also perpendicular to axis 6, so it lies in a plane. Cone and plane meet in
-# two lines or in none.
+# the direction of axis 5 sweeps a cone about this line. It is also perpendicular to axis 6, so it lies in a plane. Cone
+# and plane meet in two lines or in none.
 #
 # With two bends of the elbow and two postures of the shoulder, each angle of the last joint allows up to eight
 # postures.
@@ -930,8 +931,8 @@ plt.show()
 #
 # *Inwards from the tip*: each joint delivers what its own link needs plus what the next joint takes. The link's own
 # force acts at its centre of mass, the passed-on one at the next joint. Each force $f$, at $r$ from this joint, adds
-# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. In a lift that
-# accelerates upwards everything feels heavier, so gravity is included by letting the base accelerate upwards at $g$.
+# the torque $r\times f$. The motor supplies the component along its axis, the bearing the rest. For gravity, let
+# the base accelerate upwards at $g$.
 #
 # **Worked example.** Hold both rods out horizontally. The elbow carries 0.8 kg at 0.4 m: $0.8\cdot9.81\cdot0.4 = 3.1$
 # N m. The shoulder carries 1 kg at 0.5 m and 0.8 kg at 1.4 m: $9.81\,(0.5 + 1.12) = 15.9$ N m.
@@ -1162,8 +1163,8 @@ for attempt in (
 # ## 4 · The simulation in full
 #
 # Click or drag to set the target, inside or outside the ring; the arrow keys move it by five centimetres. Choose the
-# step rule, the damping, and the unit of length in which the Jacobian is written. Before you choose a preset, predict what the numbers
-# below the picture will do:
+# step rule, the damping, and the unit of length in which the Jacobian is written. Before you choose a preset, predict
+# what the numbers below the picture will do:
 #
 # 1. *Stretched, target inward*: which of the five step rules moves?
 # 2. *Target out of reach*: what does the smallest value do? What changes with the pseudo-inverse?

@@ -233,7 +233,7 @@ table(
 )
 
 # %% [markdown]
-# These are not times of ROS 2, and they depend on what the receiver is doing. A service is a
+# These are not times of ROS 2. A service is a
 # request topic, a reply topic and a callback at the server, so the reply waits until the server has time for that
 # callback. An action is made of services and topics.
 
@@ -244,20 +244,20 @@ more_claims("service_takes_five", "service_blocks", "topics_many_to_many", "node
 # ### Offer and request: the quality of service
 #
 # Should a lost message be sent again? Should a subscriber that starts later receive old messages? Both ends of a topic
-# have settings for such questions. **Quality of service** (QoS) is the set of these settings, and each setting is a
+# have settings for this. **Quality of service** (QoS) is the set of these settings, and each setting is a
 # **policy**. A **profile** is one end's choice for all policies.
 #
 # * Reliability. *Reliable*: a message that the network loses is sent again. **Best effort**: it is not.
 # * Durability. *Volatile*: nothing is stored for later subscribers. **Transient local**: the writer stores its last
 #   messages as long as it lives. A **late joiner** is a reader that appears after they were written. It still gets
 #   them if both ends are transient local and reliable.
-# * Deadline: the longest allowed time between two messages. Each end watches its own. If it is exceeded, DDS raises an
-#   event at that end, for which you can set a callback.
+# * Deadline: the longest allowed time between two messages. If it is exceeded, DDS raises an
+#   event at the end that set it.
 # * **Liveliness**: how a writer proves that it is alive. The middleware does it (*automatic*), or the writer itself has
 #   to send a message or make a call (*manual by topic*). If the writer gives no such sign for the length of
 #   its **lease**, it counts as dead.
 # * History and depth. With **keep last**, each end stores only the newest messages, and the **depth** is how many. With
-#   **keep all**, it stores every message until the reader has taken it, as far as the memory for it reaches.
+#   **keep all**, and memory permitting, it stores every message until the reader has taken it.
 # * **Lifespan**: the age at which a message is discarded.
 #
 # The writer *offers*, the reader *requests*. Four of these policies are ranked: reliability, durability, deadline, and
@@ -1136,8 +1136,8 @@ print("with the monitor's publisher left at default:", launch.silent(launch.node
 # * *The controller* is a plug-in of **ros2_control**, ROS 2's framework for controllers. The framework has parameters
 #   for rate and thread priority (`update_rate`, `thread_priority`; manual, Jazzy 2024). The plug-in has a node of its
 #   own in the framework's process. Since August 2024 (Jazzy and later), that node ignores the parameters of the
-#   process. So the spawner has to pass the controller's parameters to it (`--param-file`, `--controller-ros-args`; release notes,
-#   Jazzy).
+#   process. So the spawner has to pass the controller's parameters to it (`--param-file`, `--controller-ros-args`;
+#   release notes, Jazzy).
 # * *The planner's topic* needs an override only for its depth, because reliable is the default.
 #
 # <details><summary>Two more traps</summary>
@@ -1211,9 +1211,11 @@ Markdown(f"```cpp\n{textwrap.dedent(update)}```\n\n{folded}")
 # %% [markdown]
 # `update` returns `ERROR` in two cases. A joint with an invalid reading (NaN) gets zero torque. A brake does not see
 # NaN. It engages when somebody cuts its current, and closes some time later. Until then the arm falls. If a time $t$
-# passes from the first cycle without torque until the brake has closed, then, starting from rest, and if the other joints hold still, the centre of mass of what the joint carries drops by at most
-# $g\,t^2/2$, as in free fall. If a torque
-# cannot be written (`set_value` fails), the last one remains in force. In ros2_control the controller manager
+# passes from the first cycle without torque until the brake has closed, then, starting from rest, and if the other
+# joints hold still, the centre of mass of what the joint carries drops by at most $g\,t^2/2$, as in free fall. If a
+# torque cannot be written (`set_value` fails), the last one remains in force.
+#
+# In ros2_control the controller manager
 # deactivates a controller whose `update` returns `ERROR`, and activates its `fallback_controllers` (since Jazzy, 2024).
 # The hardware component has to engage the brakes.
 #
@@ -1783,7 +1785,7 @@ for axis, title, reason, ink, listed, matched in (
 plt.show()
 
 # %% [markdown]
-# We ran two processes on Cyclone DDS for each row. Its **built-in topics** list what discovery has found.
+# Each row is a run of two processes on Cyclone DDS. Its **built-in topics** list what discovery has found.
 #
 # | cause | other end listed | matched | how to tell |
 # |---|---|---|---|
@@ -1793,8 +1795,7 @@ plt.show()
 # | same topic name, other type | yes | no | no event here; compare the type names of both ends |
 # | incompatible QoS | yes | no | the event *offered incompatible QoS* names the policy |
 #
-# A service hides the same causes. Its request is a message, which DDS writes without an error even if nobody serves the
-# service. Discovery tells the cases apart:
+# A service hides the same causes. DDS writes its request without an error even if nobody serves it. Discovery tells the cases apart:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:

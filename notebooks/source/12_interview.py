@@ -800,6 +800,15 @@ Markdown("\n".join(rows))
 # lines of a unit test. Choose its tolerance and its time step with care. A **false alarm** is a correct implementation
 # that the check rejects, and after three of them the team switches the check off.
 #
+# <details><summary>Four invariants of the module that no exhibit needs</summary>
+#
+# `norm_error`: unit vectors, such as quaternions, have the length 1. `inertia_error`: an inertia tensor is symmetric,
+# and no principal moment exceeds the sum of the other two. `shift_error`: far from fixed objects, a motion that begins
+# elsewhere is the same motion, moved. `saturation_error`: what a controller commands after its actuator was at a limit
+# does not depend on how long it was there; with windup it does.
+#
+# </details>
+#
 # ## 7 · Frontier: classical or learned, and what to read
 #
 # "Would you learn this or write it by hand?" is a good last question. It cannot be answered in general, but it can be

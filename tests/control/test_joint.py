@@ -21,7 +21,7 @@ from course.control import (
 )
 from course.control.pid import rates
 from course.control.sampled import observer_gains, split_delay
-from course.drills import Joint as ExactJoint
+from course.drills import ExactJoint
 from course.oracles.mujoco.joint import MotorJoint
 from tests.budget import examples
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from course.charts.control import pid as charts
 from course.charts.control.pid import LOOP, Loop, WindingPID
-from course.drills import PID, Joint, closed_loop
+from course.drills import PID, ExactJoint, closed_loop
 from course.oracles.mujoco import kit as mujoco_kit
 from course.oracles.mujoco.joint import MotorJoint
 from tests.drills.here import grade_here
@@ -206,7 +206,7 @@ def test_the_joint_is_scipys_zero_order_hold(inertia, damping, dt, q, v, torque)
     a = np.array([[0.0, 1.0], [0.0, -damping / inertia]])
     b = np.array([[0.0], [1.0 / inertia]])
     ad, bd, *_ = cont2discrete((a, b, np.eye(2), np.zeros((2, 1))), dt)
-    joint = Joint(inertia, damping, dt, load=0.5)
+    joint = ExactJoint(inertia, damping, dt, load=0.5)
     joint.reset(q, v)
     joint.step(torque)
     expected = ad @ [q, v] + bd[:, 0] * (torque + 0.5)
@@ -250,7 +250,7 @@ def test_a_jammed_joint_stays_and_leaves_when_it_is_free(kind):
     assert abs(held[-1] - 0.4) < 1e-3
     assert np.ptp(held[5:]) < 1e-5
     assert abs(joint.v) < 1e-6
-    free = Joint(LOOP.inertia, LOOP.damping, LOOP.dt, LOOP.load)
+    free = ExactJoint(LOOP.inertia, LOOP.damping, LOOP.dt, LOOP.load)
     free.reset(held[-1])
     for _ in range(20):
         free.step(1.0)
@@ -258,7 +258,7 @@ def test_a_jammed_joint_stays_and_leaves_when_it_is_free(kind):
     assert joint.q == pytest.approx(free.q, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", [Joint, MotorJoint])
+@pytest.mark.parametrize("kind", [ExactJoint, MotorJoint])
 @pytest.mark.parametrize(
     ("name", "value"),
     [("inertia", 0.0), ("inertia", math.nan), ("damping", -1.0), ("dt", 0.0), ("load", INF)],

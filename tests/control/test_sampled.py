@@ -25,7 +25,7 @@ from course.control.sampled import (
     ultimate_gain,
 )
 from course.control.touch import held_mass
-from course.drills import Joint as ExactJoint
+from course.drills import ExactJoint
 from course.measure import stability
 from course.oracles.mujoco.joint import MotorJoint
 from tests.budget import examples

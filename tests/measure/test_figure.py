@@ -11,8 +11,9 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from course import charts
+from course.measure.colours import KEYS, key_of
 from course.measure.data import document, from_json, json_text, panels_of
-from course.measure.figure import KEYS, Panel, Series, draw, key_of, text, write, write_picture
+from course.measure.figure import Panel, Series, draw, text, write, write_picture
 from course.measure.stability import stability_map
 from course.rigid_body.integrators import INTEGRATORS
 

@@ -7,7 +7,7 @@ import pytest
 
 from course import charts
 from course.charts.rigid_body import accuracy, box_scene, throughput
-from course.measure.figure import KEYS
+from course.measure.colours import KEYS
 from course.rigid_body.integrators import INTEGRATORS
 
 

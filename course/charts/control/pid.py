@@ -5,15 +5,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from course.charts import chart
 from course.check import invalid
-from course.control import sampled
-from course.drills import PID, Array, Joint, closed_loop
+from course.control import PID, ExactJoint, closed_loop, sampled
 from course.measure import stability
 from course.measure.figure import Panel, Series
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
 from course.oracles.mujoco.joint import MotorJoint
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,9 +51,9 @@ class Loop:
         top = self.limit if limit is None else limit
         return kind(self.kp, self.ki, self.kd, self.dt, -top, top, self.tau)
 
-    def joint(self) -> Joint:
+    def joint(self) -> ExactJoint:
         """Return the exact joint."""
-        return Joint(self.inertia, self.damping, self.dt, self.load)
+        return ExactJoint(self.inertia, self.damping, self.dt, self.load)
 
     def mujoco(self, substeps: int = 10, integrator: str = "implicitfast") -> MotorJoint:
         """Return MuJoCo's joint."""
@@ -100,7 +102,7 @@ def theoretical_growth(loop: Loop, steps: int = 0) -> float:
     return sampled.growth(sampled.loop_matrix(plant, law))
 
 
-def loop_step(loop: Loop, joint: Joint | MotorJoint) -> Callable[[Array], Array]:
+def loop_step(loop: Loop, joint: ExactJoint | MotorJoint) -> Callable[[Array], Array]:
     """Return one sample of the real controller on a joint, as a map of its state.
 
     The set-point is 0, the limits are off. The state is (angle, speed, integral, filtered rate,
@@ -206,7 +208,7 @@ class Recovery:
 
 def jammed(
     loop: Loop = LOOP,
-    joint: Joint | MotorJoint | None = None,
+    joint: ExactJoint | MotorJoint | None = None,
     kind: type[PID] = PID,
     jam: float = JAM,
 ) -> tuple[Array, Array, Array]:
@@ -244,7 +246,7 @@ def recovery(times: Array, angles: Array, jam: float = JAM) -> Recovery:
 
 
 def overshoot(
-    joint: Joint | MotorJoint | None = None,
+    joint: ExactJoint | MotorJoint | None = None,
     kind: type[PID] = PID,
     jam: float = JAM,
     **changes: float,

@@ -40,7 +40,7 @@ def motion(times: ArrayLike, size: float = 1.0, speed: float = 1.0) -> list[Arra
 
 
 def error(
-    law: Any,
+    law: Callable[..., Array],
     dt: float,
     seconds: float = SECONDS,
     arm: TwoLink = ARM,
@@ -346,7 +346,7 @@ def _costs(
     return panel
 
 
-def _run(law: Any, dt: float, seconds: float) -> None:
+def _run(law: Callable[..., Array], dt: float, seconds: float) -> None:
     if isinstance(law, Along):
         law.k = 0
     track(ARM, law, motion, dt, seconds)

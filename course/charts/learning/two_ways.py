@@ -13,6 +13,7 @@ from scipy.special import ndtr, ndtri
 from course import learning
 from course.charts import chart
 from course.learning.recorded import CHUNK, DEMONSTRATIONS, HEADS, SEED
+from course.learning.tasks import Act
 from course.measure.figure import Panel, Series
 from course.measure.success import wilson
 from course.measure.timing import calls, interleaved
@@ -21,14 +22,14 @@ from course.measure.work_precision import machine
 Array = NDArray[np.float64]
 
 
-def driven(executor: Any, n: int, noise: float = 0.0) -> NDArray[np.int64]:
+def driven(executor: Act, n: int, noise: float = 0.0) -> NDArray[np.int64]:
     """Return sides of n runs of two ways: +1 left, -1 right, 0 hit or not arrived."""
     # The same starts and disturbances for every executor.
     task, rng = learning.TwoWays(noise), np.random.default_rng(41)
     return task.sides(learning.roll(task, executor, task.starts(n, rng), task.steps, rng).states)
 
 
-def passed(executor: Any, n: int, noise: float = 0.0) -> float:
+def passed(executor: Act, n: int, noise: float = 0.0) -> float:
     """Return the share of n runs that pass on either side."""
     return float(np.mean(driven(executor, n, noise) != 0))
 

@@ -35,7 +35,7 @@ class Contender:
 
     Attributes:
         name: at the end of its curve.
-        key: row of `course.measure.figure.KEYS`.
+        key: row of `course.measure.colours.KEYS`.
         dt: step [s], the largest tried that meets the tolerance.
         error: its largest error at that step.
         prepare: N -> a run of N bodies.

@@ -19,7 +19,7 @@ from course.derivations import claim
     source="K. J. Astrom, T. Hagglund, Advanced PID Control, 2006, sec. 3.5",
 )
 def integral_clamp(result):
-    from course.drills import PID, Joint, closed_loop
+    from course.control import PID, ExactJoint, closed_loop
 
     class Clamped(PID):
         """The same controller, its integral clamped to a range and integrated always."""
@@ -47,7 +47,7 @@ def integral_clamp(result):
         controller = PID(**gains) if bound is None else Clamped(**gains)
         if isinstance(controller, Clamped):
             controller.bound = bound
-        joint = Joint(inertia=inertia, damping=friction, dt=dt, load=-load)
+        joint = ExactJoint(inertia=inertia, damping=friction, dt=dt, load=-load)
         blocked = np.arange(steps) < round(jam / dt)
         angles, _ = closed_loop(controller, joint, np.full(steps, target), blocked)
         return np.max(angles) - target, target - angles[-1]

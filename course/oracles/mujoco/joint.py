@@ -1,6 +1,6 @@
 """MuJoCo as the plant of a sampled controller: a hinge, a motor, and what can go wrong with both.
 
-The same joint as `course.drills.Joint`, which solves it exactly, so that two answers differ by
+The same joint as `course.drills.ExactJoint`, which solves it exactly, so that two answers differ by
 MuJoCo's stepping alone; and with what that joint leaves out: dry friction, and a jam that gives way
 as a constraint does.
 """

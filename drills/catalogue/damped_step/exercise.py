@@ -213,6 +213,14 @@ SLIPS = slips(
         "The formula is right and its digits are gone: damping^2 = 1e-14 beside numbers of one "
         "leaves two digits in J J^T + damping^2 I. Use the singular values of J itself.",
     ),
+    cut_off_relative_to_the_largest=(
+        "    " + _GAIN + "\n",
+        "",
+        _RETURN,
+        "return np.linalg.pinv(np.asarray(J, dtype=float), rcond=damping) @ error",
+        "The damping is used as the limit below which the pseudo-inverse drops singular values. "
+        "Damping drops none: each gets the factor s / (s^2 + lambda^2).",
+    ),
 )
 
 EXERCISE = Exercise(

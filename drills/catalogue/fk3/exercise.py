@@ -186,6 +186,12 @@ SLIPS = slips(
         POINTS + ".T",
         "The points are right but stand in columns. One row is one point, (x, y).",
     ),
+    half_angles=(
+        "np.cumsum(thetas)",
+        "np.cumsum(thetas) / 2.0",
+        "Each link is turned by half of its angle. Half angles belong to quaternions; sine and "
+        "cosine here take the whole angle.",
+    ),
 )
 
 EXERCISE = Exercise(

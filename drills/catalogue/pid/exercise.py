@@ -41,7 +41,7 @@ OVERSHOOT = 1.0  # of the step
 EXACT = 1e-5  # N m
 ROUNDING = "a handful of products and sums: their rounding, in single precision at worst"
 GIVEN = (
-    definitions(Path(__file__).parents[3] / "course" / "drills.py", ["Joint", "closed_loop"])
+    definitions(Path(__file__).parents[3] / "course" / "drills.py", ["ExactJoint", "closed_loop"])
     + """
 
 def run(controller, setpoints, measurements):
@@ -57,7 +57,7 @@ def drive(gains, dt, limit, tau, inertia, damping, setpoint, count):
     from submission import PID
 
     controller = PID(*gains, dt, -limit, limit, tau)
-    joint = Joint(inertia, damping, dt)
+    joint = ExactJoint(inertia, damping, dt)
     return closed_loop(controller, joint, [setpoint] * count)[0]
 """
 )
@@ -614,12 +614,12 @@ def _plant(rng: np.random.Generator, speed: float, side: float = 0.0) -> Plant:
 
 
 def _loops(attempt: Attempt) -> None:
-    from course.drills import Joint, closed_loop
+    from course.drills import ExactJoint, closed_loop
 
     for dt, speed in attempt.rng.permutation(RATES).tolist():
         plant = _plant(attempt.rng, speed)
         controller = Controller(attempt, plant.numbers(dt))
-        joint = Joint(plant.inertia, plant.damping, dt, plant.load)
+        joint = ExactJoint(plant.inertia, plant.damping, dt, plant.load)
         setpoints = np.full(round(LONG / speed / dt), plant.step)
         angles, _ = closed_loop(controller, joint, setpoints)
         _limits_are_respected(attempt, controller)

@@ -158,6 +158,11 @@ SLIPS = slips(
         "The highest speed counts the way of the brake alone: sqrt(2 a sight). Solve the whole "
         "gap for v.",
     ),
+    tangent_of_the_slope=(
+        "np.sin(slope)",
+        "np.tan(slope)",
+        "The tangent of the slope is used. Along the ground gravity pulls with 9.81 sin(slope).",
+    ),
 )
 
 EXERCISE = Exercise(
