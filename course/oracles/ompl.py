@@ -557,6 +557,10 @@ def _is_free(ax: float, ay: float, bx: float, by: float, discs: list[tuple[float
 # --- on a constraint manifold, and with controls --------------------------------------------------
 
 
+def _no_clock() -> float:
+    return 0.0
+
+
 def carry(
     world: World,
     axis: ArrayLike,
@@ -567,11 +571,13 @@ def carry(
     seed: int,
     *,
     reach: float = 2.0,
+    split: bool = False,
 ) -> Plan:
     """Plan once on the manifold of an upright cup: RRT-Connect in OMPL's `ProjectedStateSpace`.
 
     The constraint, its Jacobian and the state test are Python functions that call the compiled ones
     of the course. OMPL checks states along a motion, projected, and not what lies between them.
+    Times are those of this thread.
 
     Args:
         world: of `capsule_arm`.
@@ -582,6 +588,8 @@ def carry(
         max_samples: how many targets to draw at most.
         seed: of OMPL's random numbers, positive.
         reach: the longest motion, OMPL's `range` [rad].
+        split: whether to measure `callback_seconds`. Two readings of the clock for each call make
+            `seconds` longer.
 
     Raises:
         ImportError: if OMPL is not installed.
@@ -593,6 +601,7 @@ def carry(
     measure, n = manifold.kernels()[2], world.dim
     a, J, here = np.array(axis, dtype=float), np.empty((3, n)), np.empty(n)
     free = world.kernels[0]
+    clock = time.thread_time if split else _no_clock
     polls, states, spent = 0, 0, 0.0
     constraint_class: Any = base.Constraint
 
@@ -602,19 +611,19 @@ def carry(
 
         def function(self, q, out) -> None:
             nonlocal spent
-            begun = time.perf_counter()
+            begun = clock()
             here[:] = q
             measure(world.body, here, a, J)
             out[0], out[1] = -J[2, 0], -J[2, 1]
-            spent += time.perf_counter() - begun
+            spent += clock() - begun
 
         def jacobian(self, q, out) -> None:
             nonlocal spent
-            begun = time.perf_counter()
+            begun = clock()
             here[:] = q
             measure(world.body, here, a, J)
             out[:] = J[:2]
-            spent += time.perf_counter() - begun
+            spent += clock() - begun
 
     low, high = world.bounds
     ambient = base.RealVectorStateSpace(n)
@@ -630,13 +639,13 @@ def carry(
 
     def is_valid(q) -> bool:
         nonlocal spent, states
-        begun = time.perf_counter()
+        begun = clock()
         states += 1
         for k in range(n):
             here[k] = q[k]
         inside = bool((here >= low).all() and (here <= high).all())
         result = inside and bool(free(world.obstacles, world.body, here))
-        spent += time.perf_counter() - begun
+        spent += clock() - begun
         return result
 
     def enough() -> bool:
@@ -682,8 +691,9 @@ def controls(
 ) -> tuple[Plan, Array, Array]:
     """Plan once for a double integrator among discs with `ompl::control::RRT`.
 
-    OMPL simulates by a Python function and checks the simulated points by another one. Its `SST`
-    can't be made from Python: the binding has no constructor for it.
+    OMPL simulates by a Python function and checks the simulated points by another one. It tries one
+    control for each sample: the binding has no constructor for a sampler that takes the best of
+    several, and none for `SST`. Times are those of this thread.
 
     Args:
         discs: rows (x, y, radius), shape (m, 3) [m].

@@ -330,6 +330,7 @@ def kinodynamic_rrt(
     dt: float = 0.1,
     proved: bool = True,
     metric: str = "minimum time",
+    tries: int = TRIES,
     samples: int = 5000,
     rng: np.random.Generator | int = 0,
 ) -> Motion:
@@ -345,6 +346,7 @@ def kinodynamic_rrt(
         dt: between simulated points [s]; a control lasts up to `STEPS` of them.
         proved: whether edges carry the margin of `step_margin`, which proves them free.
         metric: which node is nearest: "minimum time" from it to the sample, or "Euclidean".
+        tries: random controls for each sample, of which the one that ends nearest to it is taken.
         samples: at most.
         rng: random numbers, or a seed.
 
@@ -361,6 +363,7 @@ def kinodynamic_rrt(
     )
     near, limit = positive("reach", reach), positive("acceleration", acceleration)
     tick, most = positive("dt", dt), count("samples", samples, 1)
+    choices = count("tries", tries, 1)
     timed = one_of("metric", metric, METRICS) == METRICS[0]
     generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
     nodes, applied = np.empty((most + 1, 4)), np.zeros((most + 1, 2))
@@ -376,8 +379,8 @@ def kinodynamic_rrt(
         # All that is random, before the loop: a sampled state, controls and how long each lasts.
         targets = generator.uniform(box[0], box[1], (most, 4))
         targets[generator.random(most) < BIAS] = end
-        controls = generator.uniform(-limit, limit, (most, TRIES, 2))
-        steps = generator.integers(1, STEPS + 1, (most, TRIES))
+        controls = generator.uniform(-limit, limit, (most, choices, 2))
+        steps = generator.integers(1, STEPS + 1, (most, choices))
         size, last, drawn = _kernels()[0](
             *(
                 obstacles,

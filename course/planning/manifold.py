@@ -46,6 +46,7 @@ PROJECTED = 1e-6  # tilt of a projected configuration, at most [rad]
 ROUNDS = 30  # of Newton's method; it needs about five
 STEP = 0.2  # of an extension before its projection [rad]
 TILT = math.radians(1.0)  # of the cup, along edges
+PROGRESS = 0.1  # share of a step by which its projection must come nearer to the target
 LONGEST = 1000  # states of one extension
 
 
@@ -162,9 +163,10 @@ def _extend(obstacles, body, bounds, axis, edge, near, target, step, allowed, to
             q[k] = target[k] if share == 1.0 else old[k] + share * (target[k] - old[k])
         if not _constrain_config(body, bounds, axis, q, tolerance, pose, J):
             break
-        # The projection may undo the step: go on only while the target comes nearer.
+        # The projection may undo the step: go on only while the target comes nearer, by more than a
+        # small share of the step. Otherwise the walk creeps to the nearest point of the manifold.
         distance = math.sqrt(np.sum((target - q) ** 2))
-        if distance >= before:
+        if distance > before * (1.0 - PROGRESS * share):
             break
         # The chord must certainly keep the cup upright, and it must certainly be free.
         moved = np.sum(np.abs(q - old))

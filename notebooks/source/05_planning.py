@@ -1267,12 +1267,6 @@ table(
 # at the 2 % gap. OMPL has to call Python once per edge. The curve *OMPL's own part* leaves out these calls, and with
 # them the edge checks. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
 #
-# The last column estimates the time without edge checks. For OMPL it is the time outside the Python calls. For this
-# course we time a second run that checks each edge twice. The extra time is that of the edge checks, and we subtract
-# it from the first time. In the plane it is too short to be measured, so the estimate is no shorter than the measured
-# time. In brackets: a call with one
-# sample, mostly its fixed cost. OMPL's times cover only its `solve`, so the column can't show whose search is faster.
-#
 # With a collision check in Python, planning is many times slower. By default OMPL checks points that are 1 % of the
 # diagonal of the space apart, and then some of the returned paths are in collision. For the curve *OMPL, Python, 0.2%*
 # the spacing is a fifth of that.
@@ -1280,12 +1274,19 @@ table(
 # So what should you pick? OMPL, with a compiled edge check that you trust. The choice between OMPL and the planner of
 # this course matters far less than the edge check.
 #
-# <details><summary>Is it the same algorithm? Samples of both, and the seven-joint arm in detail</summary>
+# <details><summary>The table's last column, samples of both planners, and the seven-joint arm in detail</summary>
 #
-# Both planners were run with 500 seeds each. If they implement the same algorithm, the numbers of samples have the same
-# distribution. A rank test gives *p*, the probability that two identical planners would differ by at least this much by
-# chance. For RRT and RRT-Connect *p* is above 0.05 in all scenes. RRT\* differs among the discs as long as ours keeps
-# sampling the goal after it is in the tree, which OMPL stops doing; with the same rule the difference disappears.
+# The last column of the table estimates the time without edge checks. For OMPL it is the time outside the Python calls.
+# For this course we time a second run that checks each edge twice. The extra time is that of the edge checks, and we
+# subtract it from the first time. In the plane it is too short to be measured, so the estimate is no shorter than the
+# measured time. In brackets: a call with one sample, mostly its fixed cost. OMPL's times cover only its `solve`, so the
+# column can't show whose search is faster.
+#
+# Is it the same algorithm? Both planners were run with 500 seeds each. If they implement the same algorithm, the
+# numbers of samples have the same distribution. A rank test gives *p*, the probability that two identical planners
+# would differ by at least this much by chance. For RRT and RRT-Connect *p* is above 0.05 in all scenes. RRT\* differs
+# among the discs as long as ours keeps sampling the goal after it is in the tree, which OMPL stops doing; with the same
+# rule the difference disappears.
 #
 # ![Samples, path lengths and success of both implementations](../docs/charts/sample_counts.png)
 #
@@ -1367,7 +1368,7 @@ plt.show()
 show("step_through_a_passage")
 
 # %% [markdown]
-# The card counts samples. A long edge takes longer to check than a short one, so measure the time as well.
+# The card counts samples. A long edge takes longer to check, so measure the time as well.
 #
 # ### Slow only sometimes
 #
@@ -1406,27 +1407,23 @@ more_claims("blocked_ends_are_named")
 # %% [markdown]
 # ### What the model leaves out
 #
-# A planner can't avoid a collision that its model doesn't contain. Four omissions come up again and again:
+# A planner can't avoid a collision that its model doesn't contain. So far the arm may pass through itself, its hand is
+# empty, and any motion is allowed.
 #
-# * *Self-collision.* The arm of this chapter may pass through itself. Real planners also check each pair of links that
-#   can meet.
-# * *The object in the hand.* Once the gripper holds a cup, the cup is part of the robot. Attach its shape to the hand
-#   and allow the contact between hand and cup; every stored edge has to be checked again.
-# * *Constraints on the motion.* Carrying the cup upright removes two degrees of freedom. The allowed configurations
-#   form a thin curved surface, a **constraint manifold**, and a random sample never lies on it. Planners project each
-#   sample onto the surface (CBiRRT, Berenson and others 2009).
-# * *Dynamics.* A car can't move sideways, and a fast arm can't turn a corner at full speed. **Kinodynamic** planning
-#   extends its edges by simulating controls (LaValle and Kuffner 2001).
+# **Self-collision** and the **held object**. Check each pair of links that can meet. Once the gripper holds a cup, the
+# cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and check every stored
+# edge again. Each pair of shapes is one more distance. So conservative advancement still proves an edge, and only its
+# cost grows.
 
 # %% tags=["hide-code"]
-figure_, axes = plt.subplots(1, 3, figsize=(9, 2.8), layout="constrained")
-for q_, ink, axis in ((np.array([0.2, 0.4]), BLUE, axes[0]),):
-    x, y = links(q_)
-    _ = axis.plot(4 * x + 1, 4 * y + 1, "o-", color=ink, lw=4)
-    end_ = np.array([4 * x[-1] + 1, 4 * y[-1] + 1])
-    axis.add_patch(plt.Rectangle(end_ - [0.5, 0.9], 1.0, 1.8, fc="#f5d76e", ec="black"))
-    axis.add_patch(plt.Rectangle((5.5, 7.2), 4.2, 0.6, color=ROSE))
-    bare(axis, "a held object is part of the robot")
+figure_, axes = plt.subplots(1, 4, figsize=(10, 2.6), layout="constrained")
+q_ = np.array([0.2, 0.4])
+x, y = links(q_)
+_ = axes[0].plot(4 * x + 1, 4 * y + 1, "o-", color=BLUE, lw=4)
+end_ = np.array([4 * x[-1] + 1, 4 * y[-1] + 1])
+axes[0].add_patch(plt.Rectangle(end_ - [0.5, 0.9], 1.0, 1.8, fc="#f5d76e", ec="black"))
+axes[0].add_patch(plt.Rectangle((5.5, 7.2), 4.2, 0.6, color=ROSE))
+bare(axes[0], "held object: part of the robot")
 turn = np.linspace(0.3, 2.6, 80)
 curve = np.array([5 + 4.2 * np.cos(turn), 1.5 + 5.5 * np.sin(turn)])
 _ = axes[1].plot(*curve, color=GREEN, lw=2.5)
@@ -1435,17 +1432,204 @@ for p in rng.uniform(1, 9, (9, 2)):
     near_ = curve[:, np.argmin(np.linalg.norm(curve - p[:, None], axis=0))]
     _ = axes[1].annotate("", near_, p, arrowprops={"arrowstyle": "->", "color": GREY})
     _ = axes[1].plot(*p, "o", color=BLUE, ms=4)
-bare(axes[1], "samples projected onto a constraint manifold")
+bare(axes[1], "projection onto a manifold")
+_ = axes[2].plot(*curve, color=GREEN, lw=2.5)
+for first, last, ink in ((8, 72, RED), (72, 40, BLUE), (40, 8, BLUE)):
+    ends_, middle = curve[:, [first, last]], (first + last) // 2
+    _ = axes[2].plot(*ends_, "o-", color=ink, ms=4, lw=1.5)
+    centre = ends_.mean(axis=1)
+    foot = curve[:, np.argmin(np.linalg.norm(curve - centre[:, None], axis=0))]
+    _ = axes[2].plot(*np.stack((centre, foot), axis=1), ":", color=ink, lw=1.5)
+bare(axes[2], "half the step: a quarter of the gap")
 for bend in (-0.5, -0.25, 0.0, 0.25, 0.5):
     heading = np.pi / 4 + bend * np.linspace(0, 3, 40)
     steps_ = 0.14 * np.cumsum([np.cos(heading), np.sin(heading)], axis=1)
-    _ = axes[2].plot(*(np.array([[2.0], [2.0]]) + steps_), color=BLUE)
-_ = axes[2].plot(2.0, 2.0, "o", color=GREEN, mec="black", ms=8)
-bare(axes[2], "kinodynamic: edges come from controls")
+    _ = axes[3].plot(*(np.array([[2.0], [2.0]]) + steps_), color=BLUE)
+_ = axes[3].plot(2.0, 2.0, "o", color=GREEN, mec="black", ms=8)
+bare(axes[3], "kinodynamic: simulated controls")
 plt.show()
+
+# %% [markdown]
+# The chart shows what these checks cost, and how many planned paths collide without them:
+#
+# ![Time of a check with self-collision and a held cup, and collisions missed without
+# them](../docs/charts/held_object.png)
+#
+# <details><summary>Which pairs are checked, and how a cup becomes capsules</summary>
+#
+# Links and hand are nine capsules. Capsules on the same link can't move against each other, and
+# neighbouring links always overlap at their joint, so these pairs are left out. So are pairs that stay apart in ten
+# thousand random configurations, as MoveIt's setup assistant does it. That makes a collision of such a pair unlikely
+# and proves nothing.
+#
+# A box is covered by capsules. They reach beyond it, so some free configurations are rejected: the figures say how
+# many, for one, four and nine capsules. Coal with Pinocchio, the standard libraries for this, judges the same capsules
+# alike.
+#
+# </details>
+
+# %%
+figures(read("held_object"), "free edge, obstacles only", "free edge, and itself",
+        "free edge, and a cup", summary="Times, collisions and plans")  # fmt: skip
 
 # %%
 more_claims("limits_keep_an_arm_from_itself")
+
+# %% [markdown]
+# **A constraint on the motion.** Carrying the cup upright removes two degrees of freedom. The allowed configurations
+# form a thin curved surface, a **constraint manifold**, which a random sample never hits. CBiRRT (Berenson and others
+# 2009) grows two trees and projects each of their steps onto it. But the edge between two projected states is straight
+# and leaves the surface, as the third sketch shows: with half the step, the tilt in between falls to a quarter.
+
+# %% tags=["hide-code"]
+from course.charts.planning.constraints import carried
+from course.planning import manifold
+
+shelf_ = planning.shelf("open").world
+begin_, aim_ = carried("open", 4)
+carried_ = manifold.cbirrt(shelf_, begin_, aim_, rng=4).path
+assert check_path(shelf_, carried_, begin_, aim_)
+figure_, axis = plt.subplots(figsize=(6.5, 2.7), layout="constrained")
+share_ = np.linspace(0.0, 1.0, 40)[:, None]
+direct = np.degrees(manifold.tilt(panda(), (begin_ + share_ * (aim_ - begin_)).T))
+_ = axis.semilogy(share_, direct, color=RED, label="straight edge from start to goal")
+worst_ = np.array([
+    np.degrees(manifold.tilt(panda(), (a + share_ * (b - a)).T)).max()
+    for a, b in zip(carried_.T, carried_.T[1:], strict=False)
+])  # fmt: skip
+proved_ = np.degrees(manifold.chord_tilt(carried_[:, :-1], carried_[:, 1:]))
+at_ = (np.arange(worst_.size) + 0.5) / worst_.size
+_ = axis.plot(at_, proved_, "_", color=BLUE, ms=8, label="bound of each edge")
+_ = axis.plot(at_, worst_, ".", color=GREEN, label="largest tilt on each edge of CBiRRT's path")
+_ = axis.axhline(1.0, color=GREY, ls=":")
+_ = axis.text(0.5, 1.4, "allowed: 1°", fontsize=8, color=GREY, ha="center")
+_ = axis.set(xlabel="share of the motion", ylabel="tilt of the cup [°]", ylim=(1e-5, 300))
+_ = axis.legend(fontsize=7.5, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 1.0))
+plt.show()
+print(
+    f"largest tilt: straight edge {direct.max():.0f}°, on the manifold below 1°: {worst_.max() < 1}"
+)
+
+# %% [markdown]
+# <details><summary>Projection, and a bound on the tilt between two states</summary>
+#
+# *Projection.* Let $u(q)$ be the direction of the cup's axis in the world. The constraint says that its two horizontal
+# components are zero. Let $e$ be the rotation about a horizontal line that would make the axis vertical (two numbers),
+# and $J$ the two rows of the Jacobian that say how the joints turn the hand about horizontal lines. The shortest joint
+# motion with this rotation, to first order, is
+#
+# $$\Delta q = J^\top (J J^\top)^{-1} e .$$
+#
+# Apply it, compute $e$ again, and repeat until the tilt is below a millionth of a radian. It fails where no joint turns
+# the cup about some horizontal line, or where the result leaves the joint limits.
+#
+# *Between two states.* When joints $i$ and $j$ turn, the second derivative of $u$ is $z_i \times (z_j \times u)$, with
+# the joint axes $z_i$ and $z_j$. It is no longer than 1. So along a straight edge, with its share from 0 to 1 as the
+# parameter, the second derivative is at most $(\sum_k |\Delta q_k|)^2$. A function that is zero at both ends and has a
+# second derivative of at most $C$ stays below $C/8$ in between:
+#
+# $$\sin(\text{tilt}) \le \tfrac18 \Bigl(\sum_k |\Delta q_k|\Bigr)^2 .$$
+#
+# **A worked example.** The joints of an edge move by 0.37 rad in total. The bound is $0.37^2/8 = 0.017$, a tilt of just
+# under 1°. The planner gives up an extension before an edge whose bound exceeds the allowed tilt.
+#
+# </details>
+#
+# The chart shows the largest tilt on an edge for different steps, and OMPL's constrained planner on the same queries:
+#
+# ![Tilt of the cup between projected states against the step, and share of queries solved, compared with OMPL's
+# projected state space](../docs/charts/upright_cup.png)
+
+# %% tags=["hide-code"]
+runs_ = key(
+    "upright_cup",
+    r"^(ours, tilt proved|ours, no proof|OMPL, range \S+, states \S+): median (\S+) ms, (\d+) of "
+    r"(\d+) solved, worst tilt (\S+) degrees; (\d+) of (\d+) paths",
+)
+((best_,),) = key("upright_cup", r"^drawn of OMPL's is (.+) rad, the least")
+# Of OMPL's settings: the drawn one, and the one that solves the most queries.
+most_ = max((row for row in runs_ if row[0].startswith("OMPL")), key=lambda row: int(row[2]))[0]
+rows = table(
+    ("planner", "median [ms]", "solved", "worst tilt [°]", "paths that collide"),
+    *((name.replace("states", "states every") + (", drawn" if name == f"OMPL, {best_}" else ""),
+       spent, f"{solved} of {asked}", worst, f"{wrong} of {answered}")
+      for name, spent, solved, asked, worst, wrong, answered in runs_
+      if not name.startswith("OMPL") or name in (f"OMPL, {best_}", most_)),
+)  # fmt: skip
+((orders,),) = key("upright_cup", r"^median tilt of random edges .*; order (.+)$")
+((step_, sure_),) = key("upright_cup", r"above a step of (\S+) rad, the bound above (\S+) rad$")
+Markdown(
+    f"{rows.data}\n\nWithout the proof, the worst path exceeds 1° above a step of {step_} rad. The "
+    f"bound proves up to {sure_} rad. Order of the tilt between successive steps: {orders}."
+)
+
+# %% [markdown]
+# <details><summary>Both sides of the step's limit, and what is compared with OMPL</summary>
+#
+# Without the proof, a long step tilts the cup more than allowed on some edge, and a short one does not. The proof stops
+# earlier, because it adds up the motions of all joints as if each of them turned the cup. With the proof, any step is
+# safe: the planner shortens what would exceed the bound.
+#
+# OMPL's planner is RRT-Connect in its projected state space. We tried four ranges (the longest motion) with two
+# spacings of the states along a motion. The chart has the one with the least median; the table also has the one
+# that solves the most queries. OMPL checks the projected states and nothing between them, so some of its paths
+# collide; these count as unsolved. Constraint, Jacobian and state check are Python functions that call our
+# compiled ones; *OMPL's own part* is the time outside of them. So the times compare two complete programs, not
+# two search strategies. The clock is the processor time of the thread.
+#
+# </details>
+
+# %%
+figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
+
+# %% [markdown]
+# **Dynamics.** A fast arm can't turn a corner at full speed. **Kinodynamic** planning (LaValle and Kuffner 2001)
+# extends its edges by simulating random controls. Our example is a point whose acceleration is limited along each axis.
+# No motion between two states can be faster than the slower axis alone would be, and this bound tests every trajectory.
+#
+# ![A kinodynamic tree compared with its lower bound and with OMPL, and posts that check points
+# miss](../docs/charts/kinodynamic_bounds.png)
+
+# %% tags=["hide-code"]
+((best_,),) = key("kinodynamic_bounds", r"^drawn of OMPL's is (.+) of a control, the least")
+table(
+    ("planner", "solved", "samples", "median [ms]", "time over the bound", "hit a post"),
+    *((f"OMPL, points, {best_}" if name.startswith("OMPL") else name, f"{solved} of {asked}",
+       samples, spent, excess, hits)
+      for name, solved, asked, samples, spent, excess, hits in key(
+          "kinodynamic_bounds",
+          r"^(.+?): (\d+) of (\d+) solved, median (\d+) samples and (\S+) ms; time over the lower "
+          r"bound (\S+) .*; (\d+) hit a post",
+      )
+      if not name.startswith("OMPL") or name == f"OMPL, {best_}"),
+)  # fmt: skip
+
+# %% [markdown]
+# <details><summary>The bound, the margin between points, and what is compared</summary>
+#
+# *The loop.* Sample a state, position and velocity. Find the node from which it is nearest. From there, simulate
+# several random constant accelerations and add the end that comes nearest to the sample. The straight segment of RRT is
+# replaced by a parabola, so a node is reached exactly, and the goal only within a tolerance. Which node is *nearest*
+# matters: with Euclidean distance a fast point just before the goal counts as near, though it can't stop there. The
+# time that the slower axis needs is the better measure; with it the trajectories in the chart take the least time.
+#
+# *The bound.* One axis goes from rest to rest over a distance $d$ with full acceleration $a$ one way and then the other
+# (**bang-bang**), in $2\sqrt{d/a}$. Both axes have to finish, so the slower one decides. **A worked example.** 8 m
+# along both axes at 1 m/s² take at least $2\sqrt 8 = 5.7$ s.
+#
+# *Between the points.* The simulation checks points a time $\Delta t$ apart. Between two of them the motion leaves the
+# chord by at most $|a|\,\Delta t^2/8$, and a point of a chord of length $L$ is within $L/2$ of the nearer end. So where
+# the clearances at both ends have a mean above $L/2 + |a|\,\Delta t^2/8$, the motion in between is free. The lower
+# plots show both sides: points alone miss posts as the geometry predicts, and with the margin nothing is hit.
+#
+# OMPL's RRT with controls can try one control for each sample from Python, so *the same, one control* is our planner
+# with its rule: both need about as many samples. We tried four limits for how long a control lasts and drew the one
+# with the least median. OMPL calls Python for each simulated point. The clock is the processor time of the thread.
+#
+# </details>
+
+# %%
+figures(read("kinodynamic_bounds"), summary="Samples, times and posts hit")
 
 # %% [markdown]
 # ## 8 · Exercises
@@ -1713,8 +1897,8 @@ for axis, share in zip(axes, (0.1, 0.6, 0.95, 1.0), strict=True):
 plt.show()
 
 # %% [markdown]
-# The sketch shows what training uses: one solved path with less and less noise (a drawing of the principle, not the
-# output of the network). Are the paths that come out of the network collision-free?
+# The sketch shows the principle of the training: one solved path with less and less noise. Are the paths that come out
+# of the network collision-free?
 
 # %%
 show("diffusion_is_collision_free")

@@ -450,7 +450,9 @@ def test_the_home_page_says_where_to_go_on_and_what_is_left(progress_file: Path)
     progress.change(progress_file, one.cards[0].name, lambda r: progress.note_attempt(r, True, {}))
     progress.change_chapter(progress_file, number, lambda r: progress.note_read(r, [part.number]))
     topic = one.chapter.topic
-    right = {name: derivations.formula(name).expression for name in course.cards.gate(topic)}
+    right: dict[str, Any] = {
+        name: derivations.formula(name).expression for name in course.cards.gate(topic)
+    }
     assert not page_home.checkpoint(topic, **right | {next(iter(right)): "1"}).passed
     assert not progress.load(progress_file).reading(number).checkpoint
     assert page_home.checkpoint(topic, **right).passed

@@ -165,13 +165,8 @@ def opened(page: Any, address: str) -> Any:
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize(
-    "course",
-    [
-        pytest.param(True, id="make lab"),
-        pytest.param(False, id="stock", marks=pytest.mark.prove),
-    ],
-)
+@pytest.mark.prove
+@pytest.mark.parametrize("course", [True, False], ids=["make lab", "stock"])
 def test_two_windows_that_run_cells_are_not_asked_but_two_that_write_are(
     course: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,7 @@
 """A point with a velocity: its simulation, the least time between two states, and the margin."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -103,6 +104,18 @@ def test_points_miss_as_many_crossings_as_geometry_says() -> None:
     assert missed(3.0) == pytest.approx(1.0 - math.pi / 12.0, abs=1e-4)
 
 
+def test_more_controls_for_each_sample_need_fewer_samples() -> None:
+    discs = constraints.posts()
+    drawn = {
+        tries: [
+            kinodynamic_rrt(discs, ROOM, BEGIN, END, tries=tries, rng=seed).samples
+            for seed in range(12)
+        ]
+        for tries in (1, kinodynamic.TRIES)
+    }
+    assert np.median(drawn[1]) > 1.5 * np.median(drawn[kinodynamic.TRIES])
+
+
 def test_bad_input() -> None:
     with pytest.raises(ValueError, match="metric must be"):
         kinodynamic_rrt(np.zeros((0, 3)), ROOM, BEGIN, END, metric="Dubins")
@@ -114,6 +127,14 @@ def test_bad_input() -> None:
 
 def test_the_chart_shows_both_sides_of_the_margin() -> None:
     solved, ratio, crossing, hits = charts.stored("kinodynamic_bounds")
+    text = charts.read("kinodynamic_bounds")
+    # With one control and the same rules ours and OMPL's take as many samples: one algorithm.
+    (p,) = re.findall(r"^samples of one control .*, p (\S+)$", text, re.M)
+    assert float(p) > 0.01
+    others = dict(re.findall(r"^OMPL, (up to \d+ steps): .* samples and (\S+) ms", text, re.M))
+    assert len(others) == len(constraints.LONGEST)
+    (best,) = re.findall(r"^drawn of OMPL's is (.+) of a control", text, re.M)
+    assert float(others[best]) == min(map(float, others.values()))
     assert solved["minimum time, proved"].y[-1] > 0.95
     for series in ratio.series:
         assert min(series.x) >= 1.0

@@ -1,6 +1,7 @@
 """A cup carried upright: the projection, the walk on the manifold, and the tilt between states."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -92,7 +93,12 @@ def test_an_extension_walks_towards_its_target_upright_and_free(world) -> None:
         states, _ = manifold.constrained_extend(world, begin, target)
         path = np.vstack((begin, states))
         distances = np.linalg.norm(path - target, axis=1)
-        assert np.all(np.diff(distances) < 0.0)
+        # Each step as long as `step` and the tilt's bound let it be before its projection, which
+        # takes away nine tenths of its progress at most: the walk never creeps.
+        total = np.abs(path - target).sum(axis=1)[:-1]
+        share = 0.9 * math.sqrt(8.0 * math.sin(manifold.TILT)) / total
+        tried = np.minimum(np.minimum(manifold.STEP, distances[:-1]), share * distances[:-1])
+        assert np.all(-np.diff(distances) >= (manifold.PROGRESS - 1e-9) * tried)
         if len(states) and planning.state_free(world, begin):
             moved += 1
             assert check_path(world, path.T)
@@ -139,4 +145,23 @@ def test_the_chart_says_that_the_tilt_grows_with_the_square_of_the_step() -> Non
     orders = np.diff(np.log(single[small])) / np.diff(np.log(x[small]))
     assert np.all(np.abs(orders - 2.0) < 0.2)
     assert np.all(worst <= bound) and worst[0] < constraints.TOLERATED < worst[-1]
-    assert times["ours, tilt proved"].y[-1] > 0.9
+    assert times["ours, tilt proved"].y[-1] > 0.85
+
+
+def test_the_chart_says_that_proved_paths_are_upright_and_free_and_ompl_at_its_best_is_drawn() -> (
+    None
+):
+    text = charts.read("upright_cup")
+    rows = re.findall(
+        r"^(ours.+|OMPL, range.+): median (\S+) ms, (\d+) of (\d+) solved, "
+        r"worst tilt (\S+) degrees; (\d+) of (\d+) paths collide",
+        text,
+        re.M,
+    )
+    ours = {name: rest for name, *rest in rows if name.startswith("ours")}
+    assert float(ours["ours, tilt proved"][3]) <= constraints.TOLERATED
+    assert all(int(rest[4]) == 0 for rest in ours.values())
+    others = {name: float(middle) for name, middle, *_ in rows if name.startswith("OMPL")}
+    assert len(others) == len(constraints.RANGES) * len(constraints.SPACINGS)
+    (best,) = re.findall(r"^drawn of OMPL's is (.+) rad", text, re.M)
+    assert others[f"OMPL, {best}"] == min(others.values())

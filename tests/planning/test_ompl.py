@@ -8,8 +8,20 @@ import numpy as np
 import pytest
 from scipy import sparse, stats
 
+from course.charts.planning import constraints
+from course.kinematics import panda
 from course.oracles import ompl
-from course.planning import Plan, build_roadmap, check_path, length, plan, plane, scenes
+from course.planning import (
+    Plan,
+    build_roadmap,
+    check_path,
+    length,
+    manifold,
+    plan,
+    plane,
+    scenes,
+    shelf,
+)
 from course.planning.roadmaps import FREE
 
 SEEDS = range(1, 61)
@@ -208,3 +220,29 @@ def test_what_ompl_chooses_where_nothing_is_said() -> None:
     }
     with pytest.raises(ValueError, match="method"):
         theirs(SCENES[0], "prm", 1)
+
+
+def test_a_cup_carried_by_ompl_is_upright_at_every_state_and_moves_between_the_ends() -> None:
+    world = shelf("open").world
+    begin, end = constraints.carried("open", 0)
+    answer = ompl.carry(world, manifold.CUP, begin, end, 0.2, 600, 1, split=True)
+    assert answer.path is not None
+    assert np.max(manifold.tilt(panda(), answer.path.T)) < 1.01 * manifold.PROJECTED
+    assert np.allclose(answer.path[[0, -1]], [begin, end])
+    # Projected states a spacing apart: OMPL lets a geodesic's states be twice as far.
+    assert np.linalg.norm(np.diff(answer.path, axis=0), axis=1).max() <= 0.4 + 1e-9
+    assert 0.0 < answer.own_seconds < answer.seconds
+
+
+def test_the_controls_of_ompl_lead_along_its_states() -> None:
+    answer, pulls, lasted = ompl.controls(
+        np.zeros((0, 3)), constraints.ROOM, constraints.BEGIN, constraints.END, 0.5, 1.0, 0.1, 10,
+        3000, 1,
+    )  # fmt: skip
+    assert answer.path is not None and np.abs(pulls).max() <= 1.0
+    for k, duration in enumerate(lasted):
+        s, a, h = answer.path[k].copy(), pulls[k], duration / 1000
+        for _ in range(1000):  # many small steps of Euler
+            s += h * np.concatenate((s[2:], a))
+        assert s == pytest.approx(answer.path[k + 1], abs=1e-2)
+    assert np.linalg.norm(answer.path[-1] - constraints.END) <= 0.5

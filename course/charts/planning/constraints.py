@@ -1,5 +1,6 @@
 """An arm that carries a cup upright, and a point with a velocity: two methods and their limits."""
 
+import collections
 import functools
 import math
 import time
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from course import planning
 from course.charts import chart
@@ -19,6 +21,10 @@ from course.planning import check_path, kinodynamic, manifold, state_free
 
 Array = NDArray[np.float64]
 TOLERATED = 1.0  # tilt of the cup along a path [degrees]
+# Of OMPL's: each pair of a longest motion and a spacing of its states is tried [rad].
+RANGES = (0.5, 1.0, 2.0, 4.0)
+SPACINGS = (0.05, 0.2)
+LONGEST = (5, 10, 20, 40)  # steps of a control at most, likewise
 
 
 # --- a cup that is carried upright ----------------------------------------------------------------
@@ -141,41 +147,85 @@ def upright_cup(
     assert int((angles == 0.0).sum()) == 0
     yield panel
 
+    yield _races(world, questions, budget, footer)
+
+
+def _races(
+    world: planning.World, questions: list[tuple[Array, Array]], budget: int, footer: str
+) -> Panel:
+    """Return the shares of the queries that are solved without a collision, over time."""
     panel = Panel(
         "Share solved, open shelf", "time [ms]", "share of the queries",
         scale="log x", ylim=(0.0, 1.02), footer=footer,
     )  # fmt: skip
-    manifold.cbirrt(world, *questions[0])
-    names, own = ("ours, tilt proved", "ours, no proof", "OMPL"), list[float]()
-    spent: dict[str, list[float]] = {name: [] for name in names}
+    own = ("ours, tilt proved", "ours, no proof")
+    rivals = {
+        f"OMPL, range {reach:g}, states {spacing:g}": (reach, spacing)
+        for spacing in SPACINGS
+        for reach in RANGES
+    }
+    spent: dict[str, list[float]] = {name: [] for name in (*own, *rivals)}
     tilts = {name: [0.0] for name in spent}
-    wrong = dict.fromkeys(spent, 0)
+    answered, wrong = dict.fromkeys(spent, 0), dict.fromkeys(spent, 0)
+
+    def rival(name: str, k: int, split: bool = False) -> ompl.Plan:
+        reach, spacing = rivals[name]
+        return ompl.carry(
+            world, manifold.CUP, *questions[k], spacing, budget, k + 1, reach=reach, split=split
+        )
+
+    # Uncounted: what is loaded or compiled by a first call.
+    manifold.cbirrt(world, *questions[0])
+    rival(next(iter(rivals)), 0)
     for k, query in enumerate(questions):
         for name in spent:
             begun = time.thread_time()
-            if name == "OMPL":
-                other = ompl.carry(world, manifold.CUP, *query, manifold.STEP, budget, k + 1)
+            if name in rivals:
+                other = rival(name, k)
                 path, taken = None if other.path is None else other.path.T, other.seconds
-                own.append(1e3 * other.own_seconds if path is not None else math.inf)
             else:
-                allowed = manifold.TILT if "proved" in name else free_way
+                allowed = manifold.TILT if "proved" in name else 0.5 * math.pi
                 path = manifold.cbirrt(world, *query, allowed=allowed, samples=budget, rng=k).path
                 taken = time.thread_time() - begun
-            spent[name].append(1e3 * taken if path is not None else math.inf)
             if path is not None:
+                answered[name] += 1
                 tilts[name].append(tilted(path))
-                wrong[name] += not check_path(world, path)
-    for name, values in (*spent.items(), ("OMPL's own part", own)):
-        order_ = np.sort(values)
-        solved = int(np.isfinite(order_).sum())
-        note = f"{name}: median {np.median(values):.1f} ms, {solved} of {queries} solved"
+                if not check_path(world, path):
+                    wrong[name] += 1
+                    path = None
+            spent[name].append(1e3 * taken if path is not None else math.inf)
+    # The rival's best: the least median, where a failure takes for ever; then the most queries.
+    best = min(rivals, key=lambda name: (np.median(spent[name]), -np.isfinite(spent[name]).sum()))
+    parts = [1e3 * rival(best, k, split=True).own_seconds for k in range(len(questions))]
+    parts = [t if math.isfinite(s) else math.inf for t, s in zip(parts, spent[best], strict=True)]
+    for name, values in (*spent.items(), ("OMPL's own part", parts)):
+        order = np.sort(values)
+        solved = int(np.isfinite(order).sum())
+        note = f"{name}: median {np.median(values):.1f} ms, {solved} of {len(questions)} solved"
         if name in tilts:
-            note += f", worst tilt {max(tilts[name]):.2f} degrees, {wrong[name]} paths collide"
-        shares = np.arange(1, solved + 1) / queries
+            note += f", worst tilt {max(tilts[name]):.2f} degrees; "
+            note += f"{wrong[name]} of {answered[name]} paths collide and count as unsolved"
+        if name in rivals and name != best:
+            panel.notes.append(note)
+            continue
+        label = "OMPL, its best" if name == best else name
+        shares = np.arange(1, solved + 1) / len(questions)
         panel.series.append(
-            Series(name, order_[:solved], shares, style="steps", marker="", note=note)
+            Series(label, order[:solved], shares, style="steps", marker="", note=note)
         )
-    yield panel
+    both = [
+        other / ours
+        for other, ours in zip(spent[best], spent[own[0]], strict=True)
+        if math.isfinite(other + ours)
+    ]
+    low, middle, high = np.quantile(both, (0.25, 0.5, 0.75))
+    panel.notes += [
+        f"drawn of OMPL's is {best.removeprefix('OMPL, ')} rad, the least median of those tried",
+        f"OMPL's time over ours with the tilt proved, {len(both)} queries that both solved: "
+        f"{middle:.1f} ({low:.1f} to {high:.1f})",
+        "OMPL checks states, each by a Python function; ours proves edges in compiled code",
+    ]
+    return panel
 
 
 # --- a point with a velocity ----------------------------------------------------------------------
@@ -246,60 +296,84 @@ def kinodynamic_bounds(
     discs, dt = posts(), 0.1
     footer = machine(libraries=("ompl",)) + "; one core, thread time"
     kinodynamic.warm()
-    drawn: dict[str, list[float]] = {}
-    ratios: dict[str, list[float]] = {}
-    notes = dict[str, str]()
-    for name, proved, metric in (
-        ("minimum time, proved", True, "minimum time"),
-        ("Euclidean, proved", True, "Euclidean"),
-        ("Euclidean, points", False, "Euclidean"),
-        ("OMPL, points", False, ""),
-    ):
-        drawn[name], ratios[name], spent, hit = [], [], [], 0
-        for seed in range(seeds):
-            if metric:
-                begun = time.thread_time()
+    drawn, spent, ratios = (collections.defaultdict[str, list[float]](list) for _ in range(3))
+    hit = collections.Counter[str]()
+    # Name: whether proved, the metric, controls tried for each sample; of OMPL's the longest one.
+    own = {
+        "minimum time, proved": (True, "minimum time", kinodynamic.TRIES),
+        "Euclidean, proved": (True, "Euclidean", kinodynamic.TRIES),
+        "Euclidean, points": (False, "Euclidean", kinodynamic.TRIES),
+        "the same, one control": (False, "Euclidean", 1),
+    }
+    rivals = {f"OMPL, up to {steps} steps": steps for steps in LONGEST}
+    ompl.controls(discs, ROOM, BEGIN, END, 0.5, 1.0, dt, kinodynamic.STEPS, 10, 1)  # uncounted
+    for seed in range(seeds):
+        for name in (*own, *rivals):
+            begun = time.thread_time()
+            if name in own:
+                proved, metric, tries = own[name]
                 motion = kinodynamic.kinodynamic_rrt(
-                    discs, ROOM, BEGIN, END, dt=dt, proved=proved, metric=metric,
+                    discs, ROOM, BEGIN, END, dt=dt, proved=proved, metric=metric, tries=tries,
                     samples=samples, rng=seed,
                 )  # fmt: skip
-                spent.append(1e3 * (time.thread_time() - begun))
+                taken = time.thread_time() - begun
             else:
                 plan, pulls, lasted = ompl.controls(
-                    discs, ROOM, BEGIN, END, 0.5, 1.0, dt, kinodynamic.STEPS, samples, seed + 1
+                    discs, ROOM, BEGIN, END, 0.5, 1.0, dt, rivals[name], samples, seed + 1
                 )
-                spent.append(1e3 * plan.seconds)
+                taken = plan.seconds
                 way = np.empty((4, 0)) if plan.path is None else plan.path.T
                 status = "solved" if plan.path is not None else "out of samples"
                 nothing = np.empty((4, 0)), np.empty(0, dtype=np.int64)
                 motion = kinodynamic.Motion(status, way, pulls.T, lasted, plan.samples, *nothing)
             drawn[name].append(motion.samples if motion.solved else math.inf)
+            spent[name].append(1e3 * taken if motion.solved else math.inf)
             bound = math.nan
             if motion.solved:
                 bound = kinodynamic.minimum_time(motion.states[:, 0], motion.states[:, -1])
-                hit += touches(discs, motion)
+                hit[name] += touches(discs, motion)
             ratios[name].append(motion.seconds / bound if motion.solved else math.inf)
+    # The rival's best: the least median, where a failure takes for ever.
+    best = min(rivals, key=lambda name: float(np.median(spent[name])))
+    notes = dict[str, str]()
+    for name in drawn:
         solved = int(np.isfinite(drawn[name]).sum())
         low, middle, high = np.quantile(ratios[name], (0.25, 0.5, 0.75), method="higher")
         notes[name] = (
             f"{name}: {solved} of {seeds} solved, median {np.median(drawn[name]):.0f} samples and "
-            f"{np.median(spent):.1f} ms; time over the lower bound {middle:.2f} "
-            f"({low:.2f} to {high:.2f}), least {min(ratios[name]):.2f}; {hit} hit a post"
+            f"{np.median(spent[name]):.1f} ms; time over the lower bound {middle:.2f} "
+            f"({low:.2f} to {high:.2f}), least {min(ratios[name]):.2f}; {hit[name]} hit a post"
         )
     panels = [
-        Panel("Share solved", "samples", "share of the runs", scale="log x", footer=footer),
+        Panel("Share solved", "time to plan [ms]", "share of the runs", scale="log x",
+              footer=footer),
         Panel("Time of the trajectory", "time over the lower bound", "share of the runs",
               scale="log x", footer=footer),
     ]  # fmt: skip
-    for panel, values in zip(panels, (drawn, ratios), strict=True):
-        for name in ratios:
+    for panel, values in zip(panels, (spent, ratios), strict=True):
+        for name in (*own, best):
             order = np.sort(values[name])
             solved = int(np.isfinite(order).sum())
             shares = np.arange(1, solved + 1) / seeds
-            note = notes[name] if values is drawn else ""
+            note = notes[name] if values is spent else ""
+            label = "OMPL, points" if name == best else name
             panel.series.append(
-                Series(name, order[:solved], shares, style="steps", marker="", note=note)
+                Series(label, order[:solved], shares, style="steps", marker="", note=note)
             )
+    alike = stats.ks_2samp(
+        drawn["the same, one control"], drawn[f"OMPL, up to {kinodynamic.STEPS} steps"]
+    )
+    pairs = np.array(spent[best]) / spent["the same, one control"]
+    low, middle, high = np.quantile(pairs[np.isfinite(pairs)], (0.25, 0.5, 0.75))
+    panels[0].notes = [
+        *(notes[name] for name in rivals if name != best),
+        f"drawn of OMPL's is {best.removeprefix('OMPL, ')} of a control, the least median",
+        "OMPL tries one control for each sample; its simulation and its check are Python functions",
+        f"samples of one control and of OMPL with as long controls: largest difference of the "
+        f"shares {alike.statistic:.2f}, p {alike.pvalue:.2f}",
+        f"OMPL's time over ours with one control, seed by seed: {middle:.1f} "
+        f"({low:.1f} to {high:.1f})",
+    ]
     panels[1].lines = (("x", 1.0, "bound"),)
     yield from panels
 
