@@ -80,9 +80,11 @@ CONTROLS = Record(
     speed=slider("Target Speed", 0.01, 0.0, 0.1, 0.005, "m/s", 3),
     filtered=switch("Filter", True),
     mended=menu("Ideal stage", ("none", *STAGES)),
+    follows=switch("Follow the old plan", False),
     aim=Field((0.15, 0.60), low=-1.0, high=1.0, unit="m"),
     margin=Field(0.05, low=0.0, high=0.1, unit="m"),
     bias=Field((-0.003, 0.002), low=-0.05, high=0.05, unit="m"),
+    check=Field(20.0, low=0.0, high=5000.0, unit="us"),
 )
 STATE = Record(
     q=Field(0.0, shape=(2, SHOWN + 1), unit="rad"),
@@ -97,14 +99,15 @@ STATE = Record(
     moves=Field(0.0, shape=(3, MOVES)),  # when the target was moved [s], and where to [m]
     moved=Field(0),
     report=Field(0.0, shape=(PARTS + 2 * len(STAGES),)),
-    values=Field(0.0, shape=(14,)),  # the controls that this was computed for
+    values=Field(0.0, shape=(16,)),  # the controls that this was computed for
     time=Field(0.7, unit="s"),  # it is first seen on its way, not while it waits for a picture
 )
 
 
 def scenario_and_settings(values):
     """Return scenario and settings that the controls, as numbers, ask for."""
-    noise, kp, kd, dt, edge, latency, speed, filtered, mended, x, y, margin, bx, by = values
+    noise, kp, kd, dt, edge, latency, speed, filtered, mended, x, y, margin, bx, by = values[:14]
+    follows, check = values[14:]
     # A target that drifts towards TO, and where it would be at the end of the run: kept within
     # reach and off the discs, it defines the velocity.
     away = max(math.dist((x, y), TO), 1e-9)
@@ -124,6 +127,8 @@ def scenario_and_settings(values):
         filtered=bool(filtered),
         margin=margin,
         samples=800,
+        hysteresis=bool(follows),
+        check_cost=1e-6 * check,
     )
     # An ideal stage has its imperfections removed before the run.
     return scenario, chapter.repair(settings, *STAGES[int(mended) - 1 : int(mended)])
@@ -337,6 +342,7 @@ def _take(controls, state):
     )
     v[6], v[7], v[8], v[9], v[10] = c["speed"], 1.0 * c["filtered"], 1.0 * c["mended"], x, y
     v[11], v[12], v[13] = c["margin"], c["bias"][0], c["bias"][1]
+    v[14], v[15] = 1.0 * c["follows"], c["check"]
 
 
 @register_jitable
@@ -594,6 +600,14 @@ PRESETS = {
     "A faster camera": Preset({"latency": 300.0, "speed": 0.06, "noise": 0.01}, "Half the age of "
         "a stale picture, and still no counted seed succeeds: while a picture is on its way, the "
         "target moves by almost 2 cm."),
+    "Plan from an old posture": Preset({"speed": 0.1, "check": 2000.0, "follows": True}, "A "
+        "collision check takes 2 ms here, so a plan takes some tenths of a second. Meanwhile the "
+        "arm follows its old plan. The new one begins where the arm was when planning began: the "
+        "reference, the pale arm, jumps back. Turn off *Follow the old plan*: the arm waits for "
+        "each plan, and nothing jumps.",
+        "A collision check takes 2 ms here, so a plan takes some tenths of a second. Meanwhile "
+        "the arm follows its old plan. The new one begins where the arm was when planning began: "
+        "the reference, the pale arm, jumps back."),
     "All to extremes": Preset({"noise": 0.2, "filtered": False, "edge": 0.02, "kp": 200.0,
         "kd": 0.0, "dt": 20.0, "latency": 600.0, "speed": 0.1}, "Nothing works, and no single "
         "stage cures it. Read the contract that broke first, fix that stage, and read again.",

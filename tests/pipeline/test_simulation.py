@@ -76,6 +76,31 @@ def test_what_the_notes_say():
     assert filtered[whole.SHARE] > 0.8
 
 
+def test_a_plan_from_an_old_posture_jumps_and_a_plan_that_is_waited_for_does_not():
+    """A plan moves a joint by at most its largest rate times the time between two pictures.
+
+    The estimate, which corrects the end of a plan, adds its noise to that.
+    """
+    most = chapter.Settings().rate * whole.SECONDS / whole.SHOWN
+    jumps, plans = [], []
+    for follows in (True, False):
+        experiment, report = outcome("Plan from an old posture", follows=follows)
+        jumps.append(np.abs(np.diff(experiment.state["reference"])).max())
+        plans.append(report[whole.ASKED])
+        values = tuple(experiment.state["values"].tolist())
+        _, settings = whole.scenario_and_settings(values)
+        assert settings.hysteresis is follows and settings.check_cost == pytest.approx(2e-3)
+    assert min(plans) > 2
+    assert jumps[0] > 10.0 * most and jumps[1] < 2.0 * most
+    assert "tenths of a second" in whole.PRESETS["Plan from an old posture"].note
+    experiment, report = outcome("Plan from an old posture")
+    assert 0.1 < 2e-3 * report[whole.CHECKS] / report[whole.ASKED] < 1.0  # s a plan
+    # The other presets have the chapter's defaults.
+    _, settings = whole.scenario_and_settings(tuple(outcome("All stages")[0].state["values"]))
+    assert settings.hysteresis is False
+    assert settings.check_cost == pytest.approx(chapter.Settings().check_cost)
+
+
 def test_a_target_that_is_moved_changes_nothing_that_was():
     experiment, _ = outcome("All stages")
     before = experiment.state["q"].copy()
