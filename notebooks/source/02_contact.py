@@ -145,7 +145,8 @@ more_claims(
 # Subtract every point of shape $B$ from every point of shape $A$. The resulting set is the **Minkowski difference**
 # $A \ominus B$. The set contains the origin exactly if some point of $A$ equals some point of $B$, that is, if the
 # shapes share a point. If they are apart, the distance from the origin to the set equals the distance of the shapes.
-# **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), solves it.
+# **GJK**, the algorithm of Gilbert, Johnson and Keerthi (1988), computes this distance, or finds that
+# the origin is inside.
 #
 # A **support function** returns the point of a convex shape that lies farthest in a given direction; for a box it is a
 # corner. The Minkowski difference has a support function too: the support point of $A$ in the direction $s$ minus the
@@ -671,11 +672,11 @@ more_claims("below_the_limit_sticks", "pyramid_slips", "box_of_limits", "default
 # 3. Project: if the vector $p_t$ is longer than $\mu p_n$, shorten it to that length.
 #
 # When the sweeps have converged, steps 2 and 3 change nothing: at a sliding contact, shortening $p_t - u_t/a$ gives
-# $p_t$ again. So both vectors are parallel, and so is their difference: $u_t$ points straight against $p_t$. If each
-# row were divided by its own $A_{ii}$, and these differed, friction would point elsewhere.
+# $p_t$ again. So $p_t - u_t/a$ is a longer vector in the direction of $p_t$, and $u_t$ points straight against $p_t$.
+# If each row were divided by its own $A_{ii}$, and these differed, friction would point elsewhere.
 #
 # One pass over all contacts is a **sweep**. Game engines do four to ten sweeps per step and start from the impulses of
-# the step before, which is called a **warm start**. In code, without friction:
+# the step before (**warm start**). In code, without friction:
 # %% tags=["show-code"]
 A, b = step.delassus, step.rows @ step.free  # the stack of two from above
 p = np.zeros(2)
@@ -769,22 +770,23 @@ for dt in (1e-2, 1e-3, 1e-4):
     ((_, v),) = split_impulse_steps(deep, dt, 1, model="lcp")
     print(f"{1e3 * dt:5.1f} ms {free:11.2f} {bounded:9.2f} {v[0]:15.2f}")
 # %% [markdown]
-# Ten times shorter steps eject the ball ten times as fast. This is why the advice "just reduce the step" can make
-# things worse, and why engines bound (cap) this speed. Here the bound, `max_recovery_speed`, is 1 m/s. MuJoCo's soft
-# contact, in purple, pushes the ball out at a low speed that depends little on the step:
+# Ten times shorter steps eject the ball ten times as fast. So "just reduce the step" can make things worse, and
+# engines bound (cap) this speed. Here the bound, `max_recovery_speed`, is 1 m/s. MuJoCo's soft
+# contact (purple) pushes it out at a low speed that depends little on the step:
 #
 # ![How fast a ball that starts 1 cm deep leaves the ground, against the step](../docs/charts/contact_recovery.png)
 #
 # **Split impulse** avoids the ejection altogether. It solves for the velocity without any correction. A second solve
-# finds a **pseudo-velocity** that removes the share $\beta$ of the depth. The pseudo-velocity is used for one
+# finds a **pseudo-velocity** that removes the share $\beta$ of the depth. It is used for one
 # position update and then deleted, so it never becomes kinetic energy. After $n$ steps the depth is
 # $(1-\beta)^n\,\delta$.
 #
-# **ERP and CFM** come from the engine ODE (Open Dynamics Engine). **ERP** (error reduction parameter) is the share
+# **ERP and CFM** come from the Open Dynamics Engine (ODE). **ERP** (error reduction parameter) is the share
 # $\beta$. **CFM** (constraint force mixing) makes the contact yield: the condition becomes $u_n + \text{CFM}\,f =
-# \text{ERP}\,\delta/h$. Since $f = p/h$, that adds CFM$/h$ to the diagonal of $A$. Solved for the force it reads $f =
-# k\,(\delta - h\,u_n) - b\,u_n$: a spring $k$ that acts on the depth at the end of the step, and a damper $b$. While
-# the contact stays closed and the solver converges, they are stable at every step:
+# \text{ERP}\,\delta/h$. Since $f = p/h$, that adds CFM$/h$ to the diagonal of $A$. Solved for the force, with the $k$
+# and $b$ defined below, it reads $f = k\,(\delta - h\,u_n) - b\,u_n$: a spring $k$ that acts on the depth at the end of
+# the step, and a damper $b$. This pair is stable at every step, while the contact stays closed and the solver
+# converges. The two parameters are
 #
 # $$\text{ERP} = \frac{hk}{hk + b}, \qquad \text{CFM} = \frac{1}{hk + b}.$$
 #
@@ -797,13 +799,13 @@ for dt in (1e-2, 1e-3):
     )
 # %% [markdown]
 # **Sub-stepping** spends the work differently: instead of $n$ sweeps in one step, do one sweep in each of $n$ shorter
-# steps. Macklin and colleagues (2019) found that this usually works better. The position error of a sub-step is
-# proportional to the square of its length. At half the length there are twice as many sub-steps with a quarter of the
-# error each, so half of the error remains. The **TGS** (temporal Gauss-Seidel) of the engine PhysX works like this.
+# steps. Macklin and colleagues (2019) found that this usually works better: the position error of a sub-step is
+# proportional to the square of its length, so at half the length, with twice as many sub-steps, half of the error
+# remains. The **TGS** (temporal Gauss-Seidel) of the engine PhysX works like this.
 #
 # So does the sub-stepped form of **XPBD** (extended position-based dynamics). XPBD predicts the positions, moves them
-# out of the overlaps contact by contact, and takes the velocity from the change of position. Here 100 kg lie on 1 kg.
-# Each line visits every contact equally often per step:
+# out of the overlaps contact by contact, and takes the velocity from the change of position. Each
+# line visits every contact equally often:
 # %% tags=["hide-code"]
 heavy = scenes.tower([1.0, 100.0])
 print("100 kg on 1 kg for 0.5 s, XPBD: deepest penetration")
@@ -812,7 +814,7 @@ for substeps, iterations in ((1, 20), (4, 5), (20, 1)):
     depth = max(-(heavy.jacobian[:, 0] @ q).min() for q, _ in run)
     print(f"sub-steps {substeps:2d}, sweeps in each {iterations:2d}: {1e3 * depth:6.2f} mm")
 # %% [markdown]
-# Five of these corrections on one scene. A ball of 1 kg starts at rest, 1 cm deep in the ground; the step is 1 ms:
+# Five of these corrections on one scene: a ball of 1 kg at rest, 1 cm deep in the ground, at a step of 1 ms:
 # %% tags=["hide-code"]
 dt, steps = 1e-3, 120
 times, deep = 1e3 * dt * np.arange(steps + 1), scenes.ball_drop(-0.01)
@@ -1096,8 +1098,8 @@ plt.show()
 #
 # How do you judge a contact solver that is not your own? Five numbers need only the step itself ($J$, velocities, gaps,
 # $\mu$) and the solver's impulses: **penetration** after the step; the violation of **Signorini's** conditions; how far
-# friction lies outside its **cone**; the missing **dissipation**, the most work that friction could do at the final
-# velocity less what it did; and **energy** that appeared from nowhere.
+# friction lies outside its **cone**; the missing **dissipation**, the most energy that friction could have taken at
+# the final velocity minus what it took; and **energy** that appeared from nowhere.
 #
 # The cell prints three of them for one step of a
 # block that slides between two edges of the pyramid (1 kg, $\mu = 0.5$, velocity (0.6, 0.8) m/s, a step of 10 ms). The
@@ -1174,7 +1176,7 @@ simulation("touch", "Stick")
 #
 # A **work-precision diagram** plots the error against the cost, one point per step size. Down and to the left is
 # better. The cost is *steps and iterations*, all steps plus all iterations of the solver, or computing time. A cross at
-# the upper edge is a failed run; ignore its horizontal position. In each panel the circle marks the *pick*, the
+# the upper edge is a failed run; ignore its horizontal position. A circle marks the *pick*, the
 # cheapest run within the tolerance (dotted). Drag the tolerance and switch methods on:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
@@ -1187,8 +1189,8 @@ for name in ("true cone (Newton)", "exact pyramid (LCP)", "MuJoCo Newton, ellipt
     print(f"{name:<24} {1e3 * curve.points[-1].error:6.2f} mm")
 TradeOff(measured)
 # %% [markdown]
-# You can put your own contact model on the chart. It gets a `Problem` and returns impulses. This one clamps each
-# friction component on its own:
+# Put your own contact model on the chart: it gets a `Problem` and returns impulses. This one clamps each friction
+# component alone:
 # %% tags=["show-code"]
 from course.measure.work_precision import Method, Result
 
@@ -1260,13 +1262,13 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
 # The penalty's stiffness is chosen for the tolerance of each scene. Where this makes $\omega h$ of the lightest body
-# too large, it fails.
+# too large, it fails. Compare times only among compiled programs (MuJoCo, the compiled loop), or only among the
+# course's other models, in NumPy.
 #
 # <details><summary>What the columns for time and iterations count</summary>
 #
-# The time is a run's time divided by its steps, the median of several warm runs. Compare times only among compiled
-# programs (MuJoCo and the compiled loop), or only among the course's other models, where NumPy takes most of the time.
-# Iterations are the mean per step.
+# The time is a run's time divided by its steps, the median of several warm runs. Iterations are the mean
+# per step.
 #
 # </details>
 #

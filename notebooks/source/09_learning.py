@@ -821,9 +821,9 @@ show("cloning_averages")
 #
 # $$-\log \sum_k w_k(s)\;\mathcal N\big(a;\ \mu_k(s),\ \sigma_k(s)^2\big) .$$
 #
-# To act, it selects one component at random with the probabilities $w_k$, then samples from that component. A component
-# whose mean lies between the sides gives each demonstration a low probability, so training usually moves it to one side
-# or lowers its weight.
+# To act, it selects one component at random with the probabilities $w_k$, then samples from that component. A narrow
+# component whose mean lies between the sides gives each demonstration a low probability, so training usually moves it
+# to one side or lowers its weight.
 #
 # A conditional **variational autoencoder** (VAE) explains the difference between demonstrations by a hidden number
 # $z$, the *code*; for instance, negative $z$ for left. During training one network, the **encoder**, reads state and
@@ -890,7 +890,7 @@ more_claims("code_of_zero")
 #
 # </details>
 #
-# Always run the nearest demonstration as a baseline. It wins here because the state has only few numbers.
+# Always run the nearest demonstration as a baseline. It wins here, probably because the state has only few numbers.
 #
 # ### Denoising and flows, step by step
 #
@@ -1142,9 +1142,10 @@ table(
 # tasks, each sensitive to one detail. Each pair shows PPO with that detail and, with a dash in its label, without it.
 #
 # On the usual task three changes cost most of the result: $\lambda = 0$, a single epoch per batch, and only four hidden
-# units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. So do
-# observations that are not normalised (rescaled to mean 0 and standard deviation 1); three seeds do not show which of
-# these two costs more. No other detail cost as much as a tenth. With three seeds, we could have missed such a cost.
+# units. A discount of 0.9, which looks only about ten steps ahead, costs about a fifth of the result. Without
+# normalised observations (rescaled to mean 0 and standard deviation 1) it loses about as much; three seeds do not show
+# which of these two costs more. No other detail cost as much as a tenth. With three seeds, we could have missed such a
+# cost.
 #
 # On other tasks these matter: normalised observations if the observations are far from zero, the clip if the step
 # size and the number of epochs are large, and perhaps rescaled rewards if the prize is 10 (there the intervals
@@ -1330,8 +1331,8 @@ table(*rows)
 # Larger steps and more epochs move the policy further in one iteration. One number summarises how far, the
 # Kullback-Leibler divergence between the policies before and after, here the median over a run of 60,000 steps. In the
 # right panel below, we chose the shaded range after seeing all runs, so that it contains each one with at least 80 % of
-# the optimum. The table is a fairer test: we took the range from one seed for each pair of step size and epochs, and
-# counted the runs of the other two seeds. A divergence inside is no guarantee, and other tasks or longer runs have
+# the optimum. The table is a fairer test: one seed of every pair of step size and epochs fixes the range, and
+# the runs of the other two seeds are counted. A divergence inside is no guarantee, and other tasks or longer runs have
 # other borders.
 #
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)
@@ -1400,9 +1401,10 @@ predict("curve_at_one")
 
 # %% [markdown]
 # Each policy is broken on purpose. The first pushes only while the goal lies more than 0.1 m to its right. The second
-# pushes unless the goal lies more than 0.5 m to its left. Otherwise they act optimally. If they push at the start, they
-# nearly always arrive, so geometry says how many starts they solve. The third column counts one episode in each of 128
-# environments, whose starts happen to be hard ones. The last column takes the first 128 episodes that finish.
+# pushes unless the goal lies more than 0.5 m to its left. While a policy pushes, it takes the optimal action; the rest
+# of the time it does not accelerate. If they push at the start, they nearly always arrive, so geometry says how many
+# starts they solve. The third column counts one episode in each of 128 environments, whose starts happen to be hard
+# ones. The last column takes the first 128 episodes that finish.
 
 # %% tags=["hide-code"]
 rows = [
@@ -1415,7 +1417,7 @@ rows = [
 ]
 for edge, name in (
     (0.1, "more than 0.1 m to the right"),
-    (-0.5, "anywhere but more than 0.5 m to the left"),
+    (-0.5, "to the right, or at most 0.5 m to the left"),
 ):
 
     def lame(observed, edge=edge):

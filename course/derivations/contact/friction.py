@@ -150,7 +150,7 @@ def mujoco_creeps(result):
 
 
 @claim(
-    "A glass slips out of two fingers because friction is too low; more friction stops that.",
+    "A glass slips out of two fingers only because friction is too low; more always stops that.",
     "Below mu = {formula} the glass falls. Above it, rigid models hold the glass, and soft ones "
     "let it creep: at {creep_mm_s:.2f} mm/s in MuJoCo with elliptic cones, whatever the friction. "
     "With pyramids, more friction even makes it worse after a while: the glass creeps at "
@@ -427,7 +427,8 @@ def friction_has_a_step_limit(result):
     "forces of sliding friction; 4 adds a torque against spinning. It stops what spins on one "
     "point; what stands on several, such as a cylinder, is stopped by 3 as well. The shape of the "
     "cone is a separate option, and its default is the pyramid: pushed off halfway between two "
-    "edges, a block with condim 4 travels {stretched:.2f} times as far as with the elliptic cone.",
+    "edges, a block with condim 4 ends {stretched:.2f} times as far from its start as with the "
+    "elliptic cone.",
 )
 def condim_4_is_the_full_cone(result):
     import mujoco

@@ -492,7 +492,7 @@ def default_tolerance(result):
     result.statement = f"Tolerance {given[0]:g}; at 0 Newton is off by {tight:.0e}."
     result.statement_holds(
         max(deviation) < 1e-9,
-        only_if="the solver is Newton's, with its tolerance set to zero",
+        only_if="the solver is run to convergence, as Newton's is with its tolerance set to zero",
         inside=[tight < 1e-9],
         outside=[x < 1e-9 for x in deviation],
         cases=True,

@@ -38,7 +38,7 @@ def regulator(rng):
 
 
 @claim(
-    "The cost of a clone's errors grows with the square of the task's length.",
+    "A clone's number of wrong steps grows with the square of the task's length.",
     "If it never recovers, the expected number of wrong steps is the sum of 1 - (1 - eps)^t, "
     "for three steps {formula}. From five to eighty steps and at a small error rate, it "
     "grows like the length to the power {alone:.2f} on average: doubling the length multiplies the "
@@ -333,7 +333,8 @@ def dagger_needs_room(result):
     )
     result.statement_holds(
         all(lower),
-        only_if="the network is large enough, and trained long enough, to fit the new states",
+        only_if="it visits states that were missing, and the network can fit them and is trained "
+        "for it",
         inside=lower[:2],
         outside=[*lower[2:], bool(after < narrow)],
         cases=True,

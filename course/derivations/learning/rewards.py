@@ -102,7 +102,7 @@ def first_to_finish(result):
 
 
 @claim(
-    "Each environment can normalise its observations with its own running statistics.",
+    "From the start, each environment can normalise with running statistics of its own.",
     "The goal is the same during a whole episode, so the environment's own mean contains the "
     "goal, and subtracting it removes what the policy needs to know. After one episode, "
     "statistics per environment flipped the sign of the distance to the next goal in {own:.0%} "
