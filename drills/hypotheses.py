@@ -16,7 +16,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from types import FrameType
+from types import FrameType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,8 @@ Parts = tuple[Any, ...]
 # What the explanations are called; those of a computation are true of every wrong value.
 COMPUTED = frozenset({"result_changed", "argument_changed", "step_changed"})
 ROUGH = frozenset({"nearly_right", "some_cases_only"})
+SHAPED = {"zeros", "ones", "empty", "full", "eye", "identity"}
+MATRIX, VECTOR = 40_000, 1_000_000  # elements of an array that a changed text may make
 LINES = 50_000  # of a changed text in one call
 SECONDS = 3.0  # of processor time for all explanations; the verdict is there already
 RELATIVE = 1e-7  # of the largest number of a result, or of 1
@@ -135,7 +137,44 @@ def _same(attempt: Attempt, a: Answer, result: Any) -> bool:
 
 
 class _TooLong(Exception):
-    """A changed computation took more lines than any worked answer."""
+    """A changed computation takes more lines or larger arrays than any worked answer."""
+
+
+class _Numpy(ModuleType):
+    """NumPy for a changed text: it makes no large arrays, whose algebra no line limit can stop."""
+
+    def __init__(self) -> None:
+        super().__init__("numpy")
+
+    def __getattr__(self, name: str) -> Any:
+        function = getattr(np, name)
+        if name in SHAPED:
+
+            def shaped(shape: Any, *args: Any, **kwargs: Any) -> Any:
+                sides = [int(side) for side in np.ravel(shape)]
+                if name in ("eye", "identity"):
+                    sides = sides * 2
+                if np.prod([float(side) for side in sides]) > (
+                    MATRIX if len(sides) > 1 else VECTOR
+                ):
+                    raise _TooLong
+                return function(shape, *args, **kwargs)
+
+            return shaped
+        if name in ("arange", "linspace"):
+
+            def counted(*args: Any, **kwargs: Any) -> Any:
+                if name == "arange":
+                    low, high, step = (0, args[0], 1) if len(args) == 1 else (*args, 1)[:3]
+                    count = abs((high - low) / step)
+                else:
+                    count = args[2] if len(args) > 2 else kwargs.get("num", 50)
+                if not count <= VECTOR:
+                    raise _TooLong
+                return function(*args, **kwargs)
+
+            return counted
+        return function
 
 
 def limited(place: InProcess, entry: str, args: Sequence[Any], lines: int = LINES) -> Any:
@@ -151,6 +190,9 @@ def limited(place: InProcess, entry: str, args: Sequence[Any], lines: int = LINE
             raise _TooLong
         return trace
 
+    own = vars(place._module)
+    if own.get("np") is np:
+        own["np"] = _Numpy()
     sys.settrace(trace)
     try:
         return place.call(entry, *args)
@@ -291,8 +333,8 @@ def _arguments(
                 args[i] = change(value)
                 # A time step that is far smaller, or a count far larger, fills the memory.
                 if value.ndim == 0 and value and args[i]:
-                    if not 0.01 < abs(args[i] / value) < 60.0:
-                        raise OverflowError
+                    if not 0.25 <= abs(args[i] / value) <= 4.0:
+                        raise _TooLong
                 if args[i].ndim == 0:
                     args[i] = float(args[i])
 

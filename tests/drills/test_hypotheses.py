@@ -131,6 +131,16 @@ def test_a_changed_text_is_stopped() -> None:
     assert type(caught.value).__name__ == "_TooLong" and sys.gettrace() is None
 
 
+def test_a_changed_text_makes_no_large_arrays() -> None:
+    """No line limit stops the algebra of a matrix of a thousand rows."""
+    text = "import numpy as np\n\n\ndef f(n):\n    return np.linalg.eigvals(np.eye(n)).size\n"
+    place = InProcess(text)
+    assert limited(place, "f", [100]) == 100
+    with pytest.raises(Exception) as caught:
+        limited(place, "f", [5000])
+    assert type(caught.value).__name__ == "_TooLong"
+
+
 def test_every_changed_step_is_another_text() -> None:
     counts: dict[str, int] = {}
     for card in catalogue.cards():
