@@ -84,15 +84,16 @@ _MOBILE, _NO_STARTS = np.isin(DIRECTIONS, STANDING), np.zeros((0, 7))
 _STARTS, _DRAWS, _CONFIDENCE = 4, 1000, 0.99  # turns of a part; of RANSAC
 _FIRST = 1  # seed of the first image, which shows what most images show
 _STAGES = ("grid", "plane", "clusters", "poses")
-_clock = [0.0]
+# When the last stage ended [s]. A dictionary, as what a stale module is recognised by counts lists.
+_clock: dict[str, float] = {}
 
 
 def _mark(stage):
     """Note how long a stage of the image took; a page in a browser has no clock for it."""
     now = time.perf_counter()
     if stage >= 0:
-        MILLISECONDS[_STAGES[stage]] = 1e3 * (now - _clock[0])
-    _clock[0] = now
+        MILLISECONDS[_STAGES[stage]] = 1e3 * (now - _clock["ended"])
+    _clock["ended"] = now
 
 
 @overload(_mark)

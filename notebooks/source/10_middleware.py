@@ -1795,7 +1795,8 @@ plt.show()
 # | same topic name, other type | yes | no | no event here; compare the type names of both ends |
 # | incompatible QoS | yes | no | the event *offered incompatible QoS* names the policy |
 #
-# A service hides the same causes. DDS writes its request without an error even if nobody serves it. Discovery tells the cases apart:
+# A service hides the same causes. DDS writes its request without an error even if nobody serves it. Discovery tells the
+# cases apart:
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 try:

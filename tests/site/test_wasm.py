@@ -82,6 +82,17 @@ def test_the_last_digits_of_a_constant_do_not_count(
     assert (wasm.fingerprint(model) != before) is counts
 
 
+@pytest.mark.parametrize("name", ["perception", "rigid_body.spring", "kinematics.arm", "interview"])
+def test_a_module_is_not_stale_because_its_model_has_run(name: str) -> None:
+    """What a run leaves behind, such as a time, is no constant of the module."""
+    model = wasm.model(name)
+    before = wasm.fingerprint(model)
+    experiment = Experiment(model)
+    experiment.advance(0.1)
+    experiment.picture()
+    assert wasm.fingerprint(model) == before
+
+
 def test_a_recorded_simulation_has_no_module() -> None:
     retained = {path for path in wasm.SIMULATIONS.rglob("*.wasm")}
     assert retained == {wasm.file_of(name) for name in LIVE}
