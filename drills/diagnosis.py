@@ -62,10 +62,17 @@ def matched(attempt: Attempt, graded: Exercise) -> str:
         if slip.ends is not None and slip.ends is attempt.report.reason:
             if slip.cause(attempt.learner.last_args):
                 return slip.name
-    solution, steps = attempt.card.solution_text(), attempt.learner.steps
-    # What is judged coarsely, such as the end of an iteration, is compared no finer than that.
+    # What is judged coarsely, such as the end of an iteration, is compared as coarsely, but only if
+    # no slip fits closely: two slips may end near the same place.
     stated = [check.tolerance for check in attempt.report.checks if check.tolerance > 0.0]
-    relative = min(max(EQUAL, min(stated, default=EQUAL)), COARSEST)
+    coarse = min(max(EQUAL, min(stated, default=EQUAL)), COARSEST)
+    name = _closest(attempt, graded, EQUAL)
+    return name or (_closest(attempt, graded, coarse) if coarse > EQUAL else "")
+
+
+def _closest(attempt: Attempt, graded: Exercise, relative: float) -> str:
+    """Return the slip that gives most of what is wrong, compared to a relative tolerance; or ""."""
+    solution, steps = attempt.card.solution_text(), attempt.learner.steps
     right = np.array([same for same, _ in _alike(solution, graded, steps, relative)], dtype=bool)
     if right.all():
         return ""  # what came back was right as far as it went

@@ -87,11 +87,11 @@ def source(*functions):
 # %%
 show("aabb_all_axes")
 # %% [markdown]
-# Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** needs fewer. It sorts the boxes by
-# their lower end along one axis and walks through the sorted list. For each box, it tests the boxes that follow in the
-# list, and stops at the first one that begins after this box ends. A **uniform grid** divides space into cells and
-# tests only boxes that share a cell. A **bounding-volume tree**, as in the engines Bullet and Box2D, nests boxes in
-# larger boxes and skips whole groups.
+# Testing all pairs of $N$ boxes takes $N(N-1)/2$ overlap tests. **Sweep and prune** usually needs fewer. It sorts the
+# boxes by their lower end along one axis and walks through the list. For each box, it tests the boxes that follow in
+# the list, and stops at the first that begins after this box ends. A **uniform grid** divides space into cells and
+# tests only boxes that share a cell. A **bounding-volume tree**, as in Bullet and Box2D, nests boxes in larger boxes
+# and skips whole groups.
 # %%
 predict("sweep_ten_times")
 # %% [markdown]
@@ -112,8 +112,8 @@ for kind, name in names.items():
     print(f"{name:<17} {pairs.shape[1]:7d} {every:10d} {sweep.tests:10d} {in_cells:7d}   {same}")
 # %% [markdown]
 # The grid needs the fewest tests here, but for few boxes not the least time (right chart below). For sweep and prune,
-# sorting is cheap, and the overlap tests are the main cost. Reusing the sorted order of the last step saves only the
-# sorting.
+# sorting is cheap, and the overlap tests are the main cost. Reusing the last step's order without its pairs saves only
+# the sorting.
 #
 # ![Overlap tests and time of the broad phase against the number of boxes](../docs/charts/broad_phase.png)
 #
@@ -704,8 +704,8 @@ predict("heavy_on_light")
 #
 # ![Sweeps against the mass ratio and against the height of a tower](../docs/charts/contact_sweeps.png)
 #
-# **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are open and which way the others
-# slide, and changes one guess at a time (a *pivot*) until all conditions hold.
+# **Lemke's algorithm** solves the pyramid's LCP exactly. It guesses which contacts are open, stick, or slide and which
+# way, and changes one guess at a time (a *pivot*) until all conditions hold.
 #
 # <details><summary>Does it always find a solution?</summary>
 #
@@ -1346,9 +1346,9 @@ for mu in (1.0, 2.0):
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Objects stick together.* Log the normal force while they separate. If it is negative, a damper is
-# pulling: clip the force at zero. If it is positive, something else presses the bodies together: adhesion that somebody
-# set, or a second contact. If it is zero and the bodies still stick, something else holds them: a joint, a weld, a
-# controller, or friction that was computed from an old or wrong normal force.
+# pulling: clip the force at zero. If it stays positive as they part, something presses them together: adhesion that
+# somebody set, or a second contact. If it is zero and the bodies still stick, something else holds them: a joint, a
+# weld, a controller, or friction that was computed from an old or wrong normal force.
 #
 # </div>
 #

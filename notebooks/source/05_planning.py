@@ -1070,8 +1070,8 @@ print("plan {:.1f} ms, shortcut {:.1f} ms, time parameterisation {:.1f} ms".form
 print(f"for a motion of {motion.duration:.2f} s between two compartments of the open shelf")
 
 # %% [markdown]
-# Shortcutting takes longer here than planning. It tries 60 edges, and an edge of a seven-joint arm next to a shelf is
-# an expensive thing to check. So once the planner is fast, look at the shortcuts.
+# Shortcutting takes longer here than planning: it tries 60 edges in a Python loop. So once the planner is fast, look at
+# the shortcuts.
 #
 # ## 5 · Code: from your own collision check to a motion
 #
@@ -1412,8 +1412,8 @@ more_claims("blocked_ends_are_named")
 #
 # **Self-collision** and the **held object**. Check each pair of links that can meet. Once the gripper holds a cup, the
 # cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and check every stored
-# edge again. Each pair of shapes is one more distance. So conservative advancement still proves an edge, and only its
-# cost grows.
+# edge again. Each pair of shapes is one more distance. Conservative advancement still proves an edge if its bounds
+# include the cup, and the motion of two links against each other.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.6), layout="constrained")
@@ -1506,9 +1506,8 @@ _ = axis.text(0.5, 1.4, "allowed: 1°", fontsize=8, color=GREY, ha="center")
 _ = axis.set(xlabel="share of the motion", ylabel="tilt of the cup [°]", ylim=(1e-5, 300))
 _ = axis.legend(fontsize=7.5, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 1.0))
 plt.show()
-print(
-    f"largest tilt: straight edge {direct.max():.0f}°, on the manifold below 1°: {worst_.max() < 1}"
-)
+side_ = "below" if worst_.max() < 1 else "above"
+print(f"largest tilt: {direct.max():.0f}° on a straight edge, {side_} 1° on the manifold")
 
 # %% [markdown]
 # <details><summary>Projection, and a bound on the tilt between two states</summary>
@@ -1531,7 +1530,8 @@ print(
 # $$\sin(\text{tilt}) \le \tfrac18 \Bigl(\sum_k |\Delta q_k|\Bigr)^2 .$$
 #
 # **A worked example.** The joints of an edge move by 0.37 rad in total. The bound is $0.37^2/8 = 0.017$, a tilt of just
-# under 1°. The planner gives up an extension before an edge whose bound exceeds the allowed tilt.
+# under 1°. The planner makes its steps nine tenths of what the bound allows at most, and gives up an extension if the
+# projection takes an edge beyond the bound.
 #
 # </details>
 #
@@ -1559,21 +1559,23 @@ rows = table(
 ((orders,),) = key("upright_cup", r"^median tilt of random edges .*; order (.+)$")
 ((step_, sure_),) = key("upright_cup", r"above a step of (\S+) rad, the bound above (\S+) rad$")
 Markdown(
-    f"{rows.data}\n\nWithout the proof, the worst path exceeds 1° above a step of {step_} rad. The "
-    f"bound proves up to {sure_} rad. Order of the tilt between successive steps: {orders}."
+    f"{rows.data}\n\nWithout the proof, the worst of these paths exceeds 1° above a step of {step_} "
+    f"rad. On them, the bound proves steps of up to {sure_} rad. From each step to the next shorter "
+    f"one, the tilt falls with the power {orders}."
 )
 
 # %% [markdown]
 # <details><summary>Both sides of the step's limit, and what is compared with OMPL</summary>
 #
-# Without the proof, a long step tilts the cup more than allowed on some edge, and a short one does not. The proof stops
-# earlier, because it adds up the motions of all joints as if each of them turned the cup. With the proof, any step is
-# safe: the planner shortens what would exceed the bound.
+# Without the proof, a long step tilts the cup more than allowed on some edge; a short one did not on any path that we
+# tried. The proof stops earlier, because it adds up the motions of all joints as if each of them turned the cup. With
+# the proof, any setting of the step is safe: the planner shortens a step that the bound does not allow.
 #
 # OMPL's planner is RRT-Connect in its projected state space. We tried four ranges (the longest motion) with two
 # spacings of the states along a motion. The chart has the one with the least median; the table also has the one
 # that solves the most queries. OMPL checks the projected states and nothing between them, so some of its paths
-# collide; these count as unsolved. Constraint, Jacobian and state check are Python functions that call our
+# collide; these count as unsolved, and in the medians as infinitely slow. For a ratio of times, read the figures: they
+# compare the queries that both solved. Constraint, Jacobian and state check are Python functions that call our
 # compiled ones; *OMPL's own part* is the time outside of them. So the times compare two complete programs, not
 # two search strategies. The clock is the processor time of the thread.
 #
@@ -1583,9 +1585,10 @@ Markdown(
 figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 
 # %% [markdown]
-# **Dynamics.** A fast arm can't turn a corner at full speed. **Kinodynamic** planning (LaValle and Kuffner 2001)
-# extends its edges by simulating random controls. Our example is a point whose acceleration is limited along each axis.
-# No motion between two states can be faster than the slower axis alone would be, and this bound tests every trajectory.
+# **Dynamics.** A fast arm can't turn a corner at full speed. **Kinodynamic** planning has velocities in its states and
+# limits of acceleration in its edges. The RRT of LaValle and Kuffner (2001) simulates random controls. Our example is a
+# point whose acceleration is limited along each axis. The time that the slower axis alone needs is a lower bound,
+# and every trajectory is compared with it.
 #
 # ![A kinodynamic tree compared with its lower bound and with OMPL, and posts that check points
 # miss](../docs/charts/kinodynamic_bounds.png)
@@ -1593,7 +1596,7 @@ figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 # %% tags=["hide-code"]
 ((best_,),) = key("kinodynamic_bounds", r"^drawn of OMPL's is (.+) of a control, the least")
 table(
-    ("planner", "solved", "samples", "median [ms]", "time over the bound", "hit a post"),
+    ("planner", "solved", "samples", "median [ms]", "time over the bound", "of these, hit a post"),
     *((f"OMPL, points, {best_}" if name.startswith("OMPL") else name, f"{solved} of {asked}",
        samples, spent, excess, hits)
       for name, solved, asked, samples, spent, excess, hits in key(
@@ -1618,9 +1621,11 @@ table(
 # along both axes at 1 m/s² take at least $2\sqrt 8 = 5.7$ s.
 #
 # *Between the points.* The simulation checks points a time $\Delta t$ apart. Between two of them the motion leaves the
-# chord by at most $|a|\,\Delta t^2/8$, and a point of a chord of length $L$ is within $L/2$ of the nearer end. So where
-# the clearances at both ends have a mean above $L/2 + |a|\,\Delta t^2/8$, the motion in between is free. The lower
-# plots show both sides: points alone miss posts as the geometry predicts, and with the margin nothing is hit.
+# chord by at most $|a|\,\Delta t^2/8$. A point of a chord of length $L$, at a distance $x$ from one end, keeps a
+# clearance of at least $c_1 - x$ and of at least $c_2 - (L - x)$, and the larger of the two is at least their mean. So
+# where the clearances $c_1$ and $c_2$ at both ends have a mean above $L/2 + |a|\,\Delta t^2/8$, the motion in between
+# is free. The lower plots show both sides: points alone miss posts as the geometry predicts, and with the margin
+# nothing is hit.
 #
 # OMPL's RRT with controls can try one control for each sample from Python, so *the same, one control* is our planner
 # with its rule: both need about as many samples. We tried four limits for how long a control lasts and drew the one
@@ -2007,8 +2012,9 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# Batches are several times faster than the same points one by one; plans at the tight shelf took half as long as
-# with conservative advancement. The price: spheres are larger than the arm, and nothing is checked between two points.
+# Batches are several times faster than the same points one by one. For single edges they are no faster than the proof,
+# yet plans at the tight shelf took half as long. The price: spheres are larger than the arm, and nothing is checked
+# between two points.
 #
 # <details><summary>Limits of the batches; BIT* and graphs of convex sets, run in the plane</summary>
 #

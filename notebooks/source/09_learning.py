@@ -662,8 +662,8 @@ simulation("cloning_drift")
 # where $e$ is the policy's error.
 #
 # Let the cost be the sum of $|x|$ over all steps. If $|a| < 1$ old errors die out, and the cost grows in proportion
-# to time. If $a = 1$ they add up: if $e$ is constant, the cost grows like $T^2$; if the errors are random and
-# independent, like $T^{1.5}$. If $|a| > 1$ the loop amplifies them exponentially.
+# to time. If $a = 1$ they add up: if $e$ is constant, the cost grows like $T^2$; if they are random,
+# independent and zero on average, like $T^{1.5}$. If $|a| > 1$ the loop amplifies them exponentially.
 #
 # A clone's error also depends on $x$. If it is $c\,x + e$, the loop becomes $x' = (a + c)\,x + e$. So a clone can make
 # the loop unstable although the expert's loop is stable.
@@ -906,7 +906,7 @@ more_claims("code_of_zero")
 # this flow changes the density. So start all samples as noise, and move each with the mean velocity at its place. Then
 # at every time $t$ the samples are distributed like the points $x_t$, and at $t = 1$ like the data.
 #
-# A **sampler** carries out that motion numerically. It is the solver of an ordinary differential equation. With steps
+# A **sampler** carries out that motion numerically. For a flow it solves an ordinary differential equation. With steps
 # of size $h$, *Euler's method* moves by $x \leftarrow x + h\,v(x, t)$. *Heun's method* evaluates the velocity at the
 # beginning, $v_1 = v(x, t)$. It evaluates it again where Euler would end, $v_2 = v(x + h v_1,\ t + h)$. Then it moves
 # with the mean of both, $x \leftarrow x + h\,(v_1 + v_2)/2$. The picture follows 40 samples to data with two modes, at
@@ -1258,7 +1258,7 @@ table(("method", "environment steps", "share of the optimum", "interval", "proce
        "not timed"))  # fmt: skip
 
 # %% [markdown]
-# With the same network, ours and the library end equally well after the same number of steps, within their intervals.
+# With the same network, the intervals of ours and the library overlap after the same number of steps.
 # They differ in what a step costs. The search is the fastest by far but ends lower. Its eight numbers would be
 # enough: the PD law is one choice of them, which this search did not find.
 #
@@ -1331,8 +1331,8 @@ table(*rows)
 # Larger steps and more epochs move the policy further in one iteration. One number summarises how far, the
 # Kullback-Leibler divergence between the policies before and after, here the median over a run of 60,000 steps. In the
 # right panel below, we chose the shaded range after seeing all runs, so that it contains each one with at least 80 % of
-# the optimum. The table is a fairer test: one seed of every pair of step size and epochs fixes the range, and
-# the runs of the other two seeds are counted. A divergence inside is no guarantee, and other tasks or longer runs have
+# the optimum. The table is a fairer test: the runs of one seed fix the range, and
+# only those of the other two are counted. A divergence inside is no guarantee, and other tasks or longer runs have
 # other borders.
 #
 # ![Share of the optimum over step size and epochs, and over the divergence](../docs/charts/step_epochs.png)

@@ -103,8 +103,8 @@ def errors_compound(result):
     )
     result.statement_holds(
         square(0.1, 80),
-        only_if="it cannot recover, each step goes wrong independently of the others, and the "
-        "error rate times the length is below three tenths",
+        only_if="each step goes wrong independently until the first error and all later ones are "
+        "wrong, and the error rate times the length is below three tenths",
         inside=inside,
         outside=outside + [by_run(x) for x in result.rng.uniform(0.05, 0.3, 4)],
     )

@@ -311,7 +311,7 @@ def clip_keeps(result):
 
 
 @claim(
-    "Computing the gradient with respect to all weights costs at most twice as many "
+    "In its matrix products, the backward pass for all weights takes at most twice as many "
     "multiplications as the forward pass.",
     "With two hidden layers the backward pass takes {formula} multiplications per sample, in "
     "PyTorch {ratio:.2f} times the forward pass for {width:.0f} units per layer. Small networks "
