@@ -1575,7 +1575,9 @@ Markdown(
 # spacings of the states along a motion. The chart has the one with the least median; the table also has the one
 # that solves the most queries. OMPL checks the projected states and nothing between them, so some of its paths
 # collide; these count as unsolved, and in the medians as infinitely slow. For a ratio of times, read the figures: they
-# compare the queries that both solved. Constraint, Jacobian and state check are Python functions that call our
+# compare the queries that both solved.
+#
+# Constraint, Jacobian and state check are Python functions that call our
 # compiled ones; *OMPL's own part* is the time outside of them. So the times compare two complete programs, not
 # two search strategies. The clock is the processor time of the thread.
 #
