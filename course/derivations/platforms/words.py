@@ -367,7 +367,8 @@ def fewer_environments(result):
         return seconds(lambda: kinematics.forward_dynamics(arm, q, still, still), 1000 // n + 2)
 
     one, some, lots = (cost(n) for n in (1, 16, count))
-    gain = result.measure("gain", np.log10(count * one / lots), 0.3)
+    # It depends on the vector instructions of the processor, and on what else runs beside it.
+    gain = result.measure("gain", np.log10(count * one / lots), 0.6)
     result.statement = "Forward dynamics of the 7-R arm, vectorised, in processor time."
     result.statement_holds(1.0 / one > count / lots)
     result.correction_holds(gain > 0.3, one < some < lots, 16 / some > 1 / one)
