@@ -368,7 +368,7 @@ def fewer_environments(result):
 
     one, some, lots = (cost(n) for n in (1, 16, count))
     # It depends on the vector instructions of the processor, and on what else runs beside it.
-    gain = result.measure("gain", np.log10(count * one / lots), 0.6)
+    gain = result.measure("gain", np.log10(count * one / lots), 0.5)
     result.statement = "Forward dynamics of the 7-R arm, vectorised, in processor time."
     result.statement_holds(1.0 / one > count / lots)
     result.correction_holds(gain > 0.3, one < some < lots, 16 / some > 1 / one)
