@@ -318,8 +318,8 @@ show("lag_of_the_arm")
 #   output divided by the variance of one frame. At first the filter does not know the target's speed, so its output is
 #   also a little behind the target. A well damped arm is a **low pass**: it follows slow changes of the estimate. It
 #   averages out changes that are faster than its time constant $(k_d + c)/k_p$.
-# * **Age** costs speed times age. A run ends at 4 s, just before a new result is used. So the final error belongs to
-#   the largest age, 120 ms.
+# * **Age** costs speed times age. A run ends at 4 s, just before a new result is used. So the final error belongs to an
+#   age of 120 ms.
 # * **A tilted table** makes the arm sag. On a level table gravity does not load the joints, because the arm moves in a
 #   horizontal plane. On a tilted table it does. At rest only the $k_p$ term carries this load, so a joint gives way by
 #   the torque of gravity divided by $k_p$.
