@@ -31,9 +31,8 @@ simulation("stack")
 # subject from five sides: concept, design, code, debugging and frontier. Each section explains an idea, asks about it,
 # and shows the answer.
 #
-# Some cards show a statement that you will often hear. You judge it: true, false, or true only under a condition. A
-# program has checked each of them; `python -m course.derivations 0` runs the checks again. Section 7 has these
-# exercises:
+# Some cards show a statement that you will often hear. You judge it: true, false, or true only under a condition. The
+# command `python -m course.derivations 0` checks these statements. Section 7 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -72,8 +71,8 @@ def table(*rows):
 # %% [markdown]
 # ## 1 · Concept: six boxes and a robot
 #
-# This chapter is about what connects the parts of a robot's software. The simulation above draws it as a graph of six
-# boxes and the robot. Click a box to read what goes in and out:
+# This chapter is about the connections between the parts of a robot's software. The simulation above draws them as
+# arrows between six boxes and the robot. Click a box to read what goes in and out:
 #
 # * The **simulation engine** takes torques (turning forces) and returns pictures and **joint
 #   states**, the angles and speeds of the joints. It stands for the robot (chapters 1 to 4).
@@ -84,10 +83,10 @@ def table(*rows):
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
 # * **Control** turns trajectories and joint states into torques (chapter 6).
 # * **Learning** turns logs and **episodes**, which are tries at a task, into parameters of the simulation and into
-#   **policies**, which are programs that choose the next action. *Sim-to-real* means that a policy from the simulation
+#   **policies**, which are programs that choose the next action. *Sim-to-real* means that such a policy
 #   then runs on the real robot (chapters 8 and 9).
 #
-# An arrow carries samples, for example pictures. What happens if a sample is late? With a **hard deadline** a late
+# An arrow carries samples, such as pictures. What happens if a sample is late? With a **hard deadline** a late
 # sample is a failure, even if the next one is in time. With a **soft deadline** it is only worth less.
 
 # %%
@@ -439,11 +438,12 @@ show("same_rate_in_step")
 
 # %% [markdown]
 # The chart shows both cases, and two more cases that follow below. The markers are the event simulation, and the black
-# lines are the theory. A camera takes 30 pictures per second. Upper left: the clock of a reader at 10 Hz is locked to
-# the camera's, so the mean depends on the phase at the start. The curve has three teeth because three pictures come in
-# one period of the reader. A reader at 9.73 Hz is not locked: its mean stays near $T/2$, half of the camera's period.
-# Upper right: two clocks differ by 100 **ppm**, parts per million. The age rises slowly, falls at once by one period,
-# and rises again.
+# lines are the theory. A camera takes 30 pictures per second.
+#
+# Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
+# The curve has three teeth because three pictures come in one period of the reader. A reader at 9.73 Hz is not locked:
+# its mean stays near $T/2$, half of the camera's period. Upper right: two clocks differ by 100 **ppm**, parts per
+# million. The age rises slowly, falls at once by one period, and rises again.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
