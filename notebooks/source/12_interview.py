@@ -339,9 +339,8 @@ show("computing_and_cycle")
 # mark the number of arms whose data fill a cache of the processor (L1 is the smallest). Upper left, "a call per arm"
 # runs the same source for one arm at a time, and the two curves of MuJoCo use its functions for many worlds.
 #
-# A full
-# Runge-Kutta step uses all numbers of an arm, so its layout matters little. What matters is the number of arms in a
-# call. The upper right panel shows a pass that reads 4 of 17 numbers, where structures carry unused bytes along. MuJoCo
+# A full Runge-Kutta step uses all numbers of an arm, so its layout matters little. What matters is the number of arms
+# in a call. The upper right panel shows a pass that reads 4 of 17 numbers, where structures carry unused bytes along. MuJoCo
 # takes longer per arm because it is a general engine: it builds the equations of any robot at every step.
 #
 # The lower left panel varies the width of a block. Lower right, groups of lanes execute the contact branch if one lane
@@ -553,8 +552,8 @@ print(f"weakest point: {designs.weakest(fleet, result).asks}")
 # * **Domain randomisation**, training on random variants of a model. The usual mistake is to change the mass of a body,
 #   but not its inertia.
 #
-# You start one of them in a terminal, for example with `drills start rrt`. Section 9 has
-# code for each, as you could write it in the interview, and a test that you could show.
+# You start one of them in a terminal, for example with `drills start rrt`. Section 9 has code for each, as you could
+# write it in the interview, and a test that you could show.
 #
 # So that you still know the answers on the day, review them with flashcards. This panel shows the cards of chapter 12
 # that are due today. Answer, click *Reveal*, and rate yourself honestly: *again*, *hard*, *good* or *easy*. The panel
@@ -870,7 +869,7 @@ predict("learned_or_not")
 #
 # In the right panel, the green points belong to a mirror image of the part. The network has never seen it, and no
 # rotation of the model fits it. One check reveals most of these wrong poses. It counts the pixels at which the camera
-# sees something farther away than the estimated part. If their share is above the dotted line, the pose is rejected.
+# sees something farther away than the estimated part. If their share is above the dotted line, the pose is refuted.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
