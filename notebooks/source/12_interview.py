@@ -71,16 +71,15 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# The code of this course computes every measured or derived number in an answer. The command `python -m
-# course.derivations 12` computes those of this page again. Four answers in section 9 tell an invented story: copy its
-# structure, and tell a story of your own. These commands run in a terminal:
+# Code of this course computes every measured or derived number in an answer; `python -m course.derivations 12` repeats
+# this for the page. Four answers in section 9 tell invented stories, as a pattern for your own. These commands run in a
+# terminal:
 #
 # | Command | What it does |
 # |---|---|
 # | `drills review` | shows the flashcards that are due today and schedules the next review of each |
-# | `drills interview --minutes 45` | runs a mock interview: a question, a debugging case, a graded coding exercise and a design, then a report |
+# | `drills interview --minutes 45` | runs a mock interview of 45 minutes with all rounds, then writes a report |
 # | `drills debug explodes` | gives you one of six faulty programs and lets you experiment on it |
-# | `drills start rrt` | starts a coding exercise, here a path planner, and grades your code |
 #
 # Section 8 has these exercises:
 
@@ -96,11 +95,11 @@ badges(12)
 # thirty seconds. It says what the thing is, and gives one equation and one measured number. It ends with the limit: the
 # point where the method stops working. Then you stop.
 #
-# The table has the material for eight subjects. Each row uses the terms of one chapter: skip the rows of the chapters
-# that you have not read, and learn those of the subjects on your CV. Read one row, look away, and say it in your own
-# words. Its second cell ends with a measurement from this course: the task, the computing time of our method and of an
-# established library, and a limit. MuJoCo, Pinocchio, OMPL, small_gicp, Open3D and Stable-Baselines3 are such
-# libraries. The times are from one machine and one task, so they don't rank the methods in general.
+# The table has the material for eight subjects. Each row uses the terms of one chapter: skip the chapters that you have
+# not read, and learn the subjects on your CV. Read one row, look away, and say it in your own words. Its second cell
+# ends with a measurement from this course: the task, the computing time of our method and of an established library,
+# and a limit. MuJoCo, Pinocchio, OMPL, small_gicp, Open3D and Stable-Baselines3 are such libraries. The times are from
+# one machine and one task, so they don't rank the methods in general.
 
 # %%
 tables.cheat_sheet()
@@ -110,8 +109,7 @@ tables.cheat_sheet()
 #
 # **Interview tip.** First the answer, then its number, then its limit; then stop. "I use semi-implicit Euler. For 1 kg
 # on an undamped spring of 100,000 N/m it is stable up to a step of 6.3 ms. In general, the limit is two divided by the
-# angular frequency." That takes ten seconds. The interviewer will probably ask where this limit comes from, and you are
-# prepared for that.
+# angular frequency." That takes ten seconds, and you know the next question: why?
 #
 # </div>
 #
@@ -340,8 +338,8 @@ show("computing_and_cycle")
 # runs the same source for one arm at a time, and the two curves of MuJoCo use its functions for many worlds.
 #
 # A full Runge-Kutta step uses all numbers of an arm, so its layout matters little. What matters is the number of arms
-# in a call. The upper right panel shows a pass that reads 4 of 17 numbers, where structures carry unused bytes along. MuJoCo
-# takes longer per arm because it is a general engine: it builds the equations of any robot at every step.
+# in a call. The upper right panel shows a pass that reads 4 of 17 numbers, where structures carry unused bytes along.
+# MuJoCo takes longer per arm because it is a general engine: it builds the equations of any robot at every step.
 #
 # The lower left panel varies the width of a block. Lower right, groups of lanes execute the contact branch if one lane
 # needs it. The lines are the formula of the card below, divided by the share of arms in contact. Nothing here was
@@ -468,7 +466,7 @@ for axis in (upper, lower):
     axis.axvline(1e3 * felt, color=ORANGE, lw=1, ls="--", label="10 N reached")
     axis.set(xlabel="time since the touch [ms]")
 upper.axhline(10.0, color=ORANGE, lw=1, label="threshold of 10 N")
-upper.set(ylabel="contact force [N]", ylim=(0, 115))
+upper.set(ylabel="contact force [N]", ylim=(0, 150))
 upper.legend(fontsize=7, loc="upper right")
 lower.set(ylabel="speed [m/s]")
 plt.show()
