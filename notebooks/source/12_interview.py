@@ -30,7 +30,7 @@ predict("hundred_runs")
 # Interviews for robotics jobs often have four rounds and a last question. Each has its own sections on this page. On
 # the phone you explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you
 # design a system. In the coding round you write twenty lines, and a program tests them. In the debugging round you find
-# out why a program fails. The last question is broad.  An example: would you learn a component or write it?
+# out why a program fails. The last question is broad. An example: would you learn a component or write it?
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -95,14 +95,22 @@ badges(12)
 # thirty seconds. It says what the thing is, and gives one equation and one measured number. It ends with the limit: the
 # point where the method stops working. Then you stop.
 #
-# The table has the material for eight subjects. Each row uses the terms of one chapter: skip the chapters that you have
-# not read, and learn the subjects on your CV. Read one row, look away, and say it in your own words. Its second cell
-# ends with a measurement from this course: the task, the computing time of our method and of an established library,
-# and a limit. MuJoCo, Pinocchio, OMPL, small_gicp, Open3D and Stable-Baselines3 are such libraries. The times are from
-# one machine and one task, so they don't rank the methods in general.
+# The table has eight subjects. Below it, each has a text of thirty seconds. Speak about the subject first, then open
+# its text and compare. Each subject uses the terms of one chapter: skip the chapters that you have not read, and learn
+# the subjects on your CV. Each text ends with a measurement from this course: the task, the computing time of our
+# method and of an established library, and a limit. The times are from one machine and one task, so they don't rank the
+# methods in general.
 
-# %%
-tables.cheat_sheet()
+# %% tags=["hide-code"]
+sheet = tables.cheat_sheet()
+overview = tables.Table(
+    sheet.title, (sheet.head[0], *sheet.head[2:]), tuple((row[0], *row[2:]) for row in sheet.rows)
+)
+texts = [
+    f"<details><summary>{row[0]}: the text for thirty seconds</summary>\n\n{row[1]}\n\n</details>"
+    for row in sheet.rows
+]
+Markdown("\n\n".join([overview.markdown(), *texts]))
 
 # %% [markdown]
 # <div class="alert alert-block alert-success">
@@ -115,15 +123,15 @@ tables.cheat_sheet()
 #
 # ### How good is a policy that passed a test?
 #
-# The prediction at the top was about a policy with seventy successes in a hundred runs. Suppose that each run succeeds
+# The prediction at the top was about seventy successes in a hundred runs. Suppose that each run succeeds
 # with the same probability $p$, the true success rate, and that no run affects another. Then the number of successes in
 # $n$ runs follows a binomial distribution. The observed rate, successes divided by runs, scatters around $p$ with the
 # standard deviation
 #
 # $$\sigma = \sqrt{\frac{p\,(1 - p)}{n}} .$$
 #
-# The picture shows how likely each count is for $p = 0.7$ and $n = 100$. The shaded band reaches two standard
-# deviations to each side:
+# The picture shows how likely each count is for $p = 0.7$ and $n = 100$. The band reaches two standard deviations to
+# each side:
 
 # %% tags=["hide-code"]
 counts = np.arange(50, 91)
