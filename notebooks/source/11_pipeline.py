@@ -20,14 +20,13 @@ simulation("pipeline")
 
 # %% [markdown]
 # The panel counts five **stages**: *perceive* (perception finds the target in camera images), *age* (how old that
-# result is), *plan* (find a path), *control* (follow the path) and *move* (physics, the motion itself). Imagine that
-# one of them were perfect. Its arrow shows the part of the final error that would disappear.
+# result is), *plan*, *control* and *move* (physics, the motion itself). If one of them were perfect, a part of the
+# final error would disappear. Its arrow shows this part.
 #
 # A *picture* is a camera image. *Tip to target* is the distance at the time shown: large at the start of a run, small
-# at its end. *dt* is the physics step, the time by which the simulation advances at once. Its largest stable value
-# depends on the posture of the arm; the panel shows it for the end of the first plan. The range behind *successes* is
-# where the true success rate plausibly lies. Section 1 explains the age, section 2 *cured*, section 7 the stable dt and
-# *energy from nowhere*.
+# at its end. *Largest stable dt* is the largest stable physics step for the posture at the end of the first plan. The
+# range behind *successes* is where the true success rate plausibly lies. Section 1 explains the age, section 2 *cured*,
+# section 7 stable steps and *energy from nowhere*.
 #
 # **After this chapter you can**
 #
@@ -40,15 +39,14 @@ simulation("pipeline")
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and shows the answer. A card with a common claim offers
-# three verdicts: *true*, *false*, and *only under a condition*. Choose the third if the claim needs a condition that it
-# does not state. Measured numbers come from a cell on this page, or from a check that you can run yourself with `python
-# -m course.derivations 11`. Derivations and further claims are folded away.
+# A card with a common claim offers three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
+# the claim needs a condition that it does not state. Measured numbers come from a cell on this page, or from a check:
+# `python -m course.derivations 11` runs them all. Derivations and further claims are folded away.
 #
-# **The task.** A planar arm with two links has to bring its tip to a slowly moving target. It must not touch the discs
-# in its way. A run lasts 4 s. It succeeds if the tip is then at most 20 mm from the target, half the opening of a
-# gripper. We leave out the third dimension, elastic joints, the hand, and contact. Camera images appear only in section
-# 3, where a library replaces perception, and in section 6. These exercises wait in section 8:
+# **The task.** A planar arm with two links has to bring its tip to a slowly moving target without touching
+# any disc. A run lasts 4 s. It succeeds if the tip is then at most 20 mm from the target, half the opening of a
+# gripper. We leave out the third dimension, elastic joints, the hand, and contact. Camera images appear only in
+# sections 3 and 6. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -106,8 +104,8 @@ scenario, settings = Scenario(), Settings()
 #
 # A robot that reaches for something repeats four stages. **Perception** estimates where the target is. **Planning**
 # finds a collision-free path and decides how fast to follow it. **Control** compares the arm with that path and
-# computes torques. **Physics**, in reality or in a simulator, turns torques into motion. Two loops lead back: control
-# measures the joint angles, and the camera sees the motion.
+# computes torques. **Physics** turns torques into motion. Two loops lead back: control measures the joint angles, and
+# the camera sees the motion.
 
 # %% tags=["hide-code"]
 boxes = {
@@ -146,21 +144,20 @@ plt.show()
 
 # %% [markdown]
 # * *Perception* here is the **stand-in** of chapter 7: a model with two parameters instead of rendered images. For each
-#   camera image, called a *frame*, it reports the true position plus an error. One part of the error, the **bias**, is
-#   the same in every frame. The other part, the **noise**, is random and new in each frame. A Kalman filter smooths the
-#   reports. It does not predict where the target is now.
-# * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet. Shortcuts then straighten
-#   the path, and a timing is added.
-# * *Control* is the PD law of chapter 6 with the gains $k_p$ and $k_d$ (in charts: Kp, Kd): $\tau = k_p\,(r - q) -
-#   k_d\,\dot q$. Here $\tau$ is the torque of a joint, $r$ its reference angle and $q$ its actual angle. The joint's
-#   own friction adds the torque $-c\,\dot q$.
-# * *Physics* computes the motion in small time steps (semi-implicit Euler, see section 7).
+#   camera image, called a *frame*, it reports the true position plus an error. The **bias** is the part of the error
+#   that is the same in every frame. The **noise** is random and new in each frame. A Kalman filter smooths the reports,
+#   but does not predict where the target is now.
+# * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet, followed by shortcuts and
+#   a timing.
+# * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$, with the gains $k_p$ and $k_d$ (in
+#   charts: Kp, Kd). Here $\tau$ is the torque of a joint, $r$ its reference angle and $q$ its actual angle. The joint's
+#   own friction adds $-c\,\dot q$.
+# * *Physics* takes semi-implicit Euler steps (section 7).
 #
-# The four stages do not take turns. A scheduler calls each of them at its own rate, with a resolution of a microsecond.
-# Each stage has its own random-number generator. A message, such as the estimate of the target, carries five fields:
-# the value, its covariance (how uncertain it is), the coordinate frame, the **stamp of capture** (when the image was
-# taken), and the time of arrival. Copy the coordinate frame and the stamp of capture into every message that you send.
-# A later stage cannot recover them.
+# The four stages do not take turns: each runs at its own rate and has its own random-number generator. A message
+# carries five fields: the value, its covariance (how uncertain it is), the coordinate frame, the **stamp of capture**
+# (when the image was taken), and the time of arrival. Copy the coordinate frame and the stamp of capture into every
+# message that you send, because a later stage cannot recover them.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -186,25 +183,23 @@ table(
 )
 
 # %% [markdown]
-# The first frame arrives after the camera's processing time, and the planner starts at once. It starts again whenever
-# the estimated target is more than 100 mm away from the goal of the current plan. This distance is called the
-# **replanning distance**. Noise causes new plans in some runs, so the number of plans depends on the seed.
+# The planner starts when the first frame arrives. It starts again whenever the estimated target is more than 100 mm
+# away from the goal of the current plan, the **replanning distance**.
 #
 # ### Time: how old is the data that the arm acts on?
 #
 # Suppose a part moves along a belt at 100 mm/s, and the camera needs 100 ms to process an image. The arm aims at where
-# the part *was*. **Latency** is the time that one stage takes, here those 100 ms. The **age** of the data is the time
-# from taking the image to acting on it: all latencies plus all waiting on the way to the motor. A result arrives one
-# latency $L$ after its image was taken. It is used until the next result arrives, one period $T$ later. If nothing
-# predicts the target's motion, the arm aims behind the target by
+# the part *was*. **Latency** is the time that one stage takes, here 100 ms. The **age** of the data is the time from
+# taking the image to acting on it: all latencies plus all waiting on the way. A result arrives one latency $L$ after
+# its image was taken. It is used until the next result arrives, one period $T$ later. If nothing predicts the target's
+# motion, the arm aims behind the target by
 #
 # $$
 # \text{error} = \text{speed} \times \text{age}, \qquad \text{age between } L \text{ and } L + T .
 # $$
 #
-# **A worked example.** A camera has $L$ = 100 ms and $T$ = 20 ms. The age rises from 100 to 120 ms and falls back. At
-# 100 mm/s the arm aims 10 to 12 mm behind the target. Waiting for the controller adds up to 2 ms. The table below
-# includes this.
+# **A worked example.** With $L$ = 100 ms and $T$ = 20 ms, the age rises from 100 to 120 ms and falls back. At 100 mm/s
+# the arm aims 10 to 12 mm behind the target. Waiting for the controller adds up to 2 ms.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.2), layout="constrained")
@@ -348,8 +343,8 @@ more_claims("filter_calms", "sag_without_kd")
 #
 # A stage's contribution is the final error of the real run minus that of the run with this stage ideal. A second
 # experiment does the opposite: only this stage is real, and all others are ideal. If the errors are small, both
-# experiments give the same mean error for a stage. Their squared errors differ; the part on Shapley's value below shows
-# why. If an ideal stage turns a failure into a success, we say that it *cures* the run.
+# experiments give the same mean error for a stage. Their squared errors differ; the part on shares below shows why. If
+# an ideal stage turns a failure into a success, we say that it *cures* the run.
 #
 # There are two kinds of error. A *mean* error is the same in every run and has a direction. A *random* error is
 # different in every run. Independent random errors with mean zero add up by their squares: 3 mm and 4 mm make 5 mm.
@@ -509,8 +504,10 @@ more_claims("root_sum_square")
 # same noise in the same frames. The part of the noise's effect that both share cancels when you subtract the results.
 # These are **common random numbers**. They work only if each stage has its own random-number generator. If one
 # generator serves all stages and one stage draws one number fewer, every later stage gets other numbers. Then the two
-# variants no longer face the same noise. The measured difference is right on average with common seeds and with
-# separate seeds. With common seeds you usually need fewer runs to see it.
+# variants no longer face the same noise.
+#
+# The measured difference is right on average with common seeds and with separate seeds. With common seeds you usually
+# need fewer runs to see it.
 
 # %%
 show("same_seeds")
@@ -1053,28 +1050,27 @@ wrong = ", ".join(f"{each - n:.0f} of *{one.name}*" for one, n in hits.items() i
 Markdown(f"Replays alone were wrong in these runs: {wrong}. What they named there is not shown.")
 
 # %% [markdown]
-# The intervals are wide, although there are 200 runs. The 20 runs of one fault nearly all end alike, so there are only
-# about ten independent cases. The rule of the largest error has only two answers, so it can be right for at most four
-# of the ten faults. For these it is right in nearly all runs. It cannot name age, planning or physics, and blames
-# perception for most of those faults.
+# The intervals are wide, because the 20 runs of one fault nearly all end alike: there are only about ten independent
+# cases. The rule of the largest error has only two answers, so it can be right for at most four of the ten faults. It
+# cannot name age, planning or physics, and blames perception for most of those faults.
 #
 # Two things in this table do not exist on a robot. The contract of perception compares each image with the *true*
 # target. And a replay repeats the same noise with an *ideal* stage. Without the true target, the contracts miss the
 # three faults of perception and still name the other seven. So only the row *contracts without the true target* is
 # possible on a robot. Its score depends on the faults that we chose: with more faults of perception it would be lower.
 #
-# Three things remain on hardware: the contracts that need only the log; a second, better measurement of the target, if
-# only in a test cell; and recorded inputs of one stage, run through that stage again.
+# Three things remain on hardware: the contracts that need only the log; a second, better measurement of the target; and
+# recorded inputs of one stage, run through that stage again.
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
 # also cures a physics step that is too large. Replays try perception, age, planning, physics and control, in this
-# order. So here they name physics. With control before physics they would name control.
+# order. So here they name physics, but only because of this order.
 
 # %%
 more_claims("last_error_blames")
 
 # %% [markdown]
-# A **false alarm** is a broken contract in a *good* run, one that reaches its target. How often does that happen?
+# A **false alarm** is a broken contract in a *good* run, one that reaches its target.
 
 # %% tags=["hide-code"]
 raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
@@ -1092,11 +1088,11 @@ for name, some in {
 # ### Noise of the same variance that is not white and Gaussian
 #
 # Perception's contract has two limits. The error of a single frame may be at most six standard deviations. The mean
-# error of a run, after the bias is subtracted, may be at most five standard errors. Both limits assume that the noise
-# is Gaussian and independent from frame to frame (*white*). Real detectors differ in three ways:
+# error of a run, without the bias, may be at most five standard errors. Both limits assume noise that is Gaussian and
+# independent from frame to frame (*white*). Real detectors differ in three ways:
 #
-# * **Heavy tails**: a few frames are far off, for example after a wrong match in the image. We use Student's t with 3
-#   degrees of freedom, a distribution in which large errors are frequent.
+# * **Heavy tails**: a few frames are far off, for example after a wrong match. We use Student's t with 3
+#   degrees of freedom, where large errors are frequent.
 # * **Correlation in time**: neighbouring frames have similar errors, as under a slowly moving shadow. Our model is an
 #   **AR(1) process**: each error is $\varphi$ = 0.9 times the last one plus a fresh random part.
 # * **Occlusion**: the arm hides the target from the camera, so the frame contains no measurement.
@@ -1151,8 +1147,8 @@ plt.show()
 # Left: each curve is drawn around its own grey zero line. The limit at six is not drawn. Right: near the target, the
 # tip itself covers the line of sight.
 #
-# These runs have no injected fault, so every alarm comes from the noise. We count the alarms in all runs, also in
-# failed ones.
+# These runs have no injected fault, so every alarm comes from the noise. We count alarms in all runs, also in failed
+# ones.
 #
 # For two kinds of alarm there is a formula. First, alarms of single frames. A run has $n$ frames with two coordinates
 # each. There is an alarm if any of these $2n$ numbers is more than six standard deviations off. If that has the
@@ -1246,11 +1242,11 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# A filter that is too stiff, a late motor and a slow motor break no contract at all. The contract on torque checks what
-# is sent to the motor; the motor's delay and lag come after that. Only the replays find these faults, and no other
-# single ideal stage would have cured those runs. With a frame every 1.6 s, ideal perception also cures the run. Replays
-# alone would therefore blame perception; the broken contract prevents this wrong verdict. An eighth fault, which is not
-# in the table, defeated the procedure: a planner that started again at every frame. No single stage and no pair cured
+# A filter that is too stiff, a late motor and a slow motor break no contract. The contract on torque checks what is
+# sent to the motor; the motor's delay and lag come after that. Only the replays find these faults, and no other single
+# ideal stage would have cured those runs. With a frame every 1.6 s, ideal perception also cures the run. Replays alone
+# would therefore blame perception; the broken contract prevents this wrong verdict. An eighth fault, which is not in
+# the table, defeated the procedure: a planner that started again at every frame. No single stage and no pair cured
 # those runs.
 
 # %%
@@ -1421,12 +1417,14 @@ plt.show()
 # largest factor is far below the twenty of the question. We have not explained the rest.
 #
 # We measured nothing on a GPU. Numbers of contacts may carry over from a CPU to a GPU; times never do. The
-# documentation of two simulators names further causes. *MJX* runs MuJoCo on a GPU (documentation of MuJoCo 3.7, 2026;
-# our charts use a later version). Its JAX implementation tests every direction that could separate two hulls. This
-# method "suffers in both runtime and memory" for large meshes. The documentation recommends fewer than about 32
-# vertices if two convex meshes collide, and at most about 200 if a mesh meets a simple shape such as a sphere. *Isaac
-# Lab* (2024) uses the engine PhysX. On a GPU its buffers cannot grow, so you must choose their size in advance, for the
-# largest number of contacts.
+# documentation of two simulators names further causes.
+#
+# * *MJX* runs MuJoCo on a GPU (documentation of MuJoCo 3.7, 2026; our charts use a later version). Its JAX
+#   implementation tests every direction that could separate two hulls. This method "suffers in both runtime and memory"
+#   for large meshes. The documentation recommends fewer than about 32 vertices if two convex meshes collide, and at
+#   most about 200 if a mesh meets a simple shape such as a sphere.
+# * *Isaac Lab* (2024) uses the engine PhysX. On a GPU its buffers cannot grow, so you must choose their size in
+#   advance, for the largest number of contacts.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("mesh_cost")
@@ -1682,7 +1680,7 @@ show("rare_and_sure")
 # distribution. It helps little here, because a tenth of 2,500 runs rarely contains any failure.
 #
 # Now the arm, with six disturbances: bias and target velocity (two components each), latency, and tilt of the table.
-# (There are no discs and little noise.)
+# There are no discs and little noise.
 
 # %% tags=["hide-code"]
 scene, quiet = Scenario(discs=()), Settings(noise=0.01)
@@ -1712,11 +1710,11 @@ table(["proposal", "seed", "failure rate", "95 % interval", "effective number"],
 # %% [markdown]
 # The intervals of the fitted proposal contradict each other. Its effective numbers are small, but the lowest rate has
 # the largest one: the warning is weakest where you need it most. With a width of at least 1, the estimates still differ
-# by almost a factor of two. So trust only the order of magnitude in this table. Before you report a number, run some
-# tens of thousands of plain samples, at milliseconds each.
+# by almost a factor of two. So trust only the order of magnitude. Before you report a number, run some tens of
+# thousands of plain samples.
 #
-# And if a sample contains no failure at all? Then the estimate is 0, with a reported error of 0. Wilson's interval, a
-# confidence interval for a success rate, says which failure rates are still plausible:
+# If a sample contains no failure at all, the estimate is 0, with a reported error of 0. Wilson's interval, a confidence
+# interval for a success rate, says which failure rates are still plausible:
 
 # %%
 for runs in (100, 1000, 10_000):
@@ -1728,7 +1726,7 @@ for runs in (100, 1000, 10_000):
 #
 # You can tune the filter and the gains *together*: try random settings, and take the one with the smallest final error.
 # Or you can tune them *one after the other*: the filter with an ideal arm, then the gains with ideal perception. Both
-# methods get the same number of runs. Then we judge them on new seeds and on another target.
+# methods get the same number of runs. We judge them on new seeds and on another target.
 
 # %% tags=["hide-code"]
 rng, seeds = np.random.default_rng(4), range(12)
@@ -1780,10 +1778,10 @@ table([*head, "another target"], *rows)
 #
 # ### One policy instead of three stages
 #
-# Suppose a learned policy replaces perception, planning and control. Estimate, path and reference then no longer exist,
-# and neither do their contracts. Four checks remain, on what enters the policy and what leaves it: the time stamps of
-# the images; the torque that enters the motors against the commanded torque; speeds and energy of the motion; and the
-# distance to the discs, computed from the joint angles. Which of the ten faults do they detect?
+# Suppose a learned policy replaces perception, planning and control. Estimate, path and reference no longer exist, and
+# neither do their contracts. Four checks remain, on what enters the policy and what leaves it: the time stamps of the
+# images; the torque that enters the motors against the commanded torque; speeds and energy of the motion; and the
+# distance to the discs. Which of the ten faults do they detect?
 
 # %% tags=["hide-code"]
 edges, near, measured = ("age", "control", "move"), 0.02, Counter()  # m of clearance
