@@ -20,21 +20,21 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# The menu offers **presets**, which are prepared settings of the simulation. Choose the second preset (*explicit Euler*
-# uses the old velocity) and then the third (*semi-implicit Euler* uses the new one). In both, impacts are exact and
-# lose no energy, so every change of energy is an error of the flight.
+# The menu offers **presets**, prepared settings. Choose the second (*explicit Euler* uses the old velocity) and then
+# the third (*semi-implicit Euler* uses the new one). In both, impacts are exact and lose no energy, so every change of
+# energy is an error of the flight.
 #
-# **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from; store
-# and update an orientation so that it neither drifts nor fails at certain orientations; choose an integrator, the
-# method that computes a time step, by its error for a given cost; predict the largest stable step; and find the cause
-# when a simulation explodes, misses a wall or gains energy. You need vectors, matrices with eigenvalues, derivatives,
-# simple differential equations ([a refresher](../docs/mathematics/README.md)), and Python with NumPy.
+# **After this chapter you can** write the equations of motion of a rigid body; store and update an orientation without
+# drift; choose an integrator, the method that computes a time step, by its error for a given cost; predict the largest
+# stable step; and find the cause when a simulation explodes, misses a wall or gains energy. You need vectors, matrices
+# with eigenvalues, derivatives, simple differential equations ([a refresher](../docs/mathematics/README.md)), and
+# Python with NumPy.
 #
 # ## How this chapter works
 #
-# Every measured number comes from a cell on this page, from a stored measurement of a chart, or from a check that
-# `python -m course.derivations 1` runs again. The code is the package `course.rigid_body`. Gravity is 9.80665 m/s² in
-# the code, 9.81 in worked examples and 9.8 on the *Gravity* slider above. Six exercises wait in section 8:
+# Every measured number comes from a cell on this page, from a stored chart, or from a check that `python -m
+# course.derivations 1` repeats. The code is the package `course.rigid_body`. Gravity is 9.80665 m/s² in the code, 9.81
+# in worked examples and 9.8 on the *Gravity* slider above. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -124,12 +124,11 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
 # ### Free rotation: what stays constant without torque
 #
-# Throw a book into the air with a spin. Nothing touches it, and yet it wobbles. To see why, you need to know how hard a
-# body is to turn.
+# Throw a book into the air with a spin. Nothing touches it, and yet it wobbles. Why?
 #
-# A small piece of mass $dm$ at the distance $r$ from an axis resists every change of a rotation about it, in proportion
-# to $r^2$. Summed over the body, this gives the **moments of inertia**. About the axes $x$, $y$ and $z$ through the
-# centre of mass they are
+# A piece of mass $dm$ at the distance $r$ from an axis resists every change of a rotation about it, in proportion to
+# $r^2$. Summed over the body, this gives the **moments of inertia**. About the axes $x$, $y$ and $z$ through the centre
+# of mass they are
 #
 # $$I_x = \int (y^2+z^2)\,dm, \qquad I_y = \int (x^2+z^2)\,dm, \qquad I_z = \int (x^2+y^2)\,dm .$$
 #
@@ -161,16 +160,15 @@ simulation("free_body")
 #
 # $$\dot p = F, \qquad \dot L = \tau, \qquad p = m v, \quad L = I\omega .$$
 #
-# These are the **Newton-Euler** equations. The second one is awkward in the world frame, because $I$ changes as the
-# body turns. In a frame that is fixed to the body, $I$ is constant. There the second equation gets an extra term:
+# These are the **Newton-Euler** equations. In the world frame, $I$ changes as the body turns. In a frame that is fixed
+# to the body, $I$ is constant, but there the second equation gets an extra term:
 #
 # $$\boxed{\; m\,\dot v = F \ \text{(world frame)}, \qquad I\,\dot\omega + \omega\times(I\omega) = \tau \ \text{(body
 # frame)} \;}$$
 #
 # The product $\omega\times(I\omega)$ is the **gyroscopic term**. It is not a force. It appears because you describe $L$
-# from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The term is zero where $L$ and
-# $\omega$ are parallel: for every rotation of a body with three equal moments, such as a ball or a cube, and for a spin
-# about a principal axis.
+# from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The term is zero if $L$ and
+# $\omega$ are parallel: in a spin about a principal axis, or if all three moments are equal, as in a ball or a cube.
 #
 # <details><summary>Derive it: where the extra term comes from</summary>
 #
@@ -203,8 +201,8 @@ more_claims(
 # %% [markdown]
 # ### Stable and unstable axes
 #
-# Take a brick with three different sides. You can spin it about each of its three principal axes. All three spins are
-# exact solutions of the equations. But nobody throws perfectly, so ask what a small disturbance does.
+# Take a brick with three different sides. A spin about any of its three principal axes is an exact solution of the
+# equations. But nobody throws perfectly, so ask what a small disturbance does.
 # %%
 predict("brick_that_flips")
 # %%
@@ -282,15 +280,15 @@ for row, start, colour in (
         time,
         momentum_path(start, 4000)[:, row],
         color=colour,
-        label=f"about axis {row + 1}",
+        label=f"spin about axis {row + 1}",
         lw=5 if row == 0 else 1.8,  # axes 1 and 3 give the same line
         alpha=0.4 if row == 0 else 1,
     )
 right.set(
     xlabel="time [s]",
-    ylabel="component of $L$ along the start axis",
+    ylabel="component of $L$ along that axis",
     ylim=(-1.2, 1.4),
-    title="|L| = 1 N m s (0.5 rad/s about axis 2), disturbance of 2 %",
+    title="|L| = 1 N m s, disturbance of 2 %",
 )
 right.legend(loc="upper right", ncols=3, fontsize=9)
 plt.show()
@@ -298,7 +296,7 @@ lowest = [
     momentum_path(start, 4000)[:, row].min()
     for row, start in enumerate([(1, 0.02, 0), (0.02, 1, 0), (0, 0.02, 1)])
 ]
-print("lowest component of L along the start axis, in 40 s:")
+print("lowest component of L along the axis of the spin, in 40 s:")
 print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # %% [markdown]
 # How fast does the unstable disturbance grow? Let the body spin with $\Omega$ about its middle axis, $I_1 < I_2 < I_3$.
@@ -355,10 +353,9 @@ more_claims(
 # ### Checking an inertia tensor
 #
 # A robot model comes as a file with a mass and an inertia tensor for each rigid part, a **link**. Some published files
-# contain tensors that no body can have, and a simulator that accepts them computes motions that cannot happen. You can
-# check them with the three integrals above. Add two of them and subtract the third: $I_x + I_y - I_z = 2\int z^2\,dm$,
-# which is never negative. The same is true of the principal moments: each is at most the sum of the other two. For a
-# flat plate the largest moment equals the sum of the other two.
+# contain tensors that no body can have. You can check them with the three integrals above. Add two of them and subtract
+# the third: $I_x + I_y - I_z = 2\int z^2\,dm$, which is never negative. The same is true of the principal moments: each
+# is at most the sum of the other two. For a flat plate the largest moment equals the sum of the other two.
 # %%
 predict("inertia_of_a_thin_rod")
 # %% [markdown]
@@ -370,10 +367,15 @@ except ValueError as problem:
     print(textwrap.fill(str(problem), 96))
 # %% [markdown]
 # The second thing to check is the point about which the tensor is given. The **parallel axis** theorem says how it
-# changes: about a parallel axis at the distance $d$ from the one through the centre of mass, the moment is larger by
-# $m d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 +
-# m(\tfrac a2)^2 = \tfrac13ma^2$ about its end: four times as much. For the whole tensor and a displacement vector $d$
-# add $m(\lvert d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
+# changes: about a parallel axis at the distance $d$ from the one through the centre of mass, the moment is larger by $m
+# d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 =
+# \tfrac13ma^2$ about its end: four times as much.
+#
+# <details><summary>For the whole tensor</summary>
+#
+# For a displacement vector $d$ add $m(\lvert d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
+#
+# </details>
 #
 # ### Euler angles and gimbal lock
 #
@@ -390,12 +392,11 @@ simulation("gimbal")
 # %% [markdown]
 # A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
 # \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two. Then one direction, the *lost axis*, is missing:
-# no angle rates can turn the body about it. Close to the lock such a turn is possible, but it needs huge rates. Let the
-# three rates be a vector of length 1 rad/s. The slowest rotation that such rates can give is the smallest **singular
-# value** of $E$ (*weakest turn* in the simulation). It is about the *weakest axis*, which becomes the lost axis at the
-# lock.
+# no angle rates can turn the body about it. Let the three rates be a vector of length 1 rad/s. The slowest rotation
+# that such rates can give is the smallest **singular value** of $E$ (*weakest turn* in the simulation). It is about the
+# *weakest axis*, which becomes the lost axis at the lock.
 # %% tags=["hide-code"]
-print("angle rates needed to turn at 1 rad/s about the worst axis")
+print("angle rates needed to turn at 1 rad/s about the weakest axis")
 for angle in (60.0, 89.0, 90.0):
     E = quaternion.euler_zyx_rate_matrix(np.radians(angle), 0.3)
     _, values, right_vectors = np.linalg.svd(E)
@@ -425,9 +426,9 @@ more_claims(
 # %% [markdown]
 # ### Quaternions: four numbers, no gimbal lock
 #
-# A simulated body may point straight up, so a simulator needs a description without a lock. Every orientation can be
-# reached from the reference orientation with one rotation, by an angle $\alpha$ about a unit vector $n$. This is the
-# **axis-angle** form. A unit quaternion stores it with *half* the angle:
+# A simulator needs a description without a lock. Every orientation can be reached from the reference orientation with
+# one rotation, by an angle $\alpha$ about a unit vector $n$. This is the **axis-angle** form. A unit quaternion stores
+# it with *half* the angle:
 #
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
@@ -518,9 +519,11 @@ more_claims("quaternion_is_unique")
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(1, 2, figsize=(10, 3.9), layout="constrained")
 turn = np.linspace(0, 2 * np.pi, 200)
-for axes_, h, count in ((left, 0.25, 50), (right, 1.0, 4)):
+for axes_, h, counts in ((left, 0.25, (50, 50)), (right, 1.0, (4, 6))):
     axes_.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1, label="exact: a circle")
-    for name, colour in (("explicit Euler", "tab:red"), ("semi-implicit Euler", "tab:blue")):
+    for name, colour, count in zip(
+        ("explicit Euler", "semi-implicit Euler"), ("tab:red", "tab:blue"), counts, strict=True
+    ):
         states = [(1.0, 0.0)]
         for _ in range(count):
             x, v = states[-1]
@@ -552,12 +555,11 @@ more_claims(
 # %% [markdown]
 # ### The stability limit of a step
 #
-# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight is
-# suddenly too long. To see where the limit lies, you need only a mass $m$ on a spring. If a spring of **stiffness** $k$
-# is stretched by $x$, it pulls back with the force $kx$. So $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Now
-# take any mechanical system whose forces come from a potential energy, such as springs and weights. Close to a stable
-# resting position it behaves like a set of such springs. There is one for each *mode of vibration*, a pattern in which
-# all parts oscillate at one frequency.
+# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine before is suddenly
+# too long. A mass $m$ on a spring is enough to find the limit. If a spring of **stiffness** $k$ is stretched by $x$, it
+# pulls back with the force $kx$. So $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Any system with forces from a
+# potential energy behaves like a set of such springs, if it stays close to a stable resting position. There is one for
+# each *mode of vibration*, a pattern in which all parts oscillate at one frequency.
 #
 # On a spring, a step multiplies the state $(x, v)$ by a fixed matrix $A$. For semi-implicit Euler insert the first line
 # into the second:
@@ -566,8 +568,8 @@ more_claims(
 # A = \begin{pmatrix}1-(\omega h)^2 & h\\ -\omega^2h & 1\end{pmatrix}.$$
 #
 # After $n$ steps the state is $A^n$ times the first state. The state stays bounded if the two **eigenvalues** of $A$
-# differ and neither has an absolute value above 1. (If the two are equal, the state can grow linearly.) So you only
-# need to know where two numbers lie in the complex plane.
+# differ and neither has an absolute value above 1. (If the two are equal, the state can grow linearly.) So look where
+# the two lie in the complex plane.
 # %%
 predict("spring_and_step")
 # %%
@@ -623,8 +625,8 @@ show("semi_implicit_unconditional")
 # The limit is $2/316$ s, or 6.3 ms. A spring that stays attached explodes within a hundred steps of 6.5 ms. A contact
 # that opens throws the part off instead, with too much energy.
 #
-# Such contacts often need steps shorter than the time between two commands of the controller. So simulators take
-# several physics steps, **substeps**, per command.
+# Such steps are often shorter than the time between two commands of the controller. So simulators take several physics
+# steps, **substeps**, per command.
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
 #
@@ -862,11 +864,10 @@ print("(between quaternions, as drawn, the angles are half of these)")
 #
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
-# It stays on the sphere, and for a steady spin it is exact. Call the small rotation $s = \exp(h\omega)$. The new
-# orientation takes a vector $r$ from the body to the world as $q\,s\,(0,r)\,s^*q^*$. Here $s$ acts on $r$ first, still
-# in body coordinates, and then $q$ takes the result to the world. So $s$ stands on the *right* of $q$. If your $\omega$
-# is given in world coordinates, the small rotation is the factor on the left: $q' = \exp(h\,\omega)\,q$. Confusing the
-# sides is a classic bug (section 7).
+# It stays on the sphere, and for a steady spin it is exact. Call the small rotation $s = \exp(h\omega)$. In
+# $q\,s\,(0,r)\,s^*q^*$ it acts on $r$ first, still in body coordinates, and then $q$ takes the result to the world. So
+# $s$ stands on the *right* of $q$. If your $\omega$ is given in world coordinates, the small rotation is the factor on
+# the left: $q' = \exp(h\,\omega)\,q$. Confusing the sides is a classic bug (section 7).
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
 # scaling turns it by only $2\arctan(\tfrac12\omega h) = 0.09992$ rad. The lag, about $\tfrac1{12}(\omega h)^3 =
@@ -944,10 +945,9 @@ before, wrong = 0.5 * v0**2 + g * y0, 0.5 * steps[1][1] ** 2
 print(f"energy per kilogram: before {before:.2f} J, bounce at the end of the step {wrong:.2f} J,")
 print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J")
 # %% [markdown]
-# RK4 is exact in flight, but with this rule at the end of the step it still gains energy. Semi-implicit Euler loses
-# energy in flight and gains some at the floor. Do the two errors cancel? Only half: a flight that starts and ends with
-# the speed $v$ loses $mghv$. A bounce adds $mgd$, and the depth $d$ can be anything between 0 and $hv$. So on average a
-# bounce gives back half of the loss.
+# With the simple rule, even RK4, which is exact in flight, gains energy. Semi-implicit Euler loses $mghv$ in a flight
+# that starts and ends with the speed $v$. The depth $d$ lies between 0 and $hv$, so on average a bounce gives back half
+# of this loss.
 #
 # <details><summary>Derive it: the loss of a flight, and the gain of a bounce</summary>
 #
@@ -984,17 +984,15 @@ more_claims(
 #
 # ### The tasks of a loop, and their rates
 #
-# One program has to run a robot's controller, its camera and the physics at different rates. It performs seven tasks:
-# it takes a **camera** image, reads the **sensors**, asks the **controller** for a command, collects the **forces**,
-# **integrates** the state, detects **collisions**, and **renders** an image for the screen. The physics step is fixed,
-# and the loop counts physics steps to decide when the other tasks are due. The drawing shows the order and three of the
-# rates:
+# One program has to run a robot's controller, its camera and the physics at different rates. The drawing shows the
+# order of its seven tasks (*rendering* draws an image for the screen) and three of their rates. The physics step is
+# fixed, and the loop counts physics steps to decide when the other tasks are due:
 # %% tags=["hide-code"]
 figure_, (order_, axes_) = plt.subplots(
     2, 1, figsize=(10, 4.0), height_ratios=(1.0, 2.2), layout="constrained"
 )
-order = ("sensors", "camera", "controller", "forces", "integration", "collisions", "rendering")
-due = ("camera", "controller", "rendering")  # not in every step
+order = ("camera", "sensors", "controller", "forces", "integration", "collisions", "rendering")
+due = ("camera", "sensors", "controller", "rendering")  # not in every step
 arrow = {"arrowstyle": "-|>", "color": "0.2"}
 for k, task in enumerate(order):
     box = {"boxstyle": "round,pad=0.4", "fc": "#e8eaf6" if task in due else "#cfe3f2", "ec": "0.3"}
@@ -1006,7 +1004,7 @@ order_.annotate("", (0, -0.45), (0, -0.85), arrowprops=arrow)
 order_.text(
     3.0,
     -1.0,
-    "repeated 1,000 times per second; pale: only in steps in which it is due",
+    "repeated 1,000 times per second; pale: only in steps in which the task is due",
     ha="center",
     va="bottom",
     fontsize=9,
@@ -1039,10 +1037,9 @@ axes_.set(
 plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
-# The course's loop records what it does. *Age* is the age of the command that a step applies, or of the motion that an
-# image shows. A command comes every 2 ms, so every other physics step applies one that is 1 ms old. An image is
-# computed from the last two states, by **interpolation**. So it shows the motion one step late: the image that is due
-# at 16.667 ms shows the motion at 15.667 ms:
+# The loop records what it does. *Age* is the age of the command that a step applies, or of the motion that an image
+# shows. A command comes every 2 ms, so every other step applies one that is 1 ms old. An image is computed from the
+# last two states, so it shows the motion one step late:
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1070,11 +1067,10 @@ figures(
 #
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts the program. An
 #   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics never
-#   reads the clock. If the inputs arrive at the same steps, two runs of the same program on one machine give the same
-#   result.
-# * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight of the newer of the last two
-#   states; the older one gets the rest. If you draw the latest state instead, each image is too old by a different part
-#   of a step, and the motion looks jerky.
+#   reads the clock. So with the same inputs at the same steps, two runs on one machine give the same result.
+# * **Interpolation.** The time left in the accumulator, divided by $h$, is the weight of the newer of the last two
+#   states in an image; the older one gets the rest. If you draw the latest state instead, each image is too old by a
+#   different part of a step, and the motion looks jerky.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add 0.001 s millions of times, the
 #   rounding errors add up too. Then two clocks in the same program may assign an event to different steps.
 # %% tags=["hide-code"]
@@ -1088,9 +1084,8 @@ print(
 #
 # ### The engine we compare with
 #
-# This chapter compares with **MuJoCo** (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an
-# open-source physics engine that much of robot learning runs on. Within a step, MuJoCo performs five of the tasks in
-# another order:
+# This chapter compares with **MuJoCo** (Todorov, Erez and Tassa, 2012), an open-source physics engine that much of
+# robot learning runs on. Within a step, MuJoCo performs five of the tasks in another order:
 # %% tags=["hide-code"]
 tasks = {
     "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
@@ -1119,10 +1114,10 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call `mj_forward` for those of the new positions. MuJoCo has several integrators. Its `Euler` is semi-implicit
-# Euler, but it computes the damping of the joints from the *new* velocity. A force that is computed from the new state
-# is called **implicit**. Implicit forces allow larger steps (section 7). In `implicitfast`, the damping of motors and
-# cables is implicit as well. In `discrete`, springs are too. Section 7 tests MuJoCo's `RK4`.
+# step. Call `mj_forward` for those of the new positions. MuJoCo's `Euler` is semi-implicit Euler, but it computes the
+# damping of joints from the *new* velocity. A force that is computed from the new state is called **implicit**, and it
+# allows larger steps (section 7). In `implicitfast`, the damping of motors and cables is implicit as well; in
+# `discrete`, springs are too.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1170,10 +1165,10 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# If you average the four like ordinary vectors, the method has only order 2. Two cross products restore order 4
-# (Munthe-Kaas and Owren 1999). In the code they are called `bracket`, and in its comments *commutator*. One corrects
-# the rotation before the third evaluation, the other the average. Then `retract` turns $q$ by the result. For ordinary
-# coordinates both brackets are zero, and the code is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages):
+# If you average the four like ordinary vectors, the method has only order 2. Two cross products, `bracket` in the code,
+# restore order 4 (Munthe-Kaas and Owren 1999). One corrects the rotation before the third evaluation, the other the
+# average. For ordinary coordinates both are zero, and the code is the RK4 of section 2 (`_along` adds a multiple,
+# `_mean` averages):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
@@ -1200,10 +1195,9 @@ more_claims("rotation_stages_add")
 # %% [markdown]
 # ### A box that tumbles, hits the floor and slides
 #
-# Without friction, a ball bounces like a point. A box has corners, and a force at a corner exerts a torque. The
-# course's planar box finds the time at which a corner hits the floor inside the step, and solves the impact with
-# restitution and **Coulomb friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal
-# force.
+# A force at a corner of a box exerts a torque. The course's planar box finds the time at which a corner hits the floor
+# inside the step, and solves the impact with restitution and **Coulomb friction**: the friction force opposes the
+# sliding, and it is at most $\mu$ times the normal force.
 #
 # With friction, restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact can *gain* energy, as
 # Kane showed in 1984. The box uses Stronge's definition (1990). While the bodies press together, the contact stores
@@ -1237,9 +1231,9 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# This is the box of the first screen with all controls. The dashed path is the same box with very small steps. The two
+# This is the box of the first screen with all controls. The dashed path is the same box with very small steps. The
 # paths separate because each impact enlarges small differences. An impact slower than the *rest speed* ends the
-# bouncing. *Steps not resolved* counts the steps with more impacts than the solver may process in one step.
+# bouncing. *Steps not resolved* counts steps with more impacts than the solver may process.
 #
 # Predict each preset before you choose it:
 #
@@ -1251,7 +1245,7 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # <details><summary>Answers</summary>
 #
 # 1: No, each bounce adds $mgd$. 2: Up to the distance travelled in one step, $vh$. 3: It gains the speed $gh$ in every
-#    step and bounces. 4: They pile up until a step is not resolved.
+# step and bounces. 4: They pile up until a step is not resolved.
 #
 # </details>
 # %%
@@ -1261,15 +1255,14 @@ simulation("bouncing_box")
 #
 # ### The work-precision diagram
 #
-# "RK4 costs four times as much as Euler." That is true for the force evaluations of one step, but it answers the wrong
-# question. Your task has a tolerance, the largest error that you accept, and you want to reach it with the least work.
-# A method of fourth order may need a thousand times fewer steps.
+# "RK4 costs four times as much as Euler." That is true for one step, but RK4 may need a thousand times fewer steps.
+# Your task has a tolerance, the largest error that you accept, and you want to reach it with the least work.
 #
 # A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
 # horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
 # logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order. The problem here is a
-# double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. The
-# counts of evaluations are exact. Other programs disturb the measured times:
+# double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. Other
+# programs disturb the measured times:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1283,12 +1276,11 @@ TradeOff(result)
 
 
 # %% [markdown]
-# The buttons switch on the other methods, MuJoCo's among them. On systems without orientations and without joint
-# damping, MuJoCo's `Euler` and our semi-implicit Euler have the same errors to several digits, and so have the two
-# RK4s. Only the time per step differs: MuJoCo is a general engine and does more in each step.
+# The buttons switch on the other methods, MuJoCo's among them. On this problem, MuJoCo's `Euler` and `RK4` have the
+# same errors as our two methods. Their steps take longer, because a general engine does more in each step.
 #
-# You can put an integrator of your own on the chart. It runs as plain Python, so compare it in the left panel, which
-# counts evaluations instead of time:
+# You can add an integrator of your own. It runs as plain Python, so compare it in the left panel, which counts
+# evaluations:
 # %%
 def my_step(q, v, acceleration, dt, params):
     """Change me: a step of your own. This one is semi-implicit Euler."""
@@ -1315,8 +1307,8 @@ predict("method_for_a_tumble")
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
 # *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
-# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. Our runs are so short that most of
-# their time is the fixed cost of a call. So their *time per step* in the table is mostly this cost:
+# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. Our runs are so short that their time
+# is mostly the fixed cost of a call:
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
@@ -1374,8 +1366,8 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine.
-# As soon as two bodies can touch, it no longer applies.
+# A program that can simulate only a planar box on a floor is two orders of magnitude faster than a general engine. But
+# it is useless if two bodies can touch.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
@@ -1388,14 +1380,14 @@ figures(
 #
 # ### The smallest model that answers the question
 #
-# The largest savings come before the integrator, from what you do *not* simulate. State the question and the tolerance.
-# Then compute the answer with and without each effect. Neglect effects as long as their errors add up to less than the
-# tolerance. Then check once with all of them neglected.
+# What you do *not* simulate saves most. State the question and the tolerance. Then compute the answer with and without
+# each effect. Neglect effects as long as their errors add up to less than the tolerance. Check once with all of them
+# neglected.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
 # In the table, *error* is the change of the answer in metres when an effect is neglected (*left out*). *Saves* is how
-# many times longer MuJoCo takes than our planar program. This is the price of a general engine, not only of the effect:
+# many times longer MuJoCo takes than our planar program:
 # %% jupyter={"source_hidden": true}
 figures(
     read("scene_bouncing_box"),
@@ -1410,8 +1402,8 @@ figures(
 # %% [markdown]
 # ### Which integrator to choose
 #
-# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`, which adds implicit damping.
-#   The contacts set the step, and their error is of first order anyway.
+# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`. The contacts set the step, and
+#   their error is of first order anyway.
 # * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. On the double pendulum and on
 #   the satellite it needed the fewest evaluations.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler (forces at the
@@ -1459,8 +1451,8 @@ figures(
 #
 # ![Stability maps](../docs/charts/stability_maps.png)
 #
-# Is RK4 in a real engine the RK4 of the textbook? You can test that without its source code: count its force
-# evaluations, and look for the step at which a spring explodes.
+# Is RK4 in a real engine the RK4 of the textbook? Count its force evaluations, and look for the step at which a spring
+# explodes.
 # %%
 show("mujoco_rk4")
 # %% [markdown]
@@ -1487,9 +1479,9 @@ figures(
     summary="All methods: largest relative energy error in the first and last 1 % of the run",
 )
 # %% [markdown]
-# This needs a fixed step. If the step varies, the energy may grow. Alternate two steps that are both below the limit,
+# Keep the step of a symplectic method fixed, or the energy may grow. Alternate two steps that are both below the limit,
 # $\omega h$ = 1.7 and 1.2, and the oscillation explodes. Two area-preserving steps together preserve area, but they may
-# stretch the patch in the same direction again and again. And even with a fixed step, the period is slightly wrong:
+# stretch the patch in the same direction again and again. Even with a fixed step, the period is slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1576,8 +1568,9 @@ more_claims(
 # %% [markdown]
 # ### Chatter: a box that never comes to rest
 #
-# A box lies on the floor, but its simulated contact sensor reports hundreds of impacts per second. Think of a bouncing
-# ball first. If the restitution $e$ is the same at every speed, each bounce lasts $e$ times as long as the one before.
+# A box lies on the floor, but its simulated contact sensor reports hundreds of impacts per second. First think of a
+# bouncing ball. If the restitution $e$ is the same at every speed, each bounce lasts $e$ times as long as the one
+# before.
 # %%
 predict("impacts_at_rest")
 # %% [markdown]
@@ -1588,8 +1581,7 @@ predict("impacts_at_rest")
 #
 # If impacts act only at the end of a step, a ball that should lie still hits the floor again and again at the speed
 # $gh/(1+e)$, and the corners of a rocking box at about $gh$. A rest speed below $gh/2$ (9.8 mm/s at $h$ = 2 ms) stops
-# neither of them. In the chart, 10 mm/s makes the bounces of the box lower but more frequent. With MuJoCo's spring
-# contact the corners of the box lift off in turn:
+# neither of them. In the chart, 10 mm/s makes the bounces of the box lower but more frequent:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1605,8 +1597,9 @@ figures(
 # %% [markdown]
 # ### Orientation over a million steps
 #
-# If you add and scale a quaternion, section 2 predicts a lag of $(\omega h)^3/12$ per step. In a steady spin of 10 mrad
-# per step the measured lag adds up to 0.083 rad over a million steps. The exponential map is exact except for rounding:
+# If you add $h\,\dot q$ and scale the result, section 2 predicts a lag of $(\omega h)^3/12$ per step. In a steady spin
+# of 10 mrad per step the measured lag adds up to 0.083 rad over a million steps. The exponential map is exact except
+# for rounding:
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 # %% jupyter={"source_hidden": true}
@@ -1624,8 +1617,8 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$. Many springs together obey $M\ddot x
-# = -Kx$ with the mass and stiffness matrices $M$ and $K$. Then $\omega_{\max}^2$ is the largest eigenvalue of
-# $M^{-1}K$. Then halve the step several times. If that does not help, either the step is not the cause, or the
+# = -Kx$ with the mass and stiffness matrices $M$ and $K$. Here $\omega_{\max}^2$ is the largest eigenvalue of
+# $M^{-1}K$. Next, halve the step several times. If that does not help, either the step is not the cause, or the
 # integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
@@ -1660,46 +1653,38 @@ figures(
 # %%
 predict("perfect_energy_wrong_momentum")
 # %% [markdown]
-# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>positions go to infinity within a
-# few steps</td> <td>$h$ beyond $2/\omega_{\max}$</td> <td>compare $\omega_{\max}h$ with the table of integrators in
-# section 2</td> <td>smaller step, implicit method, softer contact</td></tr> <tr><td>amplitude grows slowly at
+# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>amplitude grows slowly at
 # <em>every</em> step size</td> <td>explicit Euler or explicit midpoint on an undamped oscillation</td> <td>energy ratio
 # per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint: Verlet or RK4</td></tr>
 # <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
 # $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr> <tr><td>box jitters on the floor
 # for ever</td> <td>gravity adds the speed $gh$ in each step, and each impact turns it upwards</td> <td>count impacts
 # per second</td> <td>impact times and a rest speed, or a contact solver that computes impulses (chapter 2)</td></tr>
-# <tr><td>fast object passes a thin wall</td> <td>$vh$ larger than both thicknesses together (in MuJoCo: than half of
-# that), or a contact that is too soft</td> <td>print $vh/D$; record the depth</td> <td>continuous collision detection;
-# stiffer contact</td></tr> <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not
-# multiplied</td> <td>in a steady spin, compare the angle with $\omega t$ (the length of $q$ shows nothing if $q$ is
-# scaled back)</td> <td>$q\exp(h\omega)$</td></tr> <tr><td>an orientation error jumps by $2\pi$, or a controller turns
-# the long way</td> <td>$q$ compared with $-q$</td> <td>look at the dot product of the two quaternions</td> <td>flip the
-# sign of one if it is negative</td></tr> <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in
-# the world frame</td> <td>body rate multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in
-# the world. Repeat with three equal moments, which have no gyroscopic term, and a start other than $q = 1$. If the
-# error is gone, the sign was wrong; if not, the side of the product</td> <td>$q\exp(h\omega)$ for body rates,
-# $\exp(h\omega)\,q$ for world rates; $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without
-# torque</td> <td>the Euler step computes the gyroscopic term from the old rates</td> <td>plot the kinetic energy over
-# time</td> <td>RK4, implicit midpoint, smaller step</td></tr> <tr><td>joints creep without a command</td> <td>no motor
-# balances gravity, or the engine's friction is soft and slips slowly under load</td> <td>switch gravity off; halve
-# $h$</td> <td>compensate gravity; stiffer friction</td></tr>
+# <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not multiplied</td> <td>in a
+# steady spin, compare the angle with $\omega t$ (the length of $q$ shows nothing if $q$ is scaled back)</td>
+# <td>$q\exp(h\omega)$</td></tr> <tr><td>an orientation error jumps by $2\pi$, or a controller turns the long way</td>
+# <td>$q$ compared with $-q$</td> <td>look at the dot product of the two quaternions</td> <td>flip the sign of one if it
+# is negative</td></tr> <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world
+# frame</td> <td>body rate multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the
+# world. Repeat with three equal moments, which have no gyroscopic term, and a start other than $q = 1$. If the error is
+# gone, the sign was wrong; if not, the side of the product</td> <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$
+# for world rates; $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td>
+# <td>the Euler step computes the gyroscopic term from the old rates</td> <td>plot the kinetic energy over time</td>
+# <td>RK4, implicit midpoint, smaller step</td></tr> <tr><td>joints creep without a command</td> <td>no motor balances
+# gravity, or the engine's friction is soft and slips slowly under load</td> <td>switch gravity off; halve $h$</td>
+# <td>compensate gravity; stiffer friction</td></tr>
 # </table>
 # %%
 predict("drift_of_joints")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases. The check
-# says what is wrong. If it recognises the mistake, it also says why. `check(verlet_step).chart()` draws your correct
-# solution on a work-precision diagram, next to the model solution and MuJoCo. After a pass,
+# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases, which says
+# what is wrong. `check(verlet_step).chart()` draws your correct solution on a work-precision diagram. After a pass,
 # `drills.notebook.solution("verlet")` shows the model solution. In a terminal the same exercise is `drills start
 # verlet` and `drills check verlet`.
 # %% [markdown]
 # ### Velocity Verlet with one evaluation
-#
-# Section 2 has the formula. Here a step may evaluate the force only once, and a step with $-h$ must undo a step with
-# $h$.
 # %%
 card("verlet")
 
@@ -1727,8 +1712,6 @@ check(verlet_step)
 
 # %% [markdown]
 # ### Updating a quaternion
-#
-# The update of section 2, exact for every angle, including zero.
 
 # %%
 card("orientation")
@@ -1755,8 +1738,6 @@ check(update_orientation)
 
 # %% [markdown]
 # ### Bouncing at the time of impact
-#
-# Section 2 shows what a bounce at the end of the step does. Find the time of impact instead.
 
 # %%
 card("bounce")
@@ -1871,8 +1852,7 @@ for side in ("right", "left"):
     )
 
 # %% [markdown]
-# Now find the bug in the next exercise. The debugging table lists its symptom, two possible causes, and an experiment
-# that distinguishes them.
+# Now find the bug in the next exercise. The debugging table helps.
 
 # %%
 card("tumble")
@@ -1927,8 +1907,7 @@ check(tumble)
 # ### Formulas
 #
 # The largest stable step of RK4 on an undamped spring of angular frequency $\omega$, and that of semi-implicit Euler on
-# a mass $m$ with a spring $k$: <span class="kernel-only">replace the text in quotes.</span> The check is symbolic, so
-# any equivalent form counts. If your formula is wrong, you get values for which it differs.
+# a mass $m$ with a spring $k$: <span class="kernel-only">replace the text in quotes.</span> Any equivalent form counts.
 
 # %%
 answer("rk4_limit", "2/omega")
@@ -1937,19 +1916,23 @@ answer("rk4_limit", "2/omega")
 answer("semi_implicit_limit", "sqrt(m/k)")
 
 # %% [markdown]
-# Others to try: `explicit_energy_factor` (energy after one step divided by the energy before, in `omega` and `h`),
-# `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
+# <details><summary>Others to try</summary>
+#
+# `explicit_energy_factor` (energy after one step divided by the energy before, in `omega` and `h`), `top_condition`
+# (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
+#
+# </details>
 #
 # ## 9 · Frontier: differentiable simulation
 #
 # ### Gradients of a whole simulation
 #
-# You recorded how a real block slides, and you look for the friction coefficient with which your simulator reproduces
-# the recording. If you knew the *derivative* of the error with respect to each parameter, you could follow it downhill
-# instead of trying many values.
+# You recorded how a real block slides. With which friction coefficient does your simulator reproduce the recording? If
+# you knew the *derivative* of the error with respect to each parameter, you could follow it downhill instead of trying
+# many values.
 #
 # **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a
-# long chain of simple operations, and the chain rule applies. **Reverse mode** (also called backpropagation or the
+# long chain of simple operations, so the chain rule applies. **Reverse mode** (also called backpropagation or the
 # adjoint method) runs the simulation once forward, stores its states, and goes through them once backward. It returns
 # the derivatives of one number, such as the error, with respect to *all* parameters, at the cost of a few runs.
 #
@@ -1990,9 +1973,15 @@ print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[
 # Before the impacts, the distance between the two curves is the difference of the drop heights, so the derivative with
 # respect to the drop height $H$ is 1. At the impact it jumps to $-e$. Why? A ball from the height $H + dH$ lands later
 # by $dH/v$, where $v$ is the impact speed. In this time the first ball rises by $e\,v\,(dH/v) = e\,dH$. So when the
-# second ball lands, it is $e\,dH$ *below* the first. After the impact at $t_1 = \sqrt{2H/g}$ the height is
-# $e\,v\,(t-t_1) - \tfrac12 g\,(t-t_1)^2$ with $v = \sqrt{2gH}$. Its derivative with respect to $H$ starts at $-e$ and
-# increases by $(1+e)\,g/v$ per second.
+# second ball lands, it is $e\,dH$ *below* the first.
+#
+# <details><summary>Derive it: the derivative after the impact</summary>
+#
+# After the impact at $t_1 = \sqrt{2H/g}$ the height is $e\,v\,(t-t_1) - \tfrac12 g\,(t-t_1)^2$ with $v = \sqrt{2gH}$.
+# Its derivative with respect to $H$ starts at $-e$ and increases by $(1+e)\,g/v$ per second. Hu et al. (2020) correct
+# the gradient with the time of impact. Suh et al. (2022) show how such errors affect training with gradients.
+#
+# </details>
 #
 # A program with fixed steps $h$ loses this. Its floor rule sets the height to 0, and the speed at that moment is $gh$
 # times the number of steps. So after the bounce only this *number of steps* depends on the drop height. It is an
@@ -2016,9 +2005,6 @@ for dt in (1e-2, 1e-3):
         f"fixed steps of {1e3 * dt:4.0f} ms:       {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
 # %% [markdown]
-# Hu et al. (2020) correct the gradient with the time of impact. Suh et al. (2022) show how such errors affect training
-# with gradients.
-#
 # ### What a recording can tell
 #
 # The course has a small differentiable simulator in PyTorch. It computes the impact times, so their derivatives are
@@ -2041,8 +2027,8 @@ predict("what_a_drop_tells")
 # You can check this before you optimise. Collect the derivatives of all recorded positions with respect to the
 # parameters in one matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves
 # no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move
-# under a push gives only a lower *bound* for the friction, push divided by weight. Here it is 2 N divided by the weight
-# of 1.3 kg. A longer recording does not help:
+# under a push gives only a lower *bound* for the friction: the push divided by the weight, here 2 N by that of 1.3 kg.
+# A longer recording does not help:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),
@@ -2092,6 +2078,6 @@ interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five random questions on this chapter. Another `seed` chooses others.
+# Five random questions on this chapter.
 # %%
 checkpoint("rigid_body", ["", "", "", "", ""], seed=1)
