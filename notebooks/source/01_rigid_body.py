@@ -118,7 +118,7 @@ plt.show()
 # | a unit **quaternion**, explained below | 4 | 13 | one constraint, length 1; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
 #
-# Engines call the six degrees of freedom of an unattached body a *free joint*.
+# Engines call the six degrees of freedom of a free body a *free joint*.
 # %%
 more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
@@ -299,14 +299,14 @@ lowest = [
 print("lowest component of L along the axis of the spin, in 40 s:")
 print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # %% [markdown]
-# How fast does the unstable disturbance grow? Let the body spin with $\Omega$ about its middle axis, $I_1 < I_2 < I_3$.
-# A small disturbance grows like $e^{\sigma t}$ with
+# How fast does the unstable disturbance grow? Let the body spin at the rate $\Omega$ about its middle axis, with
+# moments $I_1 < I_2 < I_3$. A small disturbance grows like $e^{\sigma t}$ with
 #
 # $$\sigma = \Omega\,\sqrt{\frac{(I_2-I_1)(I_3-I_2)}{I_1\,I_3}} .$$
 #
 # **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
 # other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 in units of $10^{-3}$ kg m². The root is
-# $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every
+# $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor 2.72 every
 # $1/5.3 = 0.19$ s. If the spin starts one degree off the middle axis, the brick has turned half over after about one
 # second, and completely after two.
 #
@@ -433,8 +433,8 @@ more_claims(
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
 # A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the *rotation
-# vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$; note that it halves the angle. Its
-# inverse is the logarithm, $\log q = \alpha n$.
+# vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. It halves the angle. Its inverse is
+# the logarithm, $\log q = \alpha n$.
 #
 # To rotate first by $q$ and then by $p$, both about axes fixed in space, multiply: $p\,q$ (*Hamilton's product*). With
 # the scalar part $w$ and the vector part $u = (x,y,z)$ it is
@@ -460,7 +460,7 @@ simulation("double_cover")
 # Before you subtract or interpolate two quaternions, make their signs agree: if the dot product is negative, flip the
 # sign of one of them. Otherwise a **controller**, the program that commands the motors, may order a turn of nearly 360
 # degrees for an error of nearly zero. The rotation between the two has the angle $4\arcsin(\lvert q - p\rvert/2)$. This
-# formula stays accurate for small angles.
+# is accurate for small angles, too.
 #
 # **SLERP**, spherical linear interpolation, turns from one orientation to another at a constant rate, along the arc
 # between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. If you mix the four numbers linearly and
@@ -503,9 +503,9 @@ more_claims("quaternion_is_unique")
 # ### Explicit and semi-implicit Euler
 #
 # The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state by
-# one time step $h$ (`dt` in code). Write $q$ for all position coordinates, $v$ for the velocity, $a$ for the
-# acceleration at $q$, and a prime for values after the step. The obvious method uses only values that are known at the
-# start of the step. **Explicit Euler** does this:
+# one time step $h$ (`dt` in code). Write $q$ for all position coordinates, orientations included, $v$ for the velocity,
+# $a$ for the acceleration at $q$, and a prime for values after the step. The obvious method uses only values that are
+# known at the start of the step. **Explicit Euler** does this:
 #
 # $$q' = q + h\,v, \qquad v' = v + h\,a .$$
 #
@@ -575,11 +575,11 @@ predict("spring_and_step")
 # %%
 simulation("spring")
 # %% [markdown]
-# The determinant of $A$ is 1, so the two eigenvalues multiply to 1. While they are complex, they form a conjugate pair
-# on the unit circle: the motion oscillates. Their sum is the trace of $A$, $2-(\omega h)^2$. At $\omega h = 2$ the
-# trace is $-2$, and both eigenvalues are $-1$. Beyond this value they are real, $\lambda$ and $1/\lambda$, and one of
-# them lies outside the circle: the motion explodes. For explicit Euler the eigenvalues are $1\pm i\omega h$, which lie
-# outside the circle for every step:
+# (A later section explains the coloured patch.) The determinant of $A$ is 1, so the product of the two eigenvalues is
+# 1. While they are complex, they form a conjugate pair on the unit circle: the motion oscillates. Their sum is the
+# trace of $A$, $2-(\omega h)^2$. At $\omega h = 2$ the trace is $-2$, and both eigenvalues are $-1$. Beyond this value
+# they are real, $\lambda$ and $1/\lambda$, and one of them lies outside the circle: the motion explodes. For explicit
+# Euler the eigenvalues are $1\pm i\omega h$, which lie outside the circle for every step:
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(8, 4.2), layout="constrained")
 axes_.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1)
@@ -722,14 +722,14 @@ more_claims(
 #
 # Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start not with one state but
 # with a patch of them, for example all states within a small circle. As time passes, each state moves, so the patch
-# moves too and changes its shape. Liouville's theorem says that without friction its area does not change. If a step of
-# an integrator leaves the area of every patch unchanged, the integrator is called **symplectic**. (With more than one
-# degree of freedom, the definition asks for more.) For forces that depend on positions alone, semi-implicit Euler has
-# this property, so it is also called symplectic Euler.
+# moves too and changes its shape. Liouville's theorem says that without friction its area does not change. With one
+# degree of freedom, an integrator is called **symplectic** if its step leaves the area of every patch unchanged. For
+# forces that depend on positions alone, semi-implicit Euler has this property, so it is also called symplectic Euler.
 #
-# Explicit Euler lacks it. On a spring each step enlarges the patch, which spreads to ever higher energies. RK4 shrinks
-# the patch, very slowly. The picture shows a patch of pendulum states under three integrators. Its vertical axis is the
-# angular velocity, which is proportional to the momentum. Grey lines have constant energy, and the numbers count steps:
+# Explicit Euler does not preserve area. On a spring each step enlarges the patch, which spreads to ever higher
+# energies. RK4 shrinks the patch, very slowly. The picture shows a patch of pendulum states under three integrators.
+# Its vertical axis is the angular velocity, which is proportional to the momentum. Grey lines have constant energy, and
+# the numbers count steps:
 # %% tags=["hide-code"]
 figure_, panels = plt.subplots(1, 3, figsize=(11, 3.6), sharey=True, layout="constrained")
 h, shots = 0.35, (0, 3, 6, 9)
@@ -797,8 +797,9 @@ show("area_preserved")
 show("symplectic_conserves_energy")
 # %% [markdown]
 # A symplectic method promises neither an exact energy nor the right period. Beyond its stability limit, if it has one,
-# it still explodes: each step stretches the patch in one direction and squeezes it in the other. Friction, other forces
-# that depend on velocity, and most adaptive step sizes end the guarantee.
+# it still explodes: each step stretches the patch in one direction and squeezes it in the other. The energy error is
+# also no longer bounded with friction, with other forces that depend on velocity, and with most step sizes that adapt
+# to the motion.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -986,7 +987,7 @@ more_claims(
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. The drawing shows the
 # order of its seven tasks (*rendering* draws an image for the screen) and three of their rates. The physics step is
-# fixed, and the loop counts physics steps to decide when the other tasks are due:
+# fixed. From the number of steps so far, the loop knows which other tasks are due:
 # %% tags=["hide-code"]
 figure_, (order_, axes_) = plt.subplots(
     2, 1, figsize=(10, 4.0), height_ratios=(1.0, 2.2), layout="constrained"
@@ -1165,10 +1166,10 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# If you average the four like ordinary vectors, the method has only order 2. Two cross products, `bracket` in the code,
-# restore order 4 (Munthe-Kaas and Owren 1999). One corrects the rotation before the third evaluation, the other the
-# average. For ordinary coordinates both are zero, and the code is the RK4 of section 2 (`_along` adds a multiple,
-# `_mean` averages):
+# If you average the four like ordinary vectors, the method has only order 2. Two cross products (`bracket` in the code,
+# *commutator* in its comments) restore order 4 (Munthe-Kaas and Owren 1999). One corrects the rotation before the third
+# evaluation, the other the average. For ordinary coordinates both are zero, and the code is the RK4 of section 2
+# (`_along` adds a multiple, `_mean` averages):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
@@ -1188,8 +1189,8 @@ for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalise
     error, by_energy, by_momentum = (f"{x:.0e}" if x > 1e-11 else "<1e-11" for x in numbers)
     print(f"{name:<20} {error:>12} {by_energy:>17} {by_momentum:>12}")
 # %% [markdown]
-# The drifts are relative. `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to length one
-# after each step.
+# The drifts are relative to the start. `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to
+# length one after each step.
 # %%
 more_claims("rotation_stages_add")
 # %% [markdown]
@@ -1231,9 +1232,9 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# This is the box of the first screen with all controls. The dashed path is the same box with very small steps. The
-# paths separate because each impact enlarges small differences. An impact slower than the *rest speed* ends the
-# bouncing. *Steps not resolved* counts steps with more impacts than the solver may process.
+# The dashed path is the same box with very small steps. The paths separate because each impact enlarges small
+# differences. An impact slower than the *rest speed* ends the bouncing. *Steps not resolved* counts steps with more
+# impacts than the solver may process.
 #
 # Predict each preset before you choose it:
 #
@@ -1261,8 +1262,8 @@ simulation("bouncing_box")
 # A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
 # horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
 # logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order. The problem here is a
-# double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. Other
-# programs disturb the measured times:
+# double pendulum. Drag the tolerance line. The circle marks the cheapest run. Other programs disturb the measured
+# times:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1277,7 +1278,7 @@ TradeOff(result)
 
 # %% [markdown]
 # The buttons switch on the other methods, MuJoCo's among them. On this problem, MuJoCo's `Euler` and `RK4` have the
-# same errors as our two methods. Their steps take longer, because a general engine does more in each step.
+# same errors as ours. Their steps take longer, because a general engine does more per step.
 #
 # You can add an integrator of your own. It runs as plain Python, so compare it in the left panel, which counts
 # evaluations:
@@ -1402,8 +1403,8 @@ figures(
 # %% [markdown]
 # ### Which integrator to choose
 #
-# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`. The contacts set the step, and
-#   their error is of first order anyway.
+# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`. The contacts decide the step
+#   size, and their error is of first order anyway.
 # * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. On the double pendulum and on
 #   the satellite it needed the fewest evaluations.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler (forces at the
@@ -1456,7 +1457,7 @@ figures(
 # %%
 show("mujoco_rk4")
 # %% [markdown]
-# MuJoCo's `discrete` survives every step, but it damps and slows down a spring that has no damper:
+# MuJoCo's `discrete` is stable at every step size, but it damps and slows down a spring that has no damper:
 #
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
 # %%
@@ -1513,8 +1514,8 @@ print(
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** An impact that the step does not resolve makes every method first order at best. Then a cheap, stable
-# method is usually the right choice.
+# **Key insight.** If a step does not find the time of an impact, every method is first order at best. Then a cheap,
+# stable method is usually the right choice.
 #
 # </div>
 # %%
@@ -1637,7 +1638,7 @@ figures(
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the relative travel per step, $vh$, with the *sum* of
+# **Debugging tip.** *Objects pass through each other.* Compare their relative travel per step, $vh$, with the *sum* of
 # both thicknesses, in MuJoCo with half of it. If $vh$ is larger, use continuous collision detection (in MuJoCo the
 # `speculative` flag, together with a stiffer contact). If $vh$ is much smaller, either collisions between the two
 # objects are switched off, or the contact is too soft.
@@ -1936,9 +1937,9 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # adjoint method) runs the simulation once forward, stores its states, and goes through them once backward. It returns
 # the derivatives of one number, such as the error, with respect to *all* parameters, at the cost of a few runs.
 #
-# But impacts are a problem. Drop a ball from rest, at the height $H$. Its bounce depends on *when* it hits the floor,
-# and a program with fixed steps never computes that time. If the ball is below the floor at the end of a step, the
-# program sets its height to 0 and its velocity $v$ to $-ev$.
+# Now drop a ball from rest, at the height $H$. Its bounce depends on *when* it hits the floor, and a program with fixed
+# steps never computes that time. If the ball is below the floor at the end of a step, the program sets its height to 0
+# and its velocity $v$ to $-ev$.
 # %%
 predict("gradient_through_an_impact")
 # %% tags=["hide-code"]
