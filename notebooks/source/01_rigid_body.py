@@ -20,9 +20,8 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# The menu offers **presets**, prepared settings. Choose the second (*explicit Euler* uses the old velocity) and then
-# the third (*semi-implicit Euler* uses the new one). In both, impacts are exact and lose no energy, so every change of
-# energy is an error of the flight.
+# The menu offers **presets**, prepared settings. Choose the second (old velocity) and then the third (new velocity). In
+# both, impacts are exact and lose no energy, so every change of energy is an error of the flight.
 #
 # **After this chapter you can** write the equations of motion of a rigid body; store and update an orientation without
 # drift; choose an integrator, the method that computes a time step, by its error for a given cost; predict the largest
@@ -68,10 +67,10 @@ def source(*functions):
 # ### How many numbers describe a rigid body?
 #
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
-# about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
-# alone does not say where the body goes next: Newton's law gives only accelerations, so you also need the six
-# velocities. The **state** is all that you need to predict the motion, if the forces are known. Here it is pose and
-# velocities: twelve numbers.
+# about three, so it has six **degrees of freedom** (in engines, a *free joint*). Position and orientation together are
+# called the **pose**. A pose alone does not say where the body goes next: Newton's law gives only accelerations, so you
+# also need the six velocities. The **state** is all that you need to predict the motion, if the forces are known. Here
+# it is pose and velocities: twelve numbers.
 # %% tags=["hide-code"]
 corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 edges = [(a, b) for a in range(8) for b in range(a) if np.sum(corner[a] != corner[b]) == 1]
@@ -117,8 +116,6 @@ plt.show()
 # | three successive rotation angles, the **Euler angles** | 3 | 12 | singular at some orientations |
 # | a unit **quaternion**, explained below | 4 | 13 | one constraint, length 1; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
-#
-# Engines call the six degrees of freedom of a free body a *free joint*.
 # %%
 more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
@@ -1539,13 +1536,15 @@ simulation("tunnelling")
 # $$P = 1 - \frac{D}{v\,h}, \qquad v\,h > D .$$
 #
 # **Worked example.** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100 mm
-# per step, and $D$ = 50 mm: it passes unnoticed half of the time. If contacts are hard, the remedy is **continuous
-# collision detection**: test the whole motion between two steps, or compute the time of impact.
+# per step, and $D$ = 50 mm: it passes unnoticed half of the time.
+# For hard contacts the remedy is **continuous collision detection**: test the whole motion between two steps, or
+# compute the time of impact.
 #
 # There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
 # step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens at
 # the penetration $D/2$. In the chart, $b$ is the length of the path on which an overlap, if the program notices it,
-# still sends the ball back. It is $D$ in our model and $D/2$ in MuJoCo:
+# still sends the ball back. It is $D$ in our model and $D/2$ in MuJoCo. The dashed curve shows MuJoCo if it sent the
+# ball back at every overlap:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
