@@ -114,7 +114,7 @@ def mended_parameter(result):
 def trials_to_tell(result):
     import sympy
 
-    from course.sim_to_real import trials
+    from course.measure.success import trials
 
     z, p, d, n = sympy.symbols("z p d n", positive=True)
     # Two-sample test: the variance of a difference of two rates is 2 p (1 - p) / n.
