@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any, TypeVar
 
 import numpy as np
@@ -248,14 +249,12 @@ def trials(
         ValueError: for equal rates, for a number out of its range, and for a share of common
             successes that the two rates don't allow.
     """
-    from scipy.special import ndtri
-
     p1, p2 = finite("first", first, 0.0, 1.0), finite("second", second, 0.0, 1.0)
     if p1 == p2:
         raise invalid("second", second, f"a rate other than the first, {first}")
     # Normal quantiles of the significance level (two-sided) and of the power.
-    z_level = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
-    z_power = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9)))
+    z_level = NormalDist().inv_cdf(1.0 - 0.5 * finite("level", level, 1e-9, 0.5))
+    z_power = NormalDist().inv_cdf(finite("power", power, 0.5, 1.0 - 1e-9))
     difference = abs(p1 - p2)
     # Variances of the difference in one trial: if the rates are equal, and if they are as given.
     if together is None:
