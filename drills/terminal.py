@@ -113,7 +113,7 @@ class Terminal:
                     _write(sys.stdout, "\x1b[A\x1b[2K", True)  # the text goes on in its place
                 if typed:
                     # It was meant for a prompt that had not come yet, which may ask for a mark.
-                    note = f"({ascii(typed[:30])} was not used: type it again at the next prompt.)"
+                    note = f"({typed[:30]!a} was not used: type it again at the next prompt.)"
                     _write(sys.stdout, note + "\n", self.unicode)
                     self._rows = 1
             _write(sys.stdout, line + "\n", self.unicode)
