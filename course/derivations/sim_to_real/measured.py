@@ -539,9 +539,10 @@ def camera_off(result):
 
 @claim(
     "Several differences together cost the sum of what each costs alone.",
-    "On one set of tasks at gap 1 the load costs {load:.0%} of the reaches and the motor {motor:.1%}; together they "
-    "cost {pair:.0%}. At gap {near} with {late_ms:.0f} ms the load costs {light:.0%} and the delay "
-    "{delay:.0%}; together they cost {both:.0%}, because a heavier arm tolerates a later command.",
+    "On one set of tasks at gap 1 the load costs {load:.0%} of the reaches and the motor "
+    "{motor:.1%}; together they cost {pair:.0%}. At gap {near} with {late_ms:.0f} ms the load "
+    "costs {light:.0%} and the delay {delay:.0%}; together they cost {both:.0%}, because a heavier "
+    "arm tolerates a later command.",
 )
 def losses_add(result):
     from course.sim_to_real import mended, real, recorded, rollouts, tasks
