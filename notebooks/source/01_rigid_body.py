@@ -277,17 +277,17 @@ for row, start, colour in (
         time,
         momentum_path(start, 4000)[:, row],
         color=colour,
-        label=f"spin about axis {row + 1}",
+        label=f"axis {row + 1}",
         lw=5 if row == 0 else 1.8,  # axes 1 and 3 give the same line
         alpha=0.4 if row == 0 else 1,
     )
 right.set(
     xlabel="time [s]",
     ylabel="component of $L$ along that axis",
-    ylim=(-1.2, 1.4),
+    ylim=(-1.2, 1.2),
     title="|L| = 1 N m s, disturbance of 2 %",
 )
-right.legend(loc="upper right", ncols=3, fontsize=9)
+right.legend(loc="center right", title="spin about", fontsize=9)
 plt.show()
 lowest = [
     momentum_path(start, 4000)[:, row].min()
@@ -613,7 +613,7 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# With the highest frequency $\omega_{\max}$ among the modes,
+# Let $\omega_{\max}$ be the highest frequency among the modes. The step is stable if
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} \;}\qquad\text{for one mass on one spring:}\quad h < 2\sqrt{\frac{m}{k}}.$$
 #
@@ -1066,9 +1066,9 @@ figures(
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts the program. An
 #   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics never
 #   reads the clock. So with the same inputs at the same steps, two runs on one machine give the same result.
-# * **Interpolation.** The time left in the accumulator, divided by $h$, is the weight of the newer of the last two
-#   states in an image; the older one gets the rest. If you draw the latest state instead, each image is too old by a
-#   different part of a step, and the motion looks jerky.
+# * **Interpolation.** An image mixes the last two states. The weight of the newer one is the time left in the
+#   accumulator, divided by $h$. If you draw the latest state instead, each image is too old by a different part of a
+#   step, and the motion looks jerky.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add 0.001 s millions of times, the
 #   rounding errors add up too. Then two clocks in the same program may assign an event to different steps.
 # %% tags=["hide-code"]
@@ -1430,8 +1430,8 @@ predict("damping_and_the_limit")
 #
 # **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of the
 # undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table shows the largest $\omega h$ (`omega dt`) at which the
-# amplitude did not grow in our measurement. The values agree with the theory to better than 0.1 %. For `discrete`,
-# *none* means that every step was stable.
+# amplitude did not grow in our measurement. The values agree with the theory to better than 0.1 % (a few lie just above
+# it). For `discrete`, *none* means that every step was stable.
 # %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
@@ -1542,9 +1542,8 @@ simulation("tunnelling")
 #
 # There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
 # step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens at
-# the penetration $D/2$. In the chart, $b$ is the length of the path on which an overlap, if the program notices it,
-# still sends the ball back. It is $D$ in our model and $D/2$ in MuJoCo. The dashed curve shows MuJoCo if it sent the
-# ball back at every overlap:
+# the penetration $D/2$. An overlap sends the ball back only up to a depth $b$, which is $D$ in our model and $D/2$ in
+# MuJoCo. The dashed curve in the chart would be right for MuJoCo if its $b$ were $D$:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
@@ -2027,8 +2026,8 @@ predict("what_a_drop_tells")
 # You can check this before you optimise. Collect the derivatives of all recorded positions with respect to the
 # parameters in one matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves
 # no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move
-# under a push gives only a lower *bound* for the friction: the push divided by the weight, here 2 N by that of 1.3 kg.
-# A longer recording does not help:
+# under a push gives only a lower *bound* for the friction: the push divided by the weight, here 2 N divided by the
+# weight of 1.3 kg. A longer recording does not help:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),
