@@ -169,7 +169,8 @@ def polling_makes_fresh(result):
     "which is fresh. Averaged over all phases, a planner that starts again as soon as it is free "
     "makes the mean age {free_ms:.0f} ms, and keeps {free_cores:.1f} cores busy. A planner that "
     "skips makes it {skip_ms:.0f} ms with {skip_cores:.1f} cores. If inputs come regularly and all "
-    "executions take equally long, skipping was never older at {ratios:.0f} ratios of the two times.",
+    "executions take equally long, skipping was never older at {ratios:.0f} ratios of the two "
+    "times.",
 )
 def start_when_free(result):
     from dataclasses import replace
