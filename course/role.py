@@ -292,18 +292,33 @@ def load(stages: Sequence[Stage]) -> float:
 def spend(stages: Sequence[Stage]) -> list[Option]:
     """Return what each change of one stage would save, best per core first.
 
-    Twice the rate, a start on arrival (or once free), parallel workers where starts are lost, the
-    newest value of a queue. What overloads a stage or breaks a hard deadline is left out.
+    Twice the rate, with more workers where an execution is longer than that; a start on arrival, by
+    each rule where that is overload; parallel workers where starts are lost; the newest value of a
+    queue. What overloads a stage or breaks a hard deadline is left out.
     """
+    links = _links(stages)
     before, busy, result = age(stages).mean, load(stages), []
     for k, stage in enumerate(stages):
-        T, rule = stage.period, stage.overload
+        T, rule, longest = stage.period, stage.overload, stage.execution + stage.jitter
         changes: dict[str, Any] = {
-            "twice the rate": T and {"period": T / 2.0},
-            "on arrival": T and k and {"period": None, "depth": 1, "overload": rule or "queue"},
             "pipelined": rule == "skip" and {"overload": "pipelined"},
             "newest value": {"depth": 1},
         }
+        if T:
+            more = longest > T / 2.0
+            changes["twice the rate" + ", more workers" * more] = {
+                "period": T / 2.0,
+                "overload": "pipelined" if more else rule,
+            }
+        if T and k:
+            # A stage that its input would overload needs a rule, and the rules differ.
+            over = longest > links[k - 1][0] * (1.0 + 1e-9)
+            for start in ("skip", "queue", "pipelined") if over else ("",):
+                changes["on arrival" + f": {start}" * over] = {
+                    "period": None,
+                    "depth": 1,
+                    "overload": start,
+                }
         for change, fields in changes.items():
             try:
                 chain = (*stages[:k], replace(stage, **fields or {}), *stages[k + 1 :])

@@ -162,6 +162,53 @@ def polling_makes_fresh(result):
 
 
 @claim(
+    "With one worker, a stage that is slower than its input has the youngest results if it starts "
+    "again as soon as it is free, with the newest input.",
+    "That input has already waited, {wait_ms:.0f} ms on average in this chapter's chain. It is "
+    "better to skip the inputs that come while the stage is busy, and to start with the next one, "
+    "which is fresh. Averaged over all phases, a planner that starts again as soon as it is free "
+    "makes the mean age {free_ms:.0f} ms, and keeps {free_cores:.1f} cores busy. A planner that "
+    "skips makes it {skip_ms:.0f} ms with {skip_cores:.1f} cores. If inputs come regularly and all "
+    "executions take equally long, skipping was never older at {ratios:.0f} ratios of the two "
+    "times.",
+)
+def start_when_free(result):
+    from dataclasses import replace
+
+    from course.role import CHAIN, Stage, age, load, simulate
+
+    see, plan, act = CHAIN
+    chains = {
+        rule: (see, replace(plan, period=None, overload=rule), act) for rule in ("skip", "queue")
+    }
+    for rule, name in (("skip", "skip"), ("queue", "free")):
+        result.measure(f"{name}_ms", 1000 * age(chains[rule]).mean)
+        result.measure(f"{name}_cores", load(chains[rule]) - load([see]) - 0.2)
+    result.measure("wait_ms", 1000 * age(chains["queue"]).waits[0])
+
+    def observed(rule, execution, depth=1):
+        """Return the mean age of a slow stage's result behind a camera of one second [s]."""
+        camera, slow = Stage("camera", 1e-6, 1.0), Stage("slow", execution, None, depth, rule)
+        run = simulate([camera, slow], [0.0, 0.0], 0, 1300.0)
+        return run.age(np.linspace(50.0, 1250.0, 200_003)).mean()
+
+    # Of execution and interval: random ones, and small fractions, at which the waits repeat.
+    n = int(result.input("ratios", 30))
+    drawn = np.append(result.rng.uniform(1.02, 4.0, n - 10), np.round(np.linspace(1.1, 3.8, 10), 1))
+    skipped, free = (np.array([observed(rule, x) for x in drawn]) for rule in ("skip", "queue"))
+    result.statement = "Mean ages of both rules by event simulation, at many ratios."
+    result.statement_holds(np.all(free < skipped))
+    expected = 0.5 + 1.5 * drawn[: n - 10]
+    result.correction_holds(
+        np.all(skipped <= free + 0.01),
+        np.mean(free - skipped) > 0.1,
+        # The closed forms: a fresh input every ceil(C / T) periods, or half a period of waiting.
+        np.max(np.abs(skipped / (drawn + 0.5 * np.ceil(drawn)) - 1)) < 2e-3,
+        abs(np.mean(free[: n - 10] - expected)) < 0.05,
+    )
+
+
+@claim(
     "If older data never replace newer data, the reaction time of a robot's software and the age "
     "of its data have the same distribution.",
     "An event at time e is answered later than e + x exactly if the command in "
@@ -234,8 +281,8 @@ def long_run_mean(result):
         right(slow, 0.02),
         inside=apart,
         outside=locked + crawling,
-        only_if="no small number of reader periods equals a whole number of producer periods, or "
-        "comes so near one that the phase hardly moves during the run",
+        only_if="the phase between the two clocks takes many values during the run: no small "
+        "number of reader periods may be a whole number of producer periods, or nearly one",
     )
     result.correction_holds(
         np.ptp(low) < 1e-9,
@@ -246,10 +293,11 @@ def long_run_mean(result):
 
 
 @claim(
-    "Two computers with quartz clocks of their own, set to the same rate, run in step.",
-    "The two clocks differ slightly. With a difference of {ppm:.0f} parts in a million the "
-    "age at reading is a sawtooth as high as a period, {high_ms:.1f} ms at {rate_hz:.0f} Hz. One "
-    "tooth takes {formula}, here {beat_s:.0f} s, so a short test on the bench does not show it.",
+    "The clocks of two computers keep the same phase if both are set to the same rate.",
+    "Each computer has a quartz of its own, and the two differ slightly. With a difference "
+    "of {ppm:.0f} parts in a million the age at reading is a sawtooth as high as a period, "
+    "{high_ms:.1f} ms at {rate_hz:.0f} Hz. One tooth takes {formula}, here "
+    "{beat_s:.0f} s, so a short test on the bench does not show it.",
     ask=(
         "Two clocks with period T differ by the relative amount r. After what time has their "
         "phase gone round once?",
@@ -489,14 +537,15 @@ def losses_add_up(result):
 
 
 @claim(
-    "Jitter of the execution times leaves the mean age over all phases as it is, if no result "
+    "Jitter of the execution times does not change the mean age over all phases, if no result "
     "overtakes another and none is skipped.",
-    "A late result comes into force later, but the next one is not later because of it. With "
-    "jitter of {jitter:.0%} of each execution time the mean moved by at most {moved:.1%}. The "
-    "bounds move apart, by {wider_ms:.0f} ms on each side. If parallel workers can overtake one "
-    "another, the mean age falls, because the newest result counts: by {fallen:.0%} with jitter of "
-    "{wild:.0%}. Locked clocks keep one phase, and at some phases jitter moves the mean by "
-    "{locked:.0%}: a result that came just in time then often comes too late.",
+    "A late result makes the data older for a moment, an early one makes them newer, and on "
+    "average both cancel. With jitter of {jitter:.0%} of each execution time the mean moved by at "
+    "most {moved:.1%}. The least age and the bound move apart, by {wider_ms:.0f} ms on each side. "
+    "If parallel workers can overtake one another, the mean age falls, because the newest result "
+    "counts: by {fallen:.0%} with jitter of {wild:.0%}. Locked clocks keep one phase, and at some "
+    "phases jitter moves the mean by {locked:.0%}: a result that came just in time then often "
+    "comes too late.",
 )
 def jitter_leaves_the_mean(result):
     from dataclasses import replace
@@ -540,7 +589,8 @@ def jitter_leaves_the_mean(result):
     "that is {told:.1f} rad/s or {hz:.1f} Hz, although the last stage runs at {rate_hz:.0f} Hz. An "
     "age that swings between 0 and twice its mean A allows less, only 1/A.",
     ask=(
-        "A loop follows x' = -k x(t - A). Below which gain k is it stable?",
+        "A loop integrates its error, which it sees A late: x' = -k x(t - A). An integrator turns "
+        "a swing by a quarter of a cycle. Below which gain k is the loop stable?",
         "k < pi/(2*A)",
         {
             "1/A": "There it oscillates already, but it is still stable.",

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 0 · The role
 #
-# *A robot picks parts from a moving belt, and its gripper closes behind them. Every program on the robot is fast.
-# How old is the picture behind its present motor command?* About {open minutes} minutes of reading, cards and charts.
-# The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
+# *A robot picks parts from a moving belt, and its gripper always closes a little too late. Every program on the robot
+# is fast. How old is the picture behind its present motor command?* About {open minutes} minutes of reading, cards and
+# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
 
 # %%
 from course.cards import predict
@@ -18,10 +18,12 @@ predict("how_old_is_a_command")
 simulation("stack")
 
 # %% [markdown]
+# The blue bars show the ages in a simulated run. A formula predicts the three dashed lines (section 1).
+#
 # **After this chapter you can** draw the software of a robot as a graph, with a rate, a size and a deadline on every
-# arrow; say how old the information behind a motor command is, before anything is built; find the change that makes it
-# younger; and recognise a full queue, locked clocks and drifting clocks in a log. **Know first:** some Python, and what
-# a mean is. Later chapters use linear algebra, derivatives, differential equations and probability.
+# arrow; compute how old the information behind a motor command is, before anything is built; find the change that makes
+# it younger; and recognise a full queue, locked clocks and drifting clocks in a log. **Know first:** some Python, and
+# what a mean is. Later chapters use linear algebra, derivatives, differential equations and probability.
 #
 # ## How this course works
 #
@@ -29,8 +31,8 @@ simulation("stack")
 # subject from five sides: concept, design, code, debugging and frontier. Each section explains an idea, asks about it,
 # and shows the answer.
 #
-# Some cards show a common statement. You judge it: true, false, or true only under a condition. A program checked each
-# of them; `python -m course.derivations 0` runs the checks again. These exercises wait in section 7:
+# Some cards show a statement that you will often hear. You judge it: true, false, or true only under a condition. The
+# command `python -m course.derivations 0` checks these statements. Section 7 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -39,7 +41,6 @@ badges(0)
 
 # %% tags=["hide-code"]
 import inspect
-from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -70,8 +71,8 @@ def table(*rows):
 # %% [markdown]
 # ## 1 · Concept: six boxes and a robot
 #
-# This chapter is about what connects the parts of a robot's software. The simulation above draws it as a graph of six
-# boxes and the robot. Click them to read what goes in and out:
+# This chapter is about the connections between the parts of a robot's software. The simulation above draws them as
+# arrows between six boxes and the robot. Click a box to read what goes in and out:
 #
 # * The **simulation engine** takes torques (turning forces) and returns pictures and **joint
 #   states**, the angles and speeds of the joints. It stands for the robot (chapters 1 to 4).
@@ -81,23 +82,26 @@ def table(*rows):
 #   *covariance* (chapter 7).
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
 # * **Control** turns trajectories and joint states into torques (chapter 6).
-# * **Sim-to-real and learning** turns logs and **episodes**, tries at a task, into parameters and **policies**,
-#   programs that choose the next action (chapters 8 and 9).
+# * **Learning** turns logs and **episodes**, which are tries at a task, into parameters of the simulation and into
+#   **policies**, which are programs that choose the next action. *Sim-to-real* means that such a policy
+#   then runs on the real robot (chapters 8 and 9).
 #
-# An arrow carries samples: so many per second, each of so many bytes. Rate times size is the arrow's **bandwidth**. A
-# depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot 480 \cdot 2 \cdot 30 = 18.4$ million bytes
-# per second.
-#
-# Arrows also differ in what a late sample means. With a **hard deadline** a late sample is a failure, whatever comes
-# after it. With a **soft deadline** a late sample is only worth less.
+# An arrow carries samples, such as pictures. What happens if a sample is late? With a **hard deadline** a late
+# sample is a failure, even if the next one is in time. With a **soft deadline** it is only worth less.
 
 # %%
 predict("never_late")
 
 # %% [markdown]
-# The table lists the arrows with the largest bandwidth. A function of this chapter, `check_stack`, tests the graph:
-# every loop has to pass through the robot or its simulation. If one does not, either an arrow points the wrong way, or
-# two programs wait for each other. (This is a convention of this graph.)
+# A function of this chapter, `check_stack`, tests the drawing: each box has an input and an output, and each loop runs
+# through the robot or its simulation. A loop of programs alone can stop the robot, if each of them waits for another.
+#
+# The rate of an arrow is its number of samples per second, and the size is the number of bytes in each sample. Rate
+# times size is the arrow's **bandwidth**. A depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot
+# 480 \cdot 2 \cdot 30 = 18.4$ million bytes per second.
+#
+# The table lists the arrows with the largest bandwidth. Arrows into a simulation or a log have no deadline, because
+# simulated time can wait, and nobody waits for a log.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -110,10 +114,10 @@ table(
 )
 
 # %% [markdown]
-# Nearly all bytes belong to pictures, nearly all messages to joint states and torques, and only the loop between
-# control and motors has hard deadlines. These three facts decide where the programs run and how they talk to each
-# other. The loop gets a process of its own. The pictures stay on one computer. Everything else can be ordinary
-# messages.
+# The table shows three facts. Nearly all bytes belong to pictures. Nearly all messages are joint states and torques.
+# Only the loop between control and motors has hard deadlines. From these facts follows where the programs run. The
+# joint loop gets a process of its own, which no other program can delay. The pictures stay on one computer, because a
+# network would have to carry nearly all the bytes. All other data can travel as ordinary messages.
 #
 # ### How old is a command?
 #
@@ -121,19 +125,21 @@ table(
 # computed from a picture. The **data age** of the command is the time from the capture of that picture until now. In
 # this time the world has moved on.
 #
-# Each program in this chain is a *stage*. A stage has an **execution time** $C$, from its start to its result. Most
-# stages also have a clock with a **period** $T$, and start whenever the clock ticks. When a stage starts, it takes the
-# newest result of the stage before it.
+# Each program in this chain is a *stage*. A stage has an **execution time** $C$, the time from its start to its result.
+# Most stages also have a clock with a **period** $T$: the clock ticks once per period, and each tick starts the stage.
+# When a stage starts, it takes the newest result of the stage before it.
 #
 # The chain of this chapter has three stages. *Perception* starts with each picture of a camera at 30 Hz and needs 45
-# ms. That is longer than the 33.3 ms between two pictures, so two workers take turns. The *planner* starts 10 times per
-# second and needs 60 ms. The *joint loop* runs at 1,000 Hz and needs 0.2 ms.
+# ms. That is longer than the 33.3 ms between two pictures. So perception has two workers, which take turns: each of
+# them takes every second picture. The *planner* starts 10 times per second and needs 60 ms. The *joint loop* runs at
+# 1,000 Hz and needs 0.2 ms.
 
 # %%
 show("chain_age")
 
 # %% [markdown]
-# The next diagram follows one command back in time, with mean values. Blue is work and orange is waiting:
+# The next diagram shows how the age grows from the capture of the picture, at 0, to the present moment. All values are
+# means. Blue bars are work, and orange bars are waiting:
 
 # %% tags=["hide-code"]
 parts, names = [], []
@@ -141,7 +147,7 @@ for stage, wait in zip(CHAIN, age(CHAIN).waits, strict=True):
     parts += [stage.execution, wait]
     names += [
         f"{stage.name}: work",
-        f"{stage.name}: its result waits {'to be read' if stage.period > 0.001 else 'for the next'}",
+        f"{stage.name}: {'result waits' if stage.period > 0.001 else 'command is in force'}",
     ]
 ends = 1000 * np.cumsum(parts)
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -155,25 +161,30 @@ plt.show()
 # %% tags=["hide-code"]
 report = age(CHAIN)
 table(
-    ("age of the command", "[ms]", "at 0.3 m/s, moved since the picture [mm]"),
+    ("age of the command", "[ms]", "meanwhile a part at 0.3 m/s has moved [mm]"),
     *(
         (name, f"{1000 * value:.1f}", f"{300 * value:.0f}")
         for name, value in (
             ("least", report.least),
             ("mean", report.mean),
-            ("bound", report.greatest),
+            ("bound, which no age exceeds", report.greatest),
         )
     ),
 )
 
 # %% [markdown]
-# **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
-# $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. A part on a belt at 0.3 m/s moves by $0.3 \cdot
-# 172.4 = 52$ mm in this time, and the gripper of the opening question closes behind it.
+# Why half of each period? A reader with a clock of its own comes at a random moment. A result may have come just now,
+# or almost a whole period ago. On average it came half a period ago. In the same way, the last command has been in
+# force for half of its period, on average.
 #
-# Two clocks may start at any shift against each other, their **phase**; 172.4 ms is the mean over all phases.
-# Independent clocks drift, so all phases occur while the robot works. If two clocks never drift, the phase of the start
-# stays, and so the mean differs from one start of the robot to the next (section 6).
+# **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
+# $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
+# by $0.3 \cdot 172.4 = 52$ mm. So the gripper closes 52 mm behind the part.
+#
+# Two clocks do not start at the same moment. The shift between their ticks is their **phase**. Independent clocks
+# **drift**: no clock keeps its rate exactly, so the phase changes slowly and takes all values while the robot works.
+# The 172.4 ms are the mean over all phases. If two clocks never drift, they keep the phase with which they started.
+# Then the mean differs from one start of the robot to the next (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
@@ -191,8 +202,10 @@ table(
 #
 # ### Whose period?
 #
-# Two periods meet at each arrow: that of the stage that produces, and that of the stage that reads. A common reflex is
-# to make the reader faster. Think of a letter box that is filled once a day. You may look into it once an hour.
+# Two stages meet at each arrow: the **producer**, which writes results, and the **reader**, which takes them. Each has
+# a period of its own. If the data are too old, many people first make the reader faster: it *polls* more often, which
+# means that it looks more often for a new result. Think of a letter box that is filled once a day. You look into it
+# once an hour. Are the letters fresher then?
 
 # %%
 show("polling_makes_fresh")
@@ -200,54 +213,67 @@ show("polling_makes_fresh")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Information ages while it is worked on *and while it waits*. At each arrow it waits for half of the
-# interval at which it is produced, on average. The last command ages as well, until the next one replaces it: on
-# average by half of the interval at which it is renewed.
+# **Key insight.** Information ages while it is worked on *and while it waits*. A reader with a clock of its own finds a
+# result that has waited, on average, for half of the *producer's* interval. The last command ages as well, until the
+# next one replaces it. That adds half of the last stage's interval, on average.
 #
 # </div>
 #
 # ### Reaction time
 #
-# Data age looks back from a command. **Reaction time** looks forward: it is the time from an event until the first
-# command that uses a picture taken after the event. Here the event first has to wait for the next picture, and at each
-# arrow a result has to wait for the *reader* to start. So you would expect two different numbers.
+# Data age looks back from a command. **Reaction time** looks forward from an event: it is the time until the first
+# command that uses a picture taken after the event. The event first waits for the next picture. At each arrow the
+# result then waits until the *reader* starts, on average for half of the reader's interval.
 #
-# To test this, let the execution times vary from run to run, which is called **jitter**, and let samples get lost.
-# Jitter can let one of two parallel workers overtake the other. The late result of the older picture is then dropped.
+# So data age counts the intervals of the producers, and reaction time counts those of the readers. For the whole chain,
+# data age counts the intervals of perception, of the planner, and of the joint loop, whose command is in force.
+# Reaction time counts the interval of the camera, and those of the planner and of the joint loop, which read. The
+# camera and perception have the same interval. So both sums have the same three intervals and the same execution times,
+# and both means are equal.
+#
+# Do both times also have the same distribution, which means that each value is equally frequent in both? To test this,
+# let the execution times vary from run to run, which is called **jitter**, and let some results get lost. With jitter,
+# one of two parallel workers can overtake the other. The simulation then drops the late result of the older picture.
 
 # %%
 show("reaction_is_age")
 
 # %% [markdown]
 # Günzel and others (ECRTS 2023) proved that the largest data age equals the largest reaction time, for nearly any way
-# of sharing processors. In practice: log the age, because a time stamp that travels with the data is enough for it.
-# State the requirement as a reaction time, because that is what people mean.
+# in which programs share processors. In practice, log the data age: a time stamp that travels with the data is enough
+# for it. Write requirements as reaction times, because people ask how soon a robot reacts.
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
-# A **latency budget** gives each arrow a share of the age that a task can bear. The **critical path** is the slowest
-# way from the sensor to the motor; its execution and waiting times add up to the age. Time that is saved elsewhere
-# changes nothing.
+# How old may the information be for a given task? A **latency budget** divides this age among the arrows. The
+# **critical path** is the slowest path from the sensor to the motor. The execution and waiting times on it add up to
+# the age. Time that you save on another path does not make the command younger.
 
 # %%
 predict("where_to_spend")
 
 # %% [markdown]
-# What can be changed? Besides a faster clock or a shorter execution there are two other ways to run a stage:
+# A stage can get a faster clock or a shorter execution time. There are two other changes:
 #
-# * A stage that starts **on arrival** of its input has no clock. If it finishes before the next input comes, no input
-#   waits. If it is slower, it starts whenever it is free, with the newest input. If all stages are fast enough, the
-#   only period left in the chain is the camera's: a command is in force until the next picture has passed through.
-# * **Pipelined** workers begin with a new sample before the last one is finished, as two cooks do with two orders.
-#   Results come more often; a single sample takes as long as before.
+# * A stage that starts **on arrival** has no clock. Each new input starts it. So no input waits, as long as the stage
+#   is free when the input comes.
+# * A **pipelined** stage has several workers. One of them begins with a new sample before another has finished the last
+#   one, as two cooks do with two orders. Results come more often; a single sample takes as long as before.
 #
-# A stage that needs longer than the interval at which samples arrive is in **overload**. One worker is then not enough:
-# the stage leaves out samples, or it gets more workers.
-#
-# The price is computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided by
-# interval. The table lists the best changes to our chain (by the formula). Changes that break
-# a hard deadline are not offered. For example, a joint loop that waits for the next plan would be silent for a tenth of
-# a second.
+# A stage is in **overload** if it needs longer than the interval between its inputs. Started on arrival, our planner is
+# in overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses that
+# come while it is busy, and starts with the next one that comes. With *queue* one pose waits, always the newest, and
+# the planner takes it as soon as it is free. Or the planner is pipelined: then it plans for every pose.
+
+# %%
+show("start_when_free")
+
+# %% [markdown]
+# Every change costs computing. **Utilisation** is the share of a core, one processor of the computer, that a stage
+# keeps busy: execution time divided by interval. With several workers it can be above 1. The table lists what each
+# change of one stage saves, computed with the formula of section 1, and how many more cores it needs. The change that
+# saves most per core comes first. Changes that break a hard deadline are not listed. For example, a joint loop that
+# starts when a plan arrives would be silent for a tenth of a second.
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -257,20 +283,28 @@ table(
 )
 
 # %% [markdown]
-# Compare that with what the chain uses now: perception needs 45 ms thirty times per second, the planner 60 ms ten
-# times, the loop 0.2 ms a thousand times. That is $1.35 + 0.6 + 0.2 = 2.15$ cores.
+# Why does the first change save 33 ms? The pose no longer waits for the planner: 16.7 ms less on average. And the
+# planner now starts with every second pose, every 66.7 ms instead of every 100 ms. Half of the difference is another
+# 16.7 ms. A pipelined planner saves even more, 50 ms, but it needs 1.2 more cores.
+#
+# The chain now uses 2.15 cores: perception needs 45 ms thirty times per second, the planner 60 ms ten times, and the
+# loop 0.2 ms a thousand times, $1.35 + 0.6 + 0.2 = 2.15$.
 #
 # ### What is a millisecond worth?
 #
-# With the speed $v$ and the age $A$, a position that is used as it came is wrong by $v A$. If you know the age, you can
-# **predict**: carry the position on at constant velocity. Then only the acceleration $a$ remains, with an error of
-# $\tfrac12 a A^2$. To know the age of every sample, you need its time stamp. Without stamps you can only predict by the
-# mean age, and then the prediction has an additional error, the speed times the scatter of the age (*rms*: root mean
-# square).
+# A part with the speed $v$ has moved by $v A$ if its position is $A$ seconds old. If you use the position as it came,
+# you are wrong by this distance. If you know the age, you can **predict**: you add $v A$ to the old position. The
+# prediction is right if the velocity stays constant. If the part accelerates by $a$, an error of $\tfrac12 a A^2$
+# remains.
 #
-# If a control loop runs through the chain, age costs it stability. A swing at $f$ Hz goes through $f A$ cycles during
-# the delay $A$. The loop lags by the angle $2\pi f A$: it loses *phase*. An answer that comes half a cycle too late
-# drives the swing instead of damping it. Chapter 6 derives how much a loop can afford.
+# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, but the true age
+# is sometimes larger and sometimes smaller. So the prediction has an additional error. Its standard deviation is the
+# speed times the standard deviation of the age.
+#
+# If a control loop uses old data, it can become unstable. Let the arm swing at $f$ Hz. During the delay $A$ the arm
+# goes through $f A$ cycles of its swing. So the answer of the loop comes $f A$ cycles late. As an angle, this **phase
+# lag** is $2\pi f A$. An answer that comes half a cycle late pushes in the wrong direction: it makes the swing larger.
+# Chapter 6 derives how much phase lag a loop can bear.
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -278,29 +312,29 @@ figure_, axes = plt.subplots(figsize=(8, 3.0), layout="constrained")
 for name, row, style in (
     ("used as it came", 0, "-"),
     ("predicted, a = 1 m/s²", 1, "--"),
-    ("predicted without stamps: additional, rms", 2, ":"),
+    ("additional without time stamps (standard deviation)", 2, ":"),
 ):
     _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
-_ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="a mean age of 172 ms")
+_ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="mean age: 172 ms")
 _ = axes.legend()
 plt.show()
 
 # %% tags=["hide-code"]
 paid = cost(report, 0.3, 1.0, bandwidth=1.0)
 table(
-    ("at 0.3 m/s", "error"),
+    ("mean age 172 ms, speed 0.3 m/s", "error"),
     ("used as it came", f"{1000 * paid.held:.0f} mm"),
     ("predicted with each sample's age, a = 1 m/s²", f"{1000 * paid.predicted:.0f} mm"),
-    ("additional in a prediction without stamps", f"{1000 * paid.unstamped:.0f} mm rms"),
-    ("phase that a loop of 1 Hz loses", f"{np.degrees(paid.phase):.0f} degrees"),
+    ("additional without time stamps (standard deviation)", f"{1000 * paid.unstamped:.0f} mm"),
+    ("phase lag of a swing at 1 Hz", f"{np.degrees(paid.phase):.0f} degrees"),
 )
 
 # %% [markdown]
 # ### What the boxes are built with
 #
-# The boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
-# What to do next, and after a failure, is often written as a **behaviour tree**, a tree whose nodes succeed, fail or
-# continue. Which values are read as "the newest", and how old they may be, you have to decide yourself.
+# Most of the boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for
+# planning. A **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a tree
+# whose nodes succeed, fail or continue. None of these programs decides how old a value may be. You have to decide that.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -320,23 +354,23 @@ table(
 #
 # ## 3 · Code: reading, age and reaction
 #
-# Three short functions carry the chapter. `read` says which sample a reader gets from a queue. `age` and `reaction`
-# are methods of the class `Trace`, a recorded run. They are the two definitions of section 1:
+# Three short functions are the core of this chapter. `read` returns which sample a reader gets from a queue. The class
+# `Trace` is a recorded run. Its methods `age` and `reaction` compute the two times of section 1:
 
 # %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
 
 # %% [markdown]
-# A chain is a list of stages. Change one of them, and compare the formula of section 1, the **closed form**, with 300
-# simulated runs, each with random phases. Here the planner starts whenever it is free (rule `queue`, section 6):
+# A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds.
+# Here the planner has no clock. It starts on arrival, with the rule *skip*. The next cell compares the formula of
+# section 1, the **closed form**, with 300 simulated runs, each with random phases:
 
 # %% tags=["show-code"]
 chain = [
     Stage("see", 0.045, 1 / 30, overload="pipelined"),
-    Stage("plan", 0.060),
+    Stage("plan", 0.060, overload="skip"),
     Stage("act", 0.0002, 0.001),
 ]
-chain[1] = replace(chain[1], overload="queue")
 rng = np.random.default_rng(1)
 ages = [
     simulate(chain, rng.random(3), seconds=2.0).age(rng.uniform(0.8, 2.0, 20)) for _ in range(300)
@@ -344,22 +378,22 @@ ages = [
 print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(ages):.1f} ms")
 
 # %% [markdown]
-# The two differ by about 3 ms, and this is not chance. The planner now starts every 60 ms, and pictures come every 33.3
-# ms: five plans take as long as nine pictures. The first plan starts with a pose, and after 300 ms everything repeats.
-# So a pose waits for 0, 6.7, 13.3, 20 or 26.7 ms, which is 13.3 ms on average. The closed form takes half a period of
-# the camera instead, 16.7 ms, because it averages over all waits. So this change saves about 3 ms more than the table
-# of section 2 says. Section 6 comes back to this.
+# The small difference is chance: the runs were observed at 6,000 random moments.
 #
 # ## 4 · The simulation in full
 #
-# Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. In
-# a box it is worked on; on an arrow it is a result that waits. The readout *newest result* is the age of the
-# dot on the arrow that leaves the selected box. The bars are the distribution of all ages in forty seconds, and the
-# dashed lines are the closed form: least, mean and bound. Its clocks run slightly off their rates, so their phase
-# changes all the time. The switch *all clocks from one* keeps it fixed.
+# Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. A
+# dot in a box is being worked on. A dot on an arrow is a result that waits; on the arrow to the robot it is the command
+# in force. The box that you click becomes orange, and
+# its arrows become blue. The readout *newest result* is the age of the newest result that this box has finished.
 #
-# Take the presets one after another, and say what the bars will do before you look. In the preset *Deep queue* samples
-# wait in line, and the reader gets the oldest:
+# The bars show how often each age occurs in about thirty seconds of a run. The dashed lines show the closed form:
+# least, mean and bound. The clocks in this simulation drift, so their phases change all the time. The switch *all
+# clocks from one* stops the drift.
+#
+# Try the presets one after another, and predict the bars before you look. In the preset *Deep queue* the poses wait in
+# a **queue**: a new pose joins at the end, and the planner takes the one at the front. If the queue is full, the pose
+# at the front is dropped:
 
 # %%
 predict("queue_of_ten")
@@ -367,10 +401,11 @@ predict("queue_of_ten")
 # %% [markdown]
 # ## 5 · Speed against accuracy
 #
-# There are two ways to compute a mean age: the closed form, and an event simulation. An event simulation jumps from one
-# start or result of a stage to the next, and we start it with many random phases. How many starts does it need? The
-# chart compares them on this chapter's chain. The reference is an average over a regular grid of phases. The closed
-# form differs from it a little; that is mostly the reference's error.
+# There are two ways to compute a mean age: the closed form and an event simulation. An event is the start or the result
+# of a stage, and an event simulation jumps from one event to the next. We start it many times, with random phases. How
+# many starts does it need? The green points of the chart are 3, 10, 30, 100, 300 and 1,000 starts of this chapter's
+# chain. The reference is the mean over 8,192 phases that are evenly spread. For this chain the closed form is exact. So
+# its blue point shows the small error of the reference.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -378,33 +413,38 @@ predict("queue_of_ten")
 figures(read("age_precision"), "closed form", "1000 random", summary="Times and errors")
 
 # %% [markdown]
-# Each point of the event simulation is the median error of nine repeats, and the band spans the quartiles. It takes a
-# thousand starts until the median is about half a millisecond. But the event simulation can show what happens
-# after *one particular* start, and the closed form can't. Use the formula to design, and the simulation for everything
-# that breaks the formula's assumptions.
+# Each green point is the median error of nine repeats, and the band around it holds the middle half of these errors. At
+# the dotted line the error is 1 ms; in this time a part at 0.3 m/s moves by 0.3 mm.
+# With 1,000 starts the median error is about half a millisecond. The closed form is exact and needs only microseconds,
+# but it gives the mean over all starts. Only the event simulation shows what happens after *one particular* start. Use
+# the formula to design, and the simulation wherever the assumptions of the formula do not hold.
 #
 # ## 6 · Debug: where it fails
 #
 # ### Clocks that are locked
 #
-# The formula averages over all phases between two clocks. That is right if the phases drift through all values while
-# the robot runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks
-# that count the swings of the same quartz never drift against each other.
+# The formula averages over all phases between two clocks. That is right if the phase takes all values while the robot
+# runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks that
+# count the swings of the same quartz never drift against each other. Such clocks are **locked**.
 
 # %%
 show("long_run_mean")
 
 # %% [markdown]
-# On one start of the robot the data are fresh, on the next they are old, and nobody changed the code. The opposite case
-# is two computers, each with a quartz of its own:
+# After one start of the robot the data are fresh. After the next start they are old, although nobody changed the code.
+# Two computers are different, because each has a quartz of its own:
 
 # %%
 show("same_rate_in_step")
 
 # %% [markdown]
-# The chart shows both cases, and two more that follow below. Upper left: with locked clocks the mean depends on the
-# phase (three teeth, because one period of the reader holds three pictures). Upper right: with drifting clocks the age
-# runs through a sawtooth.
+# The chart shows both cases, and two more cases that follow below. The markers are the event simulation, and the black
+# lines are the theory. A camera takes 30 pictures per second.
+#
+# Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
+# The curve has three teeth because three pictures come in one period of the reader. A reader at 9.73 Hz is not locked:
+# its mean stays near $T/2$, half of the camera's period. Upper right: two clocks differ by 100 **ppm**, parts per
+# million. The age rises slowly, falls at once by one period, and rises again.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -414,25 +454,28 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 # %% [markdown]
 # ### Clocks on two computers: what an offset does
 #
-# Time stamps help only if the computers agree on the time. If the camera's computer is 5 ms ahead of the controller,
-# every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All stamps
-# are shifted by the same amount, so the scatter of the ages looks as usual.
+# Time stamps help only if the computers agree on the time. Suppose that the clock of the camera's computer is 5 ms
+# ahead of the controller's clock. Then every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong
+# by $0.3 \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks as usual.
 #
-# Look at the extremes instead. If the execution times are constant and the programs' clocks drift, a long log comes
-# close to both: the least age is the sum of the execution times, the greatest is the bound. If both are off by the same
-# amount, suspect an offset. Jitter moves the extremes, and with locked clocks a log may never come near them; then this
-# test says nothing.
+# Look at the least and the greatest age instead. If the execution times are constant and the programs' clocks drift, a
+# long log comes close to the sum of the execution times and to the bound of section 1. If both ages are too small, or
+# both too large, by the same amount, suspect an offset. This test fails in two cases. Jitter moves the least and the
+# greatest age. With locked clocks the ages may never come near these limits.
 #
-# Computers set their clocks over the network. One asks the other for the time, and notes when the question left and
-# when the answer came. It doesn't know how much of the delay belongs to the way there and how much to the way back,
-# so it assumes that both are equal.
+# Computers set their clocks over the network. One computer sends a question to another, and the other sends an answer.
+# There are four time stamps. The question leaves at $t_0$ and arrives at $t_1$. The answer leaves at $t_2$ and arrives
+# at $t_3$. The first computer's clock makes $t_0$ and $t_3$, the other clock makes $t_1$ and $t_2$. The **round trip**
+# is the time on the network, $(t_3 - t_0) - (t_2 - t_1)$. The first computer doesn't know how long the question
+# travelled and how long the answer travelled. So it assumes that both took half of the round trip. With this
+# assumption it computes the offset between the two clocks, and corrects its own.
 
 # %%
 show("round_trip_sets_a_clock")
 
 # %% [markdown]
-# The drawing shows one exchange. The four stamps are $t_0$ to $t_3$. The delays of the two ways differ, and so the
-# estimated offset is wrong:
+# The drawing shows one exchange. The question travels longer than the answer. So the assumption is wrong, and the
+# corrected clock is wrong, too:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
@@ -447,48 +490,54 @@ for k, (t, speaker) in enumerate(events):
         f"$t_{k}$",
         va="bottom" if speaker else "top",
     )
-_ = axis.text(0.33, 0.5, "slow way there, $d_1$", ha="right")
-_ = axis.text(1.42, 0.5, "fast way back, $d_2$")
-for speaker, name in ((0, "asks"), (1, "answers")):
+_ = axis.text(0.33, 0.5, "question: slow, $d_1$", ha="right")
+_ = axis.text(1.42, 0.5, "answer: fast, $d_2$")
+for speaker, name in ((0, "first computer"), (1, "other computer")):
     _ = axis.hlines(speaker, -0.05, 2.05, color=GREY, lw=0.8, zorder=0)
     _ = axis.text(-0.1, speaker, name, ha="right", va="center")
-_ = axis.set(xlim=(-0.4, 2.1), ylim=(-0.45, 1.45), xlabel="true time", yticks=(), xticks=())
+_ = axis.set(xlim=(-0.55, 2.1), ylim=(-0.45, 1.45), xlabel="true time", yticks=(), xticks=())
 plt.show()
 
 # %% [markdown]
-# **NTP** (Network Time Protocol, RFC 5905) works like this. It takes its stamps in software, so every wait in the
-# operating system looks like network delay. **PTP** (Precision Time Protocol, IEEE 1588) takes them in the network
-# card, and the switches on the way report their own delays. That removes most of the unequal part, if every device on
-# the way takes part. For a camera there is a third way: a **trigger line**, a wire that tells the camera when to
-# expose. The computer that drives the wire knows the time of capture without any network.
+# **NTP** (Network Time Protocol, RFC 5905) works in this way. Software takes its stamps, so a wait in the operating
+# system looks like a delay on the network. **PTP** (Precision Time Protocol, IEEE 1588) takes the stamps in the network
+# card, and the switches of the network report their own delays. So nearly all unequal delays are known, if every device
+# between the two computers supports PTP. For a camera there is a third solution: a **trigger line**, a wire whose
+# signal tells the camera when to expose. The computer that sends the signal knows the time of capture without any
+# network.
 #
-# Ask two questions about each sensor. Which clock made its stamp? And at what moment: at the middle of the exposure, at
-# the end of the readout, or when the driver received the picture? A stamp from the driver makes every picture look
-# younger than it is, by readout and transfer and a part of the exposure.
+# Ask two questions about each sensor. Which clock makes its time stamp? And at which moment: in the middle of the
+# exposure, or when the picture has left the camera's chip, or when a program on the computer has received it? The later
+# the stamp, the younger every picture looks.
 #
-# A third question is about the chain: which mean applies? Independent clocks run through all phases, so over many
-# minutes the mean of section 1 holds. Clocks that are synchronised by PTP or by a trigger keep one phase. Then the mean
-# depends on this phase; the first claim of section 1 has the range for our chain.
+# Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, so over many
+# minutes the mean of section 1 is right. Clocks that PTP or a trigger line synchronises keep one phase, and the mean
+# depends on this phase. For our chain this mean lies between 156 and 188 ms, as the first claim of section 1 reports.
 #
 # ### Queues
 #
 # A reader that is busy cannot take a new sample, so samples wait in a queue. The **queue depth** is the number of
-# samples that fit. If another one arrives, the oldest is dropped. A queue of depth 1 always holds the newest sample.
+# samples that fit. If the queue is full and another sample arrives, the oldest sample is dropped. In a queue of depth
+# 1, a new sample replaces the one that waits.
 
 # %%
 show("deep_queue")
 
 # %% [markdown]
-# In overload every choice costs something. You can skip samples, use several workers, or let a queue drop samples. A
-# queue without a limit is no choice, because the age then grows as long as the robot runs. In the table a camera stage
-# of 5 ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each. The rule *skip* drops what
-# comes while the stage is busy. The rule *queue* starts again with the oldest sample in the queue. The ages are
-# simulated, because these two rates are locked (five runs take as long as nine pictures), so the formula does not
-# apply.
+# What happens in overload if the queue has no limit? Suppose that a sample comes every $T$ and needs the time $C$, and
+# that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind it is only
+# $T$ newer than the one before. So from result to result the age grows by $C - T$, as long as the robot runs.
+#
+# The chart above shows both kinds of queue. Lower right: a queue without a limit. To the right of the dotted line,
+# marked *full*, $C$ is longer than $T$ and the age grows. Lower left: a queue with a limit. A reader at 9.7 Hz is
+# slower than the camera, so the queue is full. A reader at 33 Hz is faster, so the queue is nearly empty.
+#
+# So a stage in overload needs one of the rules of section 2. Each of them has a cost. In the table a camera stage of 5
+# ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each:
 
 # %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)
-rows = [("rule", "queue depth", "mean age behind the second stage's result [ms]", "cores")]
+rows = [("rule", "queue depth", "mean age of the newest result [ms]", "cores")]
 for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
     busy = [camera, Stage("slow", 0.060, None, depth, rule)]
     # 54 s are 1620 pictures and 900 runs of the slow stage: the sampled time has whole cycles.
@@ -498,7 +547,12 @@ for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
 table(*rows)
 
 # %% [markdown]
-# `Stage` refuses an execution time above the period unless you choose one of these rules:
+# With *queue* each picture has already waited when the stage takes it. With *skip* the stage waits, and the picture is
+# fresh. With a deep queue the age is almost four times as large, for the same computing. The ages are simulated,
+# because the formula fails for *queue* here: five runs of the stage take exactly as long as nine pictures, so the same
+# five waits repeat, and their mean is not $T/2$.
+#
+# `Stage` raises an error if the execution time is above the period and no rule is chosen:
 
 # %% tags=["show-code"]
 try:
@@ -509,8 +563,9 @@ except ValueError as refusal:
 # %% [markdown]
 # ### Jitter
 #
-# Execution times vary with the load of the computer and with what the camera sees. Does the mean age suffer? A late
-# result replaces the old one later. But it also stays in force until the next one comes.
+# Execution times vary with the load of the computer and with what the camera sees. Does jitter make the data older on
+# average? If a result is late, the result before it stays in force longer. If a result is early, it replaces the one
+# before it sooner.
 
 # %%
 show("jitter_leaves_the_mean")
@@ -518,14 +573,20 @@ show("jitter_leaves_the_mean")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The arm is late.* Send the capture's time stamp along with every command, and plot the age. A
-# constant age: add up execution times and half intervals. A jump by whole periods at one arrow: a full queue. A slope
-# with jumps: two clocks that drift. Growth without end: overload behind a queue without a limit. Scatter without a
-# pattern: the load of the computer. Ages that are too good: somebody stamps at publishing instead of at capture.
+# **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used for
+# the first time, log the age of its picture. Plot these ages over ten minutes: one point for each plan. Each line names
+# what you can see there, and then the likely cause:
+#
+# * All ages are nearly equal, but different after a restart: locked clocks.
+# * The age rises slowly and falls at once, again and again: clocks that drift.
+# * The age is too large by whole periods of one producer: a full queue.
+# * The age grows without end: overload, and a queue without a limit.
+# * The ages are scattered without a pattern: jitter, or lost samples.
+# * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
 # </div>
 #
-# <details><summary>The same as a table: symptom, cause, test, fix</summary>
+# <details><summary>As a table, with a test and a fix for each cause</summary>
 #
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
@@ -547,13 +608,8 @@ show("jitter_leaves_the_mean")
 #
 # ## 7 · Exercises
 #
-# Four functions and a formula. `check` runs your function on fresh random cases. If something is wrong, it shows the
-# failing call and, where it can, the likely cause.
-
-# %% [markdown]
-# ### How far it moves before it knows
-#
-# A warm-up: latencies become a distance.
+# Four functions and a formula. `check` runs your function on random cases. If a result is wrong, it shows the call and,
+# if it can, the likely cause.
 
 # %%
 card("blind_distance")
@@ -568,11 +624,6 @@ def blind_distance(latencies, period, speed):
 
 
 check(blind_distance)
-
-# %% [markdown]
-# ### How old is a command?
-#
-# The same chain with a clock in each stage.
 
 # %%
 card("chain_age")
@@ -621,9 +672,6 @@ def over_budget(edges, latencies, budgets, start, goal):
 # %%
 check(over_budget)
 
-# %% [markdown]
-# ### Silent bug: a log that looks fresh
-
 # %%
 card("log_age")
 
@@ -663,14 +711,15 @@ answer("deep_queue", "d*T")
 # %% [markdown]
 # ## 8 · What simulation buys
 #
-# Why simulate at all? The usual answer is a table of before and after. Here is a question about such a table.
+# Why simulate at all? The usual answer is a table that compares work without and with simulation. Here is a question
+# about such a table.
 
 # %%
 predict("gold_plated_table")
 
 # %% [markdown]
-# This table stands in the lesson that this course began with. It names no source, so read it as an illustration of what
-# people hope for, and don't repeat its numbers:
+# This is the whole table. It comes from an older lesson, from which this course grew. The lesson names no source, so
+# don't repeat these numbers. They only show what people hope for:
 #
 # | | without simulation | with simulation |
 # |---|---|---|
@@ -678,13 +727,15 @@ predict("gold_plated_table")
 # | a training run | 50,000 dollars | 200 dollars |
 # | iterations a day | 2 or 3 | over 1000 |
 # | damages during development | about 12 | none in simulation, 1 on the robot |
-# | transfer to the robot | not asked | 60 to 90 % |
+# | transfer to the robot | does not apply | 60 to 90 % |
 #
 # What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
 # reset. In simulation it follows from the length of a try, the steps per second and the cost of one step, which chapter
-# 1 measures. Damage grows with the number of tries on the real robot. The next simulation multiplies that number by a
-# rate that you choose, the damages in 1,000 tries. Its axes count powers of ten: 3 stands for 1,000 tries, and $-3$ for
-# a thousandth of a day, about a minute and a half.
+# 1 measures.
+#
+# Each try on the real robot can cause damage. You choose how many of 1,000 tries do so, and the simulation below
+# computes the number of damages to expect. The axes of its picture count powers of ten: 3 means 1,000 tries, and $-3$
+# means a thousandth of a day, about a minute and a half.
 
 # %%
 simulation("development")
@@ -703,8 +754,8 @@ simulation("development")
 #
 # </details>
 #
-# How certain is a success rate? It depends on the number of tries. The table gives Wilson's interval, which holds the
-# true rate in about 95 of 100 such experiments:
+# How certain is a success rate? It depends on the number of tries. The table gives Wilson's interval. If you repeat
+# such an experiment 100 times, about 95 of the intervals contain the true rate:
 
 # %% tags=["hide-code"]
 rows = [("successes", "rate", "95 % interval of the rate")]
@@ -720,11 +771,12 @@ for good, tried in ((13, 15), (87, 100), (8700, 10_000)):
 table(*rows)
 
 # %% [markdown]
-# And what do 20 ms of delay cost a control loop? Phase, in proportion to the frequency that the loop has to follow:
+# And what do 20 ms of delay cost a control loop? The phase lag of section 2 grows in proportion to the frequency of the
+# swing:
 
 # %% tags=["hide-code"]
 table(
-    ("20 ms of delay in a loop of", "phase that it loses"),
+    ("frequency of the swing", "phase lag from 20 ms of delay"),
     *(
         (f"{f:g} Hz", f"{np.degrees(cost(0.020, 0.0, bandwidth=f).phase):.1f} degrees")
         for f in (1.0, 5.0, 20.0)
@@ -734,8 +786,8 @@ table(
 # %% [markdown]
 # ## 9 · Frontier: fewer boxes
 #
-# A learned policy can replace perception and planning at once (chapter 9). It receives pictures and returns a
-# **chunk**, the actions of the next few tenths of a second. What does that do to the age?
+# One learned policy can replace perception and planning (chapter 9). It receives an *observation*, for example a
+# picture, and returns a **chunk**, the actions for the next few tenths of a second. What happens to the data age?
 
 # %%
 predict("one_policy_for_three_boxes")
@@ -749,24 +801,28 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# The arrows between the boxes disappear: there is no pose to look at and no path to check. The graph keeps its ends.
-# The age between them is that of one stage in front of the joint loop. A policy that returns a chunk of actions (Zhao
-# and others, RSS 2023) executes it until the answer to the next observation is there, so the interval of this stage is
-# the time between two observations.
+# The arrows between perception, planning and control disappear. So there is no pose to look at, and no path to check.
+# But a picture still goes in and motor commands still come out. The age between them follows the formula of section 1,
+# with one stage before the joint loop. The robot executes a chunk until the next one arrives, so the interval of this
+# stage is the time between two observations. Zhao and others (RSS 2023) introduced such chunks; they also average
+# chunks that overlap.
 #
-# If inference always takes 80 ms, the chunk has to last as long as this interval: 0.8 s in the last row. If inference
-# times vary, it has to last a little longer. A chunk that is too short leaves a gap without actions.
+# How long does a chunk have to be? If the policy always needs 80 ms, the next chunk arrives one interval after this
+# one. So a chunk has to last one interval, 0.8 s in the last row, if its first action is meant for the moment at which
+# the chunk arrives. If its actions are timed from the observation instead, 80 ms have passed already, and the chunk has
+# to last 80 ms longer. If the computing time varies, add some more. After a chunk that is too short, the robot has no
+# action until the next one arrives.
 #
-# A **digital twin**, a simulation that runs beside the robot and follows its joint states, is one more reader of an
-# arrow, with a data age of its own.
+# A **digital twin** is a simulation that runs beside the robot and follows its joint states. It is one more reader of
+# an arrow, so its data have an age, too.
 #
 # ## 10 · Interview
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *"I built X, which made Y possible. I tested it by simulation Z and ran it on W."* This is a good
-# frame if you put a number behind Y, Z and W and can defend it: what was measured, against what, and how often. Say
-# what it did *not* do before you are asked.
+# frame if you put a number behind Y, Z and W and can defend it: what was measured, compared with what, and how often.
+# Say also what your work did *not* do, before somebody asks.
 #
 # </div>
 #
@@ -778,8 +834,10 @@ table(
     ("X", "I wrote a model of the data age in a picking stack with three stages."),
     (
         "Y",
-        f"It named the change that saves most, by its formula {1000 * max(o.gain for o in options):.0f} "
-        f"of {1000 * age(CHAIN).mean:.0f} ms, before anything was built.",
+        "It showed, before anything was built, which change saves most for each additional core: "
+        "a planner that starts with a fresh pose and skips the poses that come while it is busy. "
+        f"By the formula this saves {1000 * options[0].gain:.0f} of {1000 * age(CHAIN).mean:.0f} "
+        f"ms, for {options[0].load:.1f} more cores.",
     ),
     (
         "Z",
@@ -788,7 +846,8 @@ table(
     ),
     (
         "W",
-        "It has not run on a robot yet; there I would send the capture's stamp with each command.",
+        "It has not run on a robot yet. There I would send the time stamp of the capture along "
+        "with the data.",
     ),
 )
 
@@ -801,8 +860,7 @@ interview("role")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five questions on this chapter, drawn by a seed. Where a gain is asked for: the integral of a swing lags behind it
-# by a quarter of a cycle.
+# Five questions on this chapter, drawn at random.
 
 # %%
 checkpoint("role", ["", "", "", "", ""], seed=1)

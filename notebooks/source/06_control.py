@@ -1,12 +1,13 @@
 # %% [markdown]
 # # 6 · Control
 #
-# *A robot arm moves to a target. It overshoots, creeps back for seconds, or starts to shake. The motor is fine; the
-# rule that turns the measured angle into a torque is not.*
+# *A robot arm moves to a target. It overshoots, stops short, or starts to shake. The motor is fine. The rule that
+# turns the measured angle into a torque is not.*
 #
-# The most common rule is **PID**. It adds three torques: one proportional to the error (gain Kp), one to the error
-# summed over time (Ki), and one to the rate of the error (Kd). Below, it drives one joint to the dashed target. Answer
-# the card first<span class="kernel-only">, run the cells</span>, then press *Play* and drag the target.
+# The most common rule is **PID**. The error is the target minus the measured angle. PID adds three torques: one
+# proportional to the error (gain Kp), one to the error summed over time (Ki), and one to the rate of the error (Kd).
+# Below, it drives one joint to the dashed target. Answer the card first<span class="kernel-only">, run the
+# cells</span>, then press *Play* and drag the target.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -32,15 +33,15 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means within 2 % of the step for good; section 1 explains the other
-# readouts. You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
+# In the simulation, *settled* means that the error stays below 2 % of the step. Section 1 explains the other readouts.
+# You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
 # Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
 # the claim needs a condition that it does not state. Measured numbers come from a cell on this page or from a check
-# that you can run yourself with `python -m course.derivations 6`. The code is the package `course.control`. These
-# exercises wait in section 8:
+# that you can run yourself with `python -m course.derivations 6`. The code is in `course.control`. These are the
+# exercises of section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -135,21 +136,23 @@ _ = axes.axis("off")
 plt.show()
 
 # %% [markdown]
-# PID control adds a torque for the present error, one for the past and one for the trend:
+# In symbols, PID control is
 #
 # $$\boxed{\;\tau = K_p\,e + K_i\int e\,dt + K_d\,\dot e\;}$$
 #
 # * The **P term** acts like a spring to the set-point. $K_p$ is its stiffness, in N m/rad.
-# * The **I term** accumulates past error. It keeps pushing until the error is gone. $K_i$ has the unit N m/(rad s).
+# * The **I term** sums the error over time. It keeps changing until the error is gone. $K_i$ has the unit N m/(rad s).
 # * The **D term** acts like a damper. $K_d$ has the unit N m s/rad.
 #
-# The joint has an inertia $J$ and **viscous friction** $b$, a torque proportional to its speed. With a constant
-# set-point and without the I term the closed loop obeys
+# The joint has an inertia $J$ and **viscous friction**, a torque $b\,\dot q$ against the motion. Our joint has $J$ =
+# 0.5 kg m² and $b$ = 0.5 N m s/rad. With a constant set-point and without the I term, joint and controller together
+# obey
 #
 # $$J\,\ddot q + (b + K_d)\,\dot q + K_p\,q = K_p\,q_d .$$
 #
-# This is a mass on a spring with a damper. A constant load torque $\tau_L$ stretches the spring: the joint stops with
-# the error $\tau_L / K_p$. The I term grows until it carries that load. Here a load of 2 N m pushes the joint forwards:
+# This is a mass on a spring with a damper. A constant load torque $\tau_L$ stretches the spring, so the joint stops
+# with an error of size $\tau_L / K_p$. With an I term, this error is summed until the I term carries the load. Here a
+# load of 2 N m pushes the joint forwards:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.9), layout="constrained")
@@ -166,15 +169,15 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# With these gains P alone oscillates, PD settles beside the dashed set-point, and PID reaches it slowly after going
-# past it. The **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$ decides: below 1 a mass on a spring oscillates. The
-# value 1 is called **critical damping**. For P alone, $\zeta \ge 1$ means $b^2 \ge 4 J K_p$.
+# Here P alone oscillates. PD stops beside the dashed set-point. PID goes past it, and then returns to it slowly.
+# Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$: below 1
+# it does. The value 1 is called **critical damping**.
 #
-# The I term stops changing only when the error is zero. That argument assumes that the loop settles at all. **Coulomb
-# friction** (dry friction) is a torque of constant size against the motion, and it can hold a joint at rest away from
-# the set-point. The I term then grows until the joint breaks loose. **Static friction**, the friction at rest, can be
-# larger than the Coulomb friction in motion. Then the joint can jump past the set-point and stick again, and the same
-# happens in the other direction, for ever. This cycle is called **hunting**.
+# The I term stops changing only when the error is zero. So no error is left, if the joint settles at all. Dry friction
+# can prevent that. **Coulomb friction** is a torque of constant size against the motion. **Static friction** can hold
+# a joint at rest away from the set-point. The I term then grows until the joint breaks loose. If static friction is
+# larger than Coulomb friction, the joint jumps past the set-point and sticks on the other side. There the same begins
+# again, without end. This cycle is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -182,15 +185,15 @@ show("integral_removes_the_error")
 # %% [markdown]
 # The D term needs the rate of the error. There are two ways to compute it: differentiate the error $e$, or
 # differentiate the measured angle and use $-\dot q$. While the set-point is constant, both are the same. Now let the
-# set-point jump from one sample to the next.
+# set-point jump from one measurement to the next.
 
 # %%
 show("error_derivative_kick")
 
 # %% [markdown]
 # The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
-# switch to the derivative of the measurement. The spike is gone, and stability does not change. So differentiate the
-# measurement if the set-point can jump. On a planned motion use $\dot q_d - \dot q$, as section 2 does.
+# switch to the derivative of the measurement. The spike is gone, and the loop is as stable as before. So differentiate
+# the measurement if the set-point can jump. On a planned motion use $\dot q_d - \dot q$, as section 2 does.
 #
 # <details><summary>A continuous joint: wrap the error</summary>
 #
@@ -213,8 +216,8 @@ more_claims(
 # %% [markdown]
 # ### Windup and anti-windup
 #
-# Every motor has a largest torque. When the controller asks for more, the motor delivers the limit, whatever the error
-# is. As long as this lasts, the gains have no effect. The I term does not know that. It keeps summing the error.
+# Every motor has a largest torque. When the controller asks for more, the motor delivers this limit, whatever the
+# error is. As long as this lasts, the gains have no effect. But the I term keeps summing the error.
 
 # %%
 predict("jammed")
@@ -228,15 +231,15 @@ predict("jammed")
 # * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the I
 #   term, so that the I term shrinks while the command is at the limit.
 #
-# A third idea is often seen in tutorials: keep the I term itself within a fixed range, for example $\pm$ the torque
-# limit. But this range does not know whether the motor is at its limit. A range that the sum never reaches changes
-# nothing, and one that is narrower than the load leaves an error for ever.
+# Many tutorials show a third method: keep the I term within a fixed range, for example $\pm$ the torque limit. But
+# such a range acts whether the motor is at its limit or not. A range that the I term never reaches changes nothing.
+# One that is narrower than the load leaves an error for ever.
 #
-# The chart shows another case: a jam of 2 s, a set-point of 0.25 rad, and a constant load on a joint with a tenth of
-# the inertia. Right: without anti-windup (orange) the command stays at the upper limit after the jam has ended and the
-# joint has passed the set-point. With conditional integration (blue) it leaves the limit at once. The joint still
-# passes the set-point, by two thirds of the step: during the jam the I term grew until the command reached the limit.
-# Lines: exact solution; dots: MuJoCo:
+# The chart shows another joint, which is blocked for 2 s. The set-point is 0.25 rad, and a load pushes forwards.
+# Right: without anti-windup (orange), the command stays at the upper limit even after the joint has passed the
+# set-point. With conditional integration (blue), it leaves the limit at once. The joint still goes too far by two
+# thirds of the step, because the I term grew until the command reached the limit. Lines are the exact solution, dots
+# are from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -272,7 +275,7 @@ more_claims("integral_clamp", "listing_settles", "listing_friction")
 # ### The sampled loop as a matrix
 #
 # So far the torque followed the angle at every instant. Then a joint with viscous friction is stable under P alone at
-# any gain: the equation above has only decaying solutions. A computer works differently. It measures the angle once per
+# any gain, because the friction damps every oscillation. A computer works differently. It measures the angle once per
 # sample time $dt$ (some cards write $h$) and computes a torque. The **motor drive**, the electronics that feed the
 # motor, holds this torque until the next sample. Holding a value between samples is called a **zero-order hold**. It
 # turns a smooth command into a staircase:
@@ -294,28 +297,28 @@ plt.show()
 predict("more_p")
 
 # %% [markdown]
-# Between two samples the torque is constant, so the motion has a closed form. One
-# sample maps the vector (angle, rate) linearly to its next value. For an inertia without friction, under P control to
-# the set-point zero, the held torque is $-K_p q_k$, and
+# Between two samples the torque is constant, so the motion can be computed exactly. The vector (angle, rate) of one
+# sample, times a matrix, gives the vector of the next. Take an inertia without friction and P control to the set-point
+# zero. At sample number $k$ the torque is $-K_p q_k$, and
 #
 # $$\begin{pmatrix} q_{k+1}\\ v_{k+1}\end{pmatrix} =
 # \begin{pmatrix} 1 - \dfrac{K_p\,dt^2}{2J} & dt\\[1ex] -\dfrac{K_p\,dt}{J} & 1\end{pmatrix}
 # \begin{pmatrix} q_k\\ v_k\end{pmatrix}.$$
 #
-# The loop comes to rest if and only if all eigenvalues of this matrix are smaller than 1 in absolute value. The largest
-# of these values is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the matrix,
-# which is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So without
-# friction, P alone is unstable at any gain. With a delay, the vector also contains the commands that were computed but
-# have not reached the motor. The method is the same.
+# The loop comes to rest if and only if all eigenvalues of this matrix are smaller than 1 in absolute value. The
+# largest absolute value is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the
+# matrix, which is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So
+# without friction, P alone is unstable at any gain. If the loop has a further delay, some commands are on their way to
+# the motor. The vector then contains them, too; the method stays the same.
 
 # %%
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# So count the hold as a delay of $dt/2$ and add it to the other delay $D$ of the loop, a good approximation for motions
-# that are slow against the sample rate. The **ultimate gain** $K_u$ is the P gain at which the loop oscillates with
-# constant amplitude, on the border between stable and unstable. In this approximation, the angular frequency $\omega$
-# of the oscillation is the smallest positive solution of the first equation. The second one gives $K_u$:
+# So count the hold as a delay of $dt/2$, and add it to the other delays of the loop, whose sum is $D$. This is a good
+# approximation for slow motions. The **ultimate gain** $K_u$ is the P gain on the border between stable and unstable.
+# There the loop oscillates with constant amplitude. The first equation below gives the angular frequency $\omega$ of
+# this oscillation (its smallest positive solution), and the second gives $K_u$:
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
 # K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
@@ -342,8 +345,8 @@ for late in (0.0, 0.005, 0.02, 0.05):
     )
 
 # %% [markdown]
-# A delay of 20 ms lowers the largest gain from 1000 to 24 N m/rad. The left chart shows the same for all delays. The
-# right one shows that a simulator can hide the limit; section 7 explains why:
+# A delay of 20 ms lowers the ultimate gain from 1000 to 24 N m/rad. The left chart shows it for all delays. The right
+# one shows that a simulator can hide the limit; section 7 explains why:
 #
 # ![Ultimate gain against delay, and against a simulator's steps](../docs/charts/delay_limit.png)
 
@@ -353,14 +356,16 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # %% [markdown]
 # ### Stability margins
 #
-# How far is a tuned loop from its limit? Cut the loop at the motor, feed in a sine of torque, and compare the torque
-# that the controller answers with. The feedback subtracts the angle; ignore this minus sign for the comparison. The
-# ratio of the two sizes is the **open-loop gain**, and the shift between the two sines is the **phase lag**. A lag of
-# 180 degrees inverts the sine, and the minus sign of the feedback inverts it once more. So a sine that comes back
-# with the same size and a lag of 180 degrees equals the sine that went in: the oscillation keeps itself going.
+# How far is a tuned loop from its limit? Imagine that you cut the loop at the motor and send a sine of torque into it.
+# The joint moves, and the controller answers with another sine of torque. Its minus sign (it opposes the motion) is
+# left out at first. The ratio of the two sizes is the **open-loop gain**, and the shift between the two sines is the
+# **phase lag**.
+#
+# A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and a lag of
+# 180 degrees, the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
 #
 # * The **gain margin** is the factor by which all gains can be raised before the loop becomes unstable. (With an I
-#   term, a loop can also become unstable when all gains are lowered.)
+#   term, lower gains can make a loop unstable, too.)
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
 #   additional phase lag there that makes the loop unstable.
 # * The **delay margin** is the additional delay that makes the loop unstable.
@@ -400,35 +405,35 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# For a robot, quote the delay margin. It is in milliseconds, like the latency that communication, motor drive and
+# For a robot, quote the delay margin. You can compare it with the milliseconds that communication, motor drive and
 # filters will add.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
-# Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency it draws the open
-# loop $L$ as one point in the complex plane, with the open-loop gain as its distance from zero and the phase as its
-# angle. The critical point is $-1$: gain 1 and a lag of 180 degrees. The distance of the curve from $-1$
-# is the smallest change of $L$ that can make the loop unstable.
+# Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency, gain and phase
+# together form one complex number $L$. Its distance from zero is the open-loop gain, and its angle is the phase (minus
+# the lag). The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees.
+# The distance of the curve from $-1$ is the smallest change of $L$ that can make the loop unstable.
 #
-# What does the closed loop do to a sine? Let $d$ be the error without control, and $e$ the error that remains.
-# Controller and joint turn the error $e$ into the motion $L\,e$. So $e = d - L\,e$ remains. This gives two functions of
-# the frequency:
+# What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that it would cause without
+# control, and $e$ the error that remains. The controller answers the error $e$, and the joint moves by $L\,e$ against
+# it. So $e = d - L\,e$, and the ratio $e/d$ is the function $S$ below:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
-# * The **sensitivity** $S$ is the share of a disturbance that is left. Where $\lvert S\rvert$ is 0.1, the loop removes
-#   90 %. Where it is above 1, the loop amplifies the disturbance.
-# * The **complementary sensitivity** $T$ says how much of the sensor noise the joint follows. If D acts on the error,
-#   $T$ is also the ratio of joint angle to set-point. The **bandwidth** is the frequency at which $\lvert T\rvert$
-#   falls below $1/\sqrt2$.
+# * The **sensitivity** $S = e/d$ is the share of the error that is left. Where $\lvert S\rvert$ is 0.1, the loop
+#   removes 90 %. Where it is above 1, the loop amplifies the disturbance.
+# * The **complementary sensitivity** $T$ is the share of the sensor noise that the joint follows. If D acts on the
+#   error, $T$ is also the ratio of joint angle to set-point. The **bandwidth** is the frequency at which
+#   $\lvert T\rvert$ falls below $1/\sqrt2$.
 #
 # The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
-# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$. **Worked
-# example:** for $M_s = 2$ the curve stays 0.5 away from $-1$, so it does not cross the axis between $-1$ and $-0.5$.
-# The gain must at least double before a crossing reaches $-1$.
+# **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$.
+# **Worked example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. So it does not cross the real axis between $-1$
+# and $-0.5$, and the gain can at least be doubled.
 #
-# The simulation begins with the PD loop of the Bode plot, with D on the error. Drag the gain up or the phase down. The
-# preset *High sensitivity* has 8 times the gain:
+# The simulation begins with the PD loop of the Bode plot, with D on the error. Drag the gain curve up or the phase
+# curve down. The preset *Comfortable* brings back the beginning, and *High sensitivity* has 8 times the gain:
 
 # %%
 simulation("nyquist")
@@ -442,9 +447,9 @@ simulation("nyquist")
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
-# This is the **waterbed effect**: push $\lvert S\rvert$ down at some frequencies, and it rises at others. (If the
-# controlled system, the **plant**, is unstable, such as an upright pendulum, it has to rise even more.) So decide which
-# frequencies matter for the task, and accept the rise elsewhere. A common design rule limits it to $M_s \le 2$.
+# This is the **waterbed effect**: if you push $\lvert S\rvert$ down at some frequencies, it rises at others. (If the
+# controlled system, the **plant**, is unstable, such as an upright pendulum, it has to rise even more.) So decide
+# which frequencies matter for the task. A common design rule is $M_s \le 2$.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
@@ -452,11 +457,11 @@ more_claims("peak_sensitivity_bounds_margins")
 # %% [markdown]
 # ### Stable PD gains: damping and the delay of the rate
 #
-# Now omit friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without
-# units: $K_p\,dt^2/J$ and $K_d\,dt/J$. The left chart has $K_d$ along the horizontal and $K_p$ along the vertical axis.
-# Each colour is one way to get the rate; the gains below its curve are stable. With the exact rate they form a
-# triangle. If $K_d$ is small, the hold makes the loop unstable, as in the worked example. If $K_d$ is large, the
-# damping torque, held for a whole sample, reverses the velocity and makes it larger.
+# Now omit friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without units:
+# $K_p\,dt^2/J$ and $K_d\,dt/J$. Each colour in the left chart is one way to get the rate. The gains below its curve
+# are stable. With the exact rate they form a triangle. If $K_d$ is too small, the delay of the hold makes the loop
+# unstable, as in the worked example of the matrix. If $K_d$ is too large, the held damping torque reverses the
+# velocity within one sample and makes it larger.
 #
 # ![Stable gains of PD, and MuJoCo's position servo](../docs/charts/pd_triangles.png)
 
@@ -466,26 +471,26 @@ for one in stored("pd_triangles")[0].series:
     print(f"{one.label:<28}{np.nanmax(one.y):6.3f} J/dt^2")
 
 # %% [markdown]
-# A joint rarely measures its rate. It takes the difference of two angles instead, divided by $dt$, which is the rate of
-# half a sample ago. Together with one sample of computing time, this lowers the highest stable $K_p$ to less than a
+# Few joints have a sensor for the rate. The controller divides the difference of two angles by $dt$ instead. This is
+# the rate of half a sample ago. If computing takes one sample more, the highest stable $K_p$ falls to less than a
 # twentieth of that with the exact rate. You will derive three of the curves in section 8. The right chart belongs to
 # section 7.
 #
 # ### Encoder, friction and torque limit
 #
-# An encoder rounds the angle to the nearest count. This rounding is called **quantisation**. The controller has to
-# estimate the rate from these counts. Near rest, a single count more or less between two samples looks like a jump of
-# the rate, and $K_d$ turns it into a jump of the torque.
+# An encoder rounds the angle to the nearest count; this is called **quantisation**. The controller has to estimate the
+# rate from these counts. Near rest, a single count more or less between two samples looks like a jump of the rate, and
+# $K_d$ turns it into a jump of the torque.
 
 # %%
 predict("faster_loop")
 
 # %% [markdown]
-# An estimator that sees only angles trades noise for lag. A plain difference has the least lag and the most noise. A
-# low-pass filter averages the difference over about its time constant. A **tracking observer** predicts angle and rate
-# one sample ahead, and corrects both with the error of the predicted angle. Under constant acceleration the filtered
-# rate is late by the filter's time constant plus the half sample of the difference. An observer with the same time
-# constant is about twice as late, because it filters both the angle and the rate.
+# Every estimate of the rate from angles has noise and lag, and less of one means more of the other. A plain difference
+# has the least lag and the most noise. A low-pass filter averages the difference over about its time constant. A
+# **tracking observer** predicts angle and rate one sample ahead, and corrects both with the error of the predicted
+# angle. Under constant acceleration, the filtered rate is late by the filter's time constant, plus the half sample of
+# the difference. An observer with the same time constant is about twice as late.
 #
 # The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
 # noise than the filter (orange):
@@ -520,18 +525,18 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Choose the preset *Hunting* on the first screen and lower *Static / dry* to one: the hunting ends. Left in the next
-# chart, a slower rate filter reduces the ripple of the torque. Right, the amplitude of hunting grows with the ratio of
-# static to Coulomb friction.
+# Choose the preset *Hunting* on the first screen, and lower *Static / dry* to one: the hunting ends. Left in the next
+# chart, a slower filter of the rate makes the torque smoother. Right, hunting grows with the ratio of static to
+# Coulomb friction.
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
-# **Saturation** means that the command is at the torque limit. The loop is then open, and gravity can win if the plant
-# falls over by itself, like an upright pendulum. In the map, the motor has half of the torque that holds the pendulum
-# horizontally. Near upright, the motion of a pendulum has a growing part, angle + rate$/\sqrt{g/l}$, and a decaying
-# one. The controller commands a high gain times the growing part. Purple states are caught, orange ones are lost. (The
-# numbers of the colour bar mean nothing.) On the border, even constant full torque only just keeps the pendulum from
-# falling. So no controller catches more:
+# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and an upright pendulum
+# can fall. In the map, the motor has half of the torque that holds the pendulum horizontally. Near upright, the sum
+# angle + rate$/\sqrt{g/l}$ grows by itself ($g$ is gravity, $l$ the length), and the difference of the two decays. So
+# the controller pushes against the sum. Purple states are caught, orange ones lost (ignore the numbers on the right).
+# On the border, even full torque only just stops the fall. So no controller can catch more, unless it lets the
+# pendulum fall and swings it up again:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -544,10 +549,10 @@ print(f"the same for the linear model of the pendulum:          {reached[2]:.4f}
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
-# The D term is later still: by half a sample if the rate is a difference, and for slow motions by the time constant of
-# its filter. Together with inertia and friction, these delays limit the gain of a rigid joint. Compute this limit
-# before you tune by hand. An elastic gear has a **resonance**, at which motor and arm swing against each other; it
-# often sets a lower limit.
+# The D term has further delays: half a sample if the rate is a difference, and about the time constant of its filter.
+# Together with inertia and friction, these delays limit the gain of a rigid joint. Compute this limit before you tune
+# by hand. An elastic gear has a **resonance**, at which motor and arm swing against each other; it often sets a lower
+# limit.
 #
 # </div>
 
@@ -567,29 +572,34 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
-# Step 2 assumes that an ultimate gain exists. With viscous friction and without any delay, P alone is stable at every
-# gain. The hold is a delay, so the sampled joint has an ultimate gain. But a constant amplitude does not prove that you
-# have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. A quoted ultimate
-# gain says nothing about your joint unless inertia, friction and delay are the same. Our delay is 20 ms.
+# Our joint has an ultimate gain, because of its hold and a delay of 20 ms. A constant amplitude does not prove that
+# you have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. A quoted
+# ultimate gain says nothing about your joint unless inertia, friction and delay are the same.
 #
-# A joint is hard for these rules: constant torque gives constant *speed*, and the angle is the integral of that. An I
-# term adds a second integration.
+# A joint is hard for these rules. Constant torque gives constant *speed*, and the angle is the integral of the speed.
+# An I term integrates once more, and each integration has a phase lag of 90 degrees.
 
 # %%
 show("ziegler_nichols_is_safe")
 
 # %% [markdown]
-# The alternative takes three numbers that you know: $J$, $b$ and the delay. Let $D$ be the sum of hold, difference and
-# communication. (The difference delays only the D term; here we count it for both.) With PD, try the motion $e^{st}$.
-# It is possible if
+# Another method uses three numbers that you know: $J$, $b$ and the delay. Let $D$ be the sum of hold, difference and
+# communication. (The difference delays only the D term. For simplicity we count it for both.) With PD, a motion
+# $e^{st}$ is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
 #
 # The solutions $s$ are the **poles** of the loop. Choose $K_p$ and $K_d$ so that three of them are equal and real. If
-# all others decay faster, the slowest part of the motion does not oscillate. Multiply the equation by $e^{sD}$: its
-# left side becomes $f(s) = (Js^2 + bs)\,e^{sD} + K_p + K_d s$. At a triple pole, $f$, $f'$ and $f''$ are zero. The
-# second derivative does not contain the gains, so $f'' = 0$ is a quadratic equation for $s$, of which we take the root
-# nearer to zero. Then $f' = 0$ gives $K_d$, and $f = 0$ gives $K_p$:
+# all others decay faster, the slowest part of the motion does not oscillate. The code computes this triple pole `s`
+# and both gains:
+#
+# <details><summary>Derive: three equal poles</summary>
+#
+# Multiply the equation by $e^{sD}$: its left side becomes $f(s) = (Js^2 + bs)\,e^{sD} + K_p + K_d s$. At a triple
+# pole, $f$, $f'$ and $f''$ are zero. The second derivative does not contain the gains, so $f'' = 0$ is a quadratic
+# equation for $s$ alone. Take its root nearer to zero. Then $f' = 0$ gives $K_d$, and $f = 0$ gives $K_p$.
+#
+# </details>
 
 # %% tags=["show-code"]
 late = 0.02
@@ -605,9 +615,8 @@ tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# The cell below checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad without
-# a load. The row *often quoted* has the
-# gains that many tutorials derive from $K_u$ = 45 and $T_u$ = 0.45 s:
+# This output checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad without a
+# load. The row *often quoted* has the gains that many tutorials derive from $K_u$ = 45 and $T_u$ = 0.45 s:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -641,12 +650,12 @@ print(", ".join(f"{pole:.1f}" for pole in slowest))
 #
 # </details>
 #
-# The chart repeats the test over a wide range of delays. The three rules are the upper curves, the equal poles the one
-# at the bottom:
+# The chart repeats the test over a wide range of delays. The three rules overshoot far, or are unstable (triangles at
+# the top). The equal poles do not overshoot:
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 #
-# The P row halves $K_u$. Does that make it robust?
+# The P row halves $K_u$. Is that robust?
 
 # %%
 show("half_the_ultimate_gain")
@@ -692,46 +701,45 @@ _ = axis.legend(fontsize=9, ncols=4, loc="upper center")
 plt.show()
 
 # %% [markdown]
-# The two controllers with the full model are far more accurate than PD with gravity compensation. The errors that they
-# leave here come from holding each torque for a sample while the arm moves on. Feedforward is even ahead of computed
-# torque, partly because its PD gain at the elbow is larger than that of computed torque, $M_{22}K_p$. But feedforward
-# assumes that the arm is on its planned motion; after a disturbance, its PD part has to bring the arm back alone.
+# The two controllers with the full model are far more accurate than PD with gravity compensation. Their remaining
+# errors come from the hold: each torque is constant for a sample while the arm moves on. Feedforward is even ahead of
+# computed torque here, partly because its gains make the elbow stiffer. But it computes the torque for the planned
+# motion only. After a disturbance, the PD terms alone must bring the arm back.
 #
-# Computed torque uses the measured state. Put its torque into the equation of motion. The velocity terms and gravity
-# cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
+# Computed torque uses the measured angles and rates. Put its torque into the equation of motion: the velocity terms
+# and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
 
 # %%
 show("computed_torque_law")
 
 # %% [markdown]
-# With diagonal gains, every joint's error obeys its own linear equation. The gains place its poles, the same in every
-# pose of the arm.
-# **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give $s^2 + 20 s + 100 = 0$, that is two
-# poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
+# If the gain matrices are diagonal, every joint's error obeys its own linear equation, with the same poles in every
+# pose of the arm. **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give
+# $s^2 + 20 s + 100 = 0$, that is two poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
 #
-# The cancellation is exact only at the instant at which the torque is computed. The motor drive holds the torque for
-# the rest of the sample while the arm moves on. The remedy: compute the torque for the state and the reference
-# half a sample ahead. This is called **half-sample preview**, and section 6 shows how much it saves.
+# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the torque
+# for the state and the reference half a sample ahead. This is called **half-sample preview**, and section 6 shows how
+# much it saves.
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
-# changes the model's parameters $\hat\theta$ during the motion. The torque is linear in the parameters, with the
-# regressor $Y$ of chapter 4. Here it is $Y(q, \dot q, \dot q_r, \ddot q_r)$: $q$ and $\dot q$ are measured, and the
-# reference velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative $\ddot q_r$ are computed. So no acceleration
-# has to be measured. With $s = \dot e + \Lambda e$, a weighted sum of both errors, the law commands $Y\hat\theta + K
-# s$, and the update is
+# changes the model's parameters $\hat\theta$ during the motion. The torque that the model needs is $Y\hat\theta$, with
+# the regressor $Y$ of chapter 4. Here $Y$ is computed from the measured $q$ and $\dot q$, and from a reference
+# velocity $\dot q_r = \dot q_d + \Lambda e$ with its derivative $\ddot q_r$. So no acceleration has to be measured.
+# The sum $s = \dot e + \Lambda e$ combines the error of the velocity with the error of the angle. The torque is
+# $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
-# where $\Lambda$, $\Gamma$ and the damping $K$ are positive gains. The update stops as soon as the tracking error is
-# zero, even if $\hat\theta$ is wrong.
+# where $\Lambda$, $\Gamma$ and the damping $K$ are positive gains. The update stops when $s$ is zero, even if
+# $\hat\theta$ is wrong.
 
 # %%
 show("adaptive_finds_parameters")
 
 # %% [markdown]
-# To find the true parameters as well, the motion must excite all of them. This condition is called **persistent
-# excitation**. A second warning: with a large $\Gamma$, a low sample rate or sensor noise, the estimate can run away.
-# In practice, limit it to plausible values.
+# The estimate reaches the true values only if each parameter changes the torques in its own way during the motion.
+# This condition is called **persistent excitation**. A second warning: with a large $\Gamma$, a low sample rate or
+# sensor noise, the estimate can grow without limit. In practice, limit it to plausible values.
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
@@ -776,9 +784,9 @@ predict("wrong_inertia")
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
-# The right side is the missing torque, divided by $\hat J$. Each missing torque has its own shape: a missing inertia
-# follows the acceleration, a missing viscous friction the velocity. The picture shows one joint. Its true inertia is 20
-# % larger than in the model, or it has viscous or Coulomb friction that the model lacks:
+# The right side is the missing torque, divided by $\hat J$. Each missing torque has its own shape. For inertia it
+# follows the acceleration, for viscous friction the velocity. The picture shows one joint. Its true inertia is 20 %
+# larger than in the model, or it has viscous or Coulomb friction that the model lacks:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -821,9 +829,9 @@ plt.show()
 # | the cosine of the angle from the horizontal | gravity |
 # | only the largest torques | a torque limit |
 #
-# In a single sine, velocity and jerk have the same shape, so use a motion of several frequencies. Two causes in one row
-# need a second experiment, too. Hold the arm still against gravity: a wrong torque constant or an unknown payload
-# gives an error there, a wrong inertia alone does not.
+# In a single sine, velocity and jerk have the same shape, so use a motion of several frequencies. To separate two
+# causes in one row, make a second experiment. Hold the arm still against gravity: a wrong torque constant or an
+# unknown payload causes an error there, a wrong inertia alone does not.
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -847,18 +855,18 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 # ### Identifying a joint from a log
 #
 # To correct the model you need the inertia, and $J = \tau/\ddot q$ looks like the obvious formula. But a log contains
-# angles. Taking two differences multiplies their noise by a number proportional to $1/dt^2$. Single quotients are then
-# mostly noise. Least squares over the whole log comes out far too small, because it takes the noise for acceleration.
+# angles. The difference of two differences multiplies their noise by a number proportional to $1/dt^2$, so single
+# quotients are mostly noise. Least squares over the whole log computes $J = \sum\tau\ddot q\,/\sum\ddot q^2$. Noise
+# makes the denominator far too large, so $J$ is far too small.
 #
 # The remedy is to move the derivatives to a function without noise. Choose a smooth **test function** $w(t)$ that is
-# zero, with its slope, at both ends of a time window. Multiply the equation of motion $J\ddot q + b\dot q = \tau$ by
+# zero at both ends of a time window, and flat there. Multiply the equation of motion $J\ddot q + b\dot q = \tau$ by
 # $w$, and integrate by parts:
 #
 # $$J\int \ddot w\,q\,dt - b\int \dot w\,q\,dt = \int w\,\tau\,dt .$$
 #
-# Only the measured angle appears, not its derivatives. (Coulomb friction needs the sign of the velocity as well, which
-# noise changes only near standstill.) Each window gives one linear equation for $J$ and $b$, and least squares over
-# many windows gives both:
+# Only the measured angle appears, not its derivatives. Each window gives one linear equation for $J$ and $b$, and
+# least squares over many windows gives both. This is one window:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
@@ -879,8 +887,8 @@ plt.show()
 
 # %% [markdown]
 # `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question.
-# It is given a log and the model that you believe, tries each of seven causes alone, and names those that explain the
-# log down to its noise:
+# You pass it a log and your model. It tries each of seven causes alone, and names those that explain the log down to
+# its noise:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
@@ -912,10 +920,10 @@ for name, named in causes.items():
     print(f"real change: {name:<18} diagnosed cause: {', '.join(named)}")
 
 # %% [markdown]
-# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral form
-# (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are always identified.
-# (*Constant* is the torque constant; the torque limit is not drawn.) Only Coulomb friction (green) is lost in the
-# largest noise:
+# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral
+# form (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are always named.
+# (*Constant* is the torque constant, *damping* is viscous friction. The torque limit is not drawn.) Only Coulomb
+# friction (green) is lost in the largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -925,14 +933,13 @@ more_claims("inertia_by_differences")
 # %% [markdown]
 # ### Optimal control: LQR and the Riccati equation
 #
-# The **LQR** (linear quadratic regulator) chooses the gains for you. You state what is
-# expensive. For a sampled system $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx +
-# u^\mathsf{T}Ru$ over all samples. The matrix $Q$ weights deviations of the state $x$, and $R$ weights the effort of
-# the command $u$.
+# The **LQR** (linear quadratic regulator) computes the gains from a cost that you choose. For a sampled system
+# $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples. The matrix
+# $Q$ weights deviations of the state $x$, and $R$ weights the effort of the command $u$.
 #
-# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$. The best command minimises the cost
-# of this sample plus that of the state that it leads to, $u^\mathsf{T}Ru + (Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$. Setting
-# its derivative to zero gives
+# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$. So the next state $Ax + Bu$ costs
+# $(Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$. The best command minimises this plus its own cost $u^\mathsf{T}Ru$. (The term
+# $x^\mathsf{T}Qx$ does not depend on $u$.) Setting the derivative to zero gives
 #
 # $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
 #
@@ -944,11 +951,11 @@ more_claims("inertia_by_differences")
 #
 # ### Model predictive control: torque limits in the plan
 #
-# LQR ignores the torque limit. You can clip its command, but it does not know how weakly the motor brakes, so it brakes
-# too late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next $N$
-# samples that minimise the same cost, subject to the limits. This is a **quadratic program**: a quadratic cost with
-# linear limits. Only the first command of the plan is used, and the next sample computes a new plan. Here is a mass of
-# 1 kg that starts 4 m from its target, with a motor of at most 1 N:
+# LQR ignores the torque limit. You can clip its command. But LQR does not know how weakly the motor brakes, so it
+# brakes too late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next
+# $N$ samples that minimise the same cost within the limits. $N$ is the **horizon**. This is a **quadratic program**: a
+# quadratic cost with linear limits. Only the first command of the plan is used; the next sample computes a new plan.
+# Here is a mass of 1 kg that starts 4 m from its target, with a motor of at most 1 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
@@ -987,8 +994,9 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
-# (crosses) contains the braking with the limited force. The left chart shows how much MPC saves for longer horizons,
-# the right one its computing time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
+# (crosses) contains the braking with the limited force. Left in the next chart, the cost of clipped LQR is divided by
+# that of MPC. MPC saves more if the mass starts further away, and if the horizon is longer. Right is the computing
+# time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 #
@@ -1006,19 +1014,19 @@ more_claims("mpc_beats_clipping")
 # %% [markdown]
 # ### MPPI: plans from sampled rollouts
 #
-# For some tasks a linear model or a gradient helps little, for example for a hand that pushes through contacts.
-# **MPPI** (model predictive path integral control, Williams and others 2017) needs only a simulator. At every sample it
-# does three things:
+# For some tasks a linear model or a gradient helps little, for example if a hand makes and breaks contact. **MPPI**
+# (model predictive path integral control, Williams and others 2017) needs only a simulator. At every sample it does
+# three things:
 #
 # 1. Make $n$ copies of the current plan, add random noise to each, and simulate them. A simulated plan is called a
 #    **rollout**.
 # 2. Give each rollout the weight $w_k = e^{-(S_k - S_{\min})/\lambda}$, where $S_k$ is its cost and $S_{\min}$ the
-#    lowest one. A small temperature $\lambda$ trusts the best rollout alone; a large one averages over nearly all of
-#    them.
+#    lowest one. With a small temperature $\lambda$, nearly all the weight is on the best rollout. With a large one,
+#    all rollouts count nearly the same.
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 #
-# Here is one such sample for a mass of 1 kg. The cost adds up the squared distances from the target over the plan, and
-# a little for force. The weighted mean runs past the target: arriving early saves more than the overshoot costs
+# Here is one such sample for a mass of 1 kg. The cost is the sum of the squared distances from the target, plus a
+# little for force. The weighted mean runs past the target, because arriving early saves more than the overshoot costs
 # before the plan ends:
 
 # %% tags=["hide-code"]
@@ -1044,14 +1052,14 @@ _ = axis.legend(fontsize=9, loc="upper left")
 plt.show()
 
 # %% [markdown]
-# The chart shows a pendulum whose motor is too weak to lift it in one go: it can
-# deliver a third of the torque that holds the pendulum horizontally. It has to swing back and forth first, and the plan
-# must reach far enough to show that this pays off. The bands are 95 % confidence intervals:
+# The motor of the next pendulum is too weak to lift it directly: it delivers at most a third of the torque that holds
+# the pendulum horizontally. The pendulum has to swing back and forth first, and the horizon must be long enough to
+# show that this is worth its cost. The bands are 95 % confidence intervals:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
 # With a horizon of 20 samples, 16 rollouts succeed nearly always. With a horizon of 8 samples, 64 rollouts succeed in
-# none of the runs: within such a short time, swinging away from the target only looks expensive.
+# none of the runs: within such a short time, swinging away from the target only costs.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1062,14 +1070,14 @@ more_claims("samples_find_the_plan")
 # ### Impedance control and admittance control
 #
 # A stiff position controller whose set-point lies inside a wall presses hard, and with an I term harder and harder, up
-# to the motor's limit. For contact you want to choose how the arm gives way. **Impedance control** (Hogan 1985) makes
+# to the motor's limit. In contact you want to choose how far the arm yields. **Impedance control** (Hogan 1985) makes
 # the arm behave like a mass on a spring and a damper:
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
 # You choose the mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. $F$ is the *external* force
-# with which somebody moves the arm along $x(t)$. The force that the controller commands points the other way. If $M$ is
-# the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
+# with which somebody moves the hand along the path $x(t)$. The force that the controller commands points the other
+# way. If $M$ is the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
 
 
 # %% tags=["hide-code"]
@@ -1115,7 +1123,7 @@ plt.show()
 # %% [markdown]
 # **Admittance control** reverses the direction. It *measures* the contact force, computes how a virtual mass on a
 # spring and a damper would move under it, and sends that motion to a stiff position loop. Impedance control suits
-# joints with little friction, admittance control arms with large gears.
+# joints with little friction. Admittance control suits arms with high gear ratios, which have much friction.
 #
 # | | input | output | needs |
 # |---|---|---|---|
@@ -1129,11 +1137,11 @@ plt.show()
 simulation("probe")
 
 # %% [markdown]
-# With a set-point inside the wall, the hand comes to rest where the force of the controller's spring equals that of the
-# wall's. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
-# example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N. That
-# is the force at rest. During a vibration, set-point and wall stand still and both springs push the hand back, so the
-# stiffnesses add up to $K + k_e$.
+# With a set-point inside the wall, the hand comes to rest where the controller's spring and the wall push equally
+# hard. The same force runs through both springs, and their deflections add up to the depth of the set-point.
+# **Worked example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is
+# 5 N. That is the force at rest. In a vibration, set-point and wall stand still and both springs push the hand back,
+# so their stiffnesses $K$ and $k_e$ add up.
 
 # %%
 show("wall_in_series")
@@ -1150,7 +1158,7 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 # **passive**. By the theorem of **passivity**, two passive systems that are joined together cannot build up a motion,
 # and come to rest if one of them loses energy in every motion. So such an arm is stable at every passive wall.
 #
-# For a pure spring the limit is (Colgate and Schenkel 1997)
+# For a pure spring with the delay $D$, the condition of Colgate and Schenkel (1997) becomes
 #
 # $$K < \frac{b}{D + \tfrac12 dt}\, .$$
 #
@@ -1161,16 +1169,16 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 show("damping_is_safe")
 
 # %% [markdown]
-# Force control and admittance control have other limits. Proportional **force control** commands the desired force plus
-# a gain $g$ times the force error. The wall turns motion into force, so its stiffness multiplies the loop gain. For a
-# short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: the stiffer the wall, the lower the gain. For admittance
-# control, a stiff wall sets a *lower* limit on the virtual mass:
+# Force control and admittance control have other limits. Proportional **force control** commands the desired force
+# plus a gain $g$ times the force error. The wall turns motion into force, so its stiffness multiplies the loop gain.
+# For a short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain. In admittance
+# control the virtual mass must not be too *small*, and a stiffer wall needs a larger one:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, look at the green curve, MuJoCo's contact with its default softness. There a fixed share $d$ of the
-# command becomes contact force before anything has moved (section 7). This contact allows a gain of about 1 at nearly
-# every wall: too much at stiff walls, too little at soft ones.
+# In the left chart, the green curve is MuJoCo's contact with its default softness. It turns a fixed share $d$ of the
+# command into contact force at once, before the hand has moved. So it allows a gain of about 1 at most walls: too much
+# at stiff walls, too little at soft ones.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1187,10 +1195,10 @@ predict("softer_hand")
 #
 # $$F_{\max} = v\,\sqrt{m\,k_e}\, ,$$
 #
-# and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
-# example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows both phases
-# for a stiff and a soft controller at the same speed, each lightly damped. The surface has some damping, which lowers
-# the peak:
+# and the controller's stiffness does not appear, as long as it is much lower than that of the surface.
+# **Worked example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows
+# the impact and the time after it, for a stiff and a soft controller at the same speed. Both have little damping. The
+# surface has some damping, which lowers the peak:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1221,10 +1229,10 @@ more_claims("stiff_control_hurts")
 # %% [markdown]
 # ### Hybrid control: which axis gets the force?
 #
-# A hand shall wipe a table. Along some directions you control force, along the others position. Which? Ask what the
-# table itself fixes in each direction. While the hand presses on it, a rigid, frictionless surface allows no velocity
-# along its normal, and it gives no force along its tangents. Mason (1981) calls each of these a **natural constraint**.
-# You may control only what the table leaves open.
+# A hand has to wipe a table. Along some directions you control force, along the others position. Which? Ask what the
+# table itself fixes in each direction. While the hand presses on it, a rigid, frictionless table allows no velocity
+# along its normal, and it gives no force along its tangents. Mason (1981) calls each of these a
+# **natural constraint**. You can control only what the table does not fix.
 
 # %%
 show("axes_of_a_surface")
@@ -1256,9 +1264,10 @@ _ = axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# **Hybrid control** (Raibert and Craig 1981) does exactly that. The selection is made in the frame of the surface. With
-# the rotation $R$ from the surface frame to the world, rotate the errors with $R^\mathsf{T}$, select, rotate the force
-# back with $R$, and map it to joint torques with $\tau = J^\mathsf{T}F$, where $J$ is the Jacobian.
+# **Hybrid control** (Raibert and Craig 1981) does exactly that, in the frame of the surface. Let $R$ be the rotation
+# from this frame to the world. Rotate the errors into the frame with $R^\mathsf{T}$. Along each axis, compute a force
+# from the force error or the position error. Rotate the force back with $R$, and map it to joint torques with
+# $\tau = J^\mathsf{T}F$, where $J$ is the Jacobian.
 #
 # <details><summary>Derive: why it can't be the other way round</summary>
 #
@@ -1271,27 +1280,21 @@ plt.show()
 # </details>
 #
 # **Operational space** control (Khatib 1987) writes the equation of motion for the hand instead of the joints. The
-# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the task needs can move without
-# moving the hand. A projector selects torques for such motion. The **dynamically consistent** one is $N = I -
-# J^\mathsf{T}\Lambda J M^{-1}$. Multiply: $J M^{-1} N = 0$, so torques $N\tau$ do not accelerate the hand.
-#
-# <div class="alert alert-block alert-warning">
-#
-# **Key insight.** In contact, the wall is part of the loop. Ask what its stiffness does: it multiplies the loop gain
-# (force control), it adds to the controller's stiffness (impedance control), and it raises the smallest stable
-# virtual mass (admittance control).
-#
-# </div>
+# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the task needs can move
+# without moving the hand. The **dynamically consistent** projector $N = I - J^\mathsf{T}\Lambda J M^{-1}$ turns any
+# torques $\tau$ into torques for such a motion. Multiply: $J M^{-1} N = 0$, so the torques $N\tau$ do not accelerate
+# the hand.
 #
 # ## 4 · Design: contact regimes and loop rates
 #
-# A contact task passes through free space, approach and contact, and each suits another controller. The table compares
-# the controllers at a wall of 10 kN/m, on one probe of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest sample
-# rate at which the loop is stable, not a recommendation.
+# A contact task has three phases: free space, approach and contact. Each needs another controller. The table compares
+# three controllers at a wall of 10 kN/m, on a hand of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest stable
+# sample rate, not a recommendation.
 #
-# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-point of the stiff and of the soft
-# controller moves at that speed to 20 mm inside the wall. The set-point of the force controller is 10 N. *Surface 2 mm
-# off* is the change of the steady force when the surface is 2 mm nearer than expected.
+# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and of the soft
+# controller move at that speed to 20 mm inside the wall. Both have critical damping. The desired force of the force
+# controller is 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than
+# expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1317,17 +1320,17 @@ lines.append(
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# Without a controller, $v\sqrt{m k_e}$ would give 20 N. The soft controller and the damping of the force controller
-# slow the hand down before it touches. The chart leaves out all damping. There the peak hardly changes while the
-# controller is softer than the wall. A controller stiffer than the wall (last point of each curve) pushes the hand on
-# into it.
+# Without a controller, the impact would be $v\sqrt{m k_e}$ = 20 N. The soft controller and the damping of the force
+# controller slow the hand down before it touches. The 58 N of the stiff controller are no impact: it goes on pressing,
+# and the two springs in series give 57 N at rest. The next chart has no damping, so there the first peak is the
+# impact. It hardly changes as long as the controller is softer than the wall. A stiffer controller (last point of each
+# curve) pushes the hand on into the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
-# A robot runs several loops inside each other, a **cascade**. The outer loop is designed as if the inner one responded
-# at once. So the inner loop needs several times the bandwidth of the outer one. The fold-out below shows that four
-# times avoids overshoot in the ideal case; a delay in the inner loop demands more. The sketch gives typical sample
-# rates, as orders of magnitude:
+# A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
+# at once. So the inner loop needs several times the bandwidth of the outer one. In the ideal case, four times avoids
+# overshoot; a delay in the inner loop demands more. These are typical sample rates:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1368,19 +1371,20 @@ plt.show()
 #   accurate as its model.
 # * A **disturbance observer** solves the joint's equation for the load torque, filters it, and subtracts it from the
 #   command.
-# * A **Smith predictor** computes with a model which state the joint will have when the command arrives, and passes
-#   that state to PD.
+# * A **Smith predictor** uses a model to compute the state that the joint will have when the command arrives. PD works
+#   with this state. If the true delay is longer than the model's by $\Delta D$, a sine of frequency $\omega$ has an
+#   extra phase lag $\omega\,\Delta D$, which is large for fast motions.
 # * A **notch filter** removes the frequency of a resonance from the command.
 
 # %%
 predict("delay_predicted")
 
 # %% [markdown]
-# In the chart, all loops drive the joint with 10 ms of delay. Each curve ends at its fastest stable tuning. Left, the
-# feed-forward (90 % of the true torque) gains more than any feedback. Right, cascade and observer integrate the error
-# of a load away. The predictor reaches the fastest tunings, but at equal noise it rejects a load no better than PD.
-# Also drawn are a predictor that assumes half of the true delay, and an observer that includes the delay in its model
-# (*observer with delay*):
+# In the chart, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the last
+# stable ones, and the torque noise grows. Left, the feed-forward (90 % of the true torque) lowers the error
+# more than any feedback. Right, cascade and observer remove the error of a load, because they integrate it. The
+# predictor allows the fastest poles, but at equal noise it rejects a load no better than PD. One predictor assumes
+# half of the true delay. The *observer with delay* has the delay in its model:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1422,9 +1426,8 @@ more_claims(
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position or
-# impedance, task, planner. Don't recite the rates. Say what sets each of them: the motor's electrical time constant,
-# the delay margin, the stiffness of the contact, the frame rate of the camera. And say when you would switch from
-# position to force control.
+# impedance, task, planner. Say what sets the rate of each: the motor's electrical time constant, the delay margin, the
+# stiffness of the contact, the frame rate of the camera. And say when you would switch from position to force control.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
@@ -1439,40 +1442,40 @@ more_claims(
 #
 # ## 5 · Code, and the simulation in full
 #
-# The closed loop as a matrix. The state vector contains the plant's state, the commands that are still waiting in the
-# delay, and the controller's state. `transition` is the plant's own matrix. A command may arrive in mid-sample.
-# `before` is the effect of the old command on the state at the end of the sample, and `now` that of the new one.
-# `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
+# The first listing builds the matrix of the closed loop. The state vector contains the plant's state, the commands
+# that wait in the delay, and the controller's state. `transition` is the plant's own matrix. A command may arrive in
+# mid-sample: `before` is the effect of the old command on the state at the end of the sample, and `now` that of the
+# new one. `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
 
 # %% [markdown]
-# One sample of a PID controller for a real motor drive: derivative of the measurement, limits on the torque and on its
-# change per second (`slew`), and both methods against windup (`windup` is 1 for back-calculation, 2 for neither). The
-# arguments are unpacked in the omitted lines; `weight` multiplies the set-point in the P term:
+# The next one is one sample of a PID controller for a real motor drive. It differentiates the measurement, limits the
+# torque and its change per second (`slew`), and has both methods against windup (`windup` is 1 for back-calculation, 2
+# for none). `state[1]` is the filtered rate, and `weight` multiplies the set-point in the P term:
 
 # %% tags=["hide-code"]
 source(control.pid._update, "error = setpoint - y")
 
 # %% [markdown]
-# Computed torque with half-sample preview. The caller passes the reference for the middle of the sample. The function
-# moves the measured state there, with the planned acceleration. `needed` is inverse dynamics: the torque that the model
+# This is computed torque with half-sample preview. The caller passes the reference for the middle of the sample. The
+# function extrapolates the measured state to the same instant. `needed` is inverse dynamics: the torque that the model
 # needs for a desired acceleration. `pd` computes the PD terms:
 
 # %% tags=["hide-code"]
 source(control.computed_torque, "half = 0.5")
 
 # %% [markdown]
-# The heart of MPPI, where `tries` are the noisy plans. The lowest cost is subtracted before the exponential, so that
-# the weights cannot all underflow to zero:
+# The last one is the heart of MPPI, where `tries` are the noisy plans. The lowest cost is subtracted before the
+# exponential, because otherwise all weights could underflow to zero:
 
 # %% tags=["hide-code"]
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Back to the first simulation, with the preset *Hunting*. The joint is integrated exactly, so the limits come from the
-# control loop. Now predict the outcome of four other presets before you choose them:
+# Here is the first simulation again, with the preset *Hunting*. Predict the outcome of four other presets before you
+# choose them:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1498,11 +1501,11 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. Above: the largest tracking error against the sample rate. Below: the error against
-# computing time; *Pinocchio* and *MuJoCo* are half-sample preview with inverse dynamics from these libraries. (LQR, MPC
-# and MPPI correct the deviation from the planned motion. The line at the foot names the curves that some panel omits.
-# Upper right, computed torque coincides with half-sample preview, and the two triangles at the upper edge are runs of
-# MPPI that are off the chart.)
+# *wrong* model knows neither. Above is the largest tracking error against the sample rate, below the error against
+# computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse dynamics of these libraries. LQR,
+# MPC and MPPI correct the deviation from the planned motion. The small line under the chart lists curves that a panel
+# does not draw. (Upper right, computed torque and half-sample preview coincide, and the triangles at the upper edge
+# are larger errors of MPPI.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1514,37 +1517,56 @@ lines = [
     "time per sample, with the arm [µs] |",
     "|---|---|---|---|",
 ]
-for name in ("PD + gravity", "computed torque", "half-sample preview", "adaptive law"):
+for name in (
+    "PD + gravity",
+    "computed torque",
+    "half-sample preview",
+    "LQR along the path",
+    "adaptive law",
+):
     lines.append(
         f"| {name} | {1e3 * right[name].y[-1]:.3g} | {1e3 * wrong[name].y[-1]:.3g} | {timed[name]} |"
     )
+# A rate of 1e-9 switches the adaptation off.
+off = [
+    1e3 * tracking.error(tracking.adaptive(model, 1e-3, rate=1e-9), 1e-3)
+    for model in (tracking.ARM, tracking.WRONG)
+]
+lines.append(f"| the same law, adaptation off | {off[0]:.3g} | {off[1]:.3g} | the same |")
 Markdown("\n".join(lines))
 
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
-# about the same time. (The adaptive law is called from Python, the others are compiled.)
+# about the same time. Compare times with care: only the loops of PD, computed torque and preview are compiled as a
+# whole. The others, also those of both libraries, are Python loops that call compiled functions, so Python's own time
+# counts.
 #
-# With the wrong model, computed torque is far behind PD with gravity compensation. But the gains differ, too. At the
-# elbow, PD is seven times as stiff as computed torque, whose stiffness is $M_{22}K_p$. (With the right model it is a
-# little over twice as stiff.) At equal stiffness computed torque errs more with the wrong model, by less than a factor
-# of two. With the right one it is ahead by a factor of more than a hundred:
+# With the wrong model, the gains explain a part of the differences. The adaptive law is stiffer than computed torque:
+# even with the adaptation off, it has only a ninth of the error. Adaptation then reduces it by a factor of about
+# fifty. LQR has the highest gains, because neither delay nor noise limits them here. PD is seven times as stiff at the
+# elbow as computed torque. The next chart compares these two at equal stiffness. With the wrong model, computed torque
+# is worse by less than a factor of two. With the right one it is better by a factor of more than a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
-# MPC and MPPI need fast rollouts of the arm, Riccati solvers, and quadratic programs with bounds. The chart compares
-# those of the course with MuJoCo and SciPy. In the right chart, *regulator* means the Riccati solver, and its *size* is
-# the number of states. *Box* means the quadratic program, and its size is the number of unknown commands. BVLS is
-# SciPy's bounded least squares:
+# <details><summary>Rollouts, Riccati solver and quadratic programs, compared with MuJoCo and SciPy</summary>
+#
+# Left, `mujoco.rollout` and `mujoco.batch` are two functions of MuJoCo that simulate many plans. They work for any
+# robot, the course's only for two links. Right, *regulator* is the course's Riccati solver, and *size* is the number
+# of states. *Box* is the course's quadratic program with bounds, BVLS is SciPy's bounded least squares, and *size* is
+# the number of commands:
 #
 # ![Rollouts compared with MuJoCo, Riccati solver and quadratic programs with SciPy](../docs/charts/control_speed.png)
+#
+# </details>
 #
 # **What to pick.**
 #
 # * Only gravity is known: PD with gravity compensation.
 # * Good model, known load: computed torque with half-sample preview.
-# * Changing load: adaptive control.
-# * A torque limit becomes active, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is good
-#   enough, and MPPI if it is not.
+# * Changing load: adaptive control, with bounds on its estimate.
+# * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is
+#   good enough, and MPPI if it is not.
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -1558,10 +1580,10 @@ Markdown("\n".join(lines))
 predict("one_step_a_sample")
 
 # %% [markdown]
-# The picture shows one sample with a constant torque. The real joint accelerates gradually (grey), and the area under
-# the line is its displacement. With one step per sample, the simulated joint moves with its final velocity during the
-# whole sample (orange). It moves half a sample too early, and this cancels the delay of the hold. With ten steps (blue)
-# nine tenths of the delay remain:
+# The picture shows one sample with a constant torque. The velocity of the real joint grows gradually (grey), and the
+# area under the line is its displacement. With one step per sample, the simulated joint moves with its final velocity
+# during the whole sample (orange). So it moves half a sample too early, and this cancels the delay of the hold. With
+# ten steps (blue), nine tenths of the delay remain:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6, 2.4), layout="constrained")
@@ -1581,9 +1603,9 @@ plt.show()
 
 # %% [markdown]
 # With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. So close the loop outside of the
-# simulator, at the robot's rate, with ten or more physics steps per sample. The map shows the gains for
-# which a sampled PID loop is stable. The black line is measured on the exact joint and lies on the theory (dashed). The
-# limits measured in MuJoCo (crosses) are slightly higher; its smaller delay explains the difference:
+# simulator, at the robot's rate, with ten or more physics steps per sample. In the map, a sampled PID loop is stable
+# below the black line, which is measured on the exact joint and lies on the theory (dashed). The limits measured in
+# MuJoCo (crosses) are slightly higher, because its delay is smaller:
 #
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 #
@@ -1606,8 +1628,8 @@ plt.show()
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. If you
-# close the loop inside, you tune the simulator.
+# **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. If you let
+# the simulator compute the control torque, you tune the simulator.
 #
 # </div>
 
@@ -1656,8 +1678,8 @@ _ = axes[3].legend(fontsize=8, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# A, B and C are the first three rows of the table. D could also be an I term that is too large. But its command was at
-# the limit (red bar) during the whole rise, so suspect windup first, and repeat the step with anti-windup:
+# A, B and C are the first three rows of the table. In D, the I term could be too large. But its command was at the
+# limit (red bar) during the whole rise, so suspect windup first, and repeat the step with anti-windup:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1665,15 +1687,14 @@ plt.show()
 # | slow oscillation with pauses (B) | hunting | switch off the I term | dead band on I; friction compensation |
 # | torque noise at rest (C) | encoder counts times $K_d$ | count the counts | filter, observer; longer sample time if the delay allows |
 # | large overshoot after saturation (D) | windup | plot the command; try anti-windup | anti-windup |
-# | error follows the acceleration | inertia or torque constant | `diagnose` | identify the payload |
 # | stable in simulation only | the simulator's hold or delay | ten steps, loop outside | tune with the true delay |
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the step
-# and there is an I term, suspect windup: does anti-windup cure it? If not, switch the I term off: if the overshoot goes
-# away, the I term was too large for the P term. With PD far from the delay limit, raise $K_d$ or lower $K_p$. If the
-# delay margin is small, look for the delay.
+# **Debugging tip.** *The robot overshoots its target.* First look at the command. If it is at its limit during the
+# step and there is an I term, suspect windup, and try anti-windup. If that does not help, switch the I term off. If
+# the overshoot goes away, the I term was too large for the P term. If it stays, look at the delay margin. If the
+# margin is large, raise $K_d$ or lower $K_p$. If it is small, look for the delay.
 #
 # <details><summary>A common mistake</summary>
 #
@@ -1692,13 +1713,12 @@ show("overshoot_means_p")
 # **Debugging tip.** *The robot vibrates at contact.* First ask which loop runs through the wall.
 #
 # * Impedance control: does the vibration grow, or die out slowly? If it grows, lower the stiffness or the damping,
-#   whichever is too large for the delay. If it dies out, raise the damping to suit $K + k_e$, as far as the delay
-#   allows.
+#   whichever is too large for the delay. If it dies out, raise the damping as far as the delay allows, because the
+#   wall has raised the stiffness to $K + k_e$.
 # * Force control: lower the gain on the force. The impedance stiffness is not part of this loop.
 # * Admittance control: raise the virtual mass, or soften the inner position loop.
 #
-# And look whether the hand loses contact. Repeated impacts need a slower approach; vibration in contact needs other
-# gains.
+# If the hand loses contact again and again, approach more slowly.
 #
 # </div>
 
@@ -1708,12 +1728,10 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# There are ten graded exercises. Do the drill `pid` first: run `drills start pid` in a terminal. `check` runs your
+# First do the drill `pid`: run `drills start pid` in a terminal. Ten graded exercises follow here. `check` runs your
 # function on new random cases.
 #
-# ### PD gains for a joint
-#
-# A warm-up.
+# ### A warm-up
 
 # %%
 card("pd_gains")
@@ -1765,8 +1783,8 @@ check(computed_torque)
 # ### Friction compensation
 #
 # Computed torque cancels inertia and gravity, not the friction of gears and bearings. A **friction compensation** adds
-# the torque that friction takes, in the direction of the motion. It is a feedforward: it uses the rate of the
-# reference, because the sign of a measured rate chatters at rest.
+# the torque that friction takes, in the direction of the motion. It uses the rate of the reference, because noise
+# changes the sign of a measured rate at rest.
 
 # %%
 card("friction_torque")
@@ -1849,10 +1867,10 @@ check(mppi_step)
 # %% [markdown]
 # ### Standing on an incline
 #
-# A biped on a slope needs contact forces that carry its weight, within friction and within the torque of its joints. A
-# quadratic program, as in MPC, finds them. Left: the steepest slope on which such forces exist, for strong joints and
-# for joints of 13 N m. Right: the share of friction and the torque that the forces of lowest cost need, with strong
-# joints:
+# A biped on a slope needs contact forces that carry its weight. Friction and the torque of its joints limit them. A
+# quadratic program, as in MPC, finds them. Left is the steepest slope on which such forces exist, for strong joints
+# and for joints of 13 N m. Right are the share of friction and the torque that the forces of lowest cost use, with
+# strong joints:
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
@@ -1884,8 +1902,8 @@ check(standing_qp)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# This controller holds every load, and every oscillation dies away. But its closed-loop poles are not where the gains
-# should have put them. Find out why.
+# This controller holds every load, and its oscillations die away. But its poles are not where the gains should have
+# put them. Find out why.
 
 # %%
 card("hold_joint")
@@ -1913,8 +1931,8 @@ check(hold_joint)
 # ### Formulas: three limits of PD
 #
 # Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
-# $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when a root reaches the unit circle.
-# (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right.
+# $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when an eigenvalue or a root reaches the
+# unit circle. (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right.
 # <span class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$, as a function of $K_d$, $J$ and $h$?
@@ -1944,12 +1962,12 @@ your_robot(6)
 # ## 9 · Frontier: learned controllers
 #
 # A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
-# Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns the second term
-# with reinforcement learning, the subject of chapter 9. It starts with a controller that already works.
+# Here $\pi_\theta$ is a function of the state $x$ with learned numbers $\theta$. Residual policy learning (Silver and
+# others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with reinforcement learning, the subject of
+# chapter 9.
 #
-# In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. Its
-# data come from the motions that the arm has made. When the controller runs, the acceleration that enters the
-# correction is the one that computed torque requests.
+# In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. When
+# the controller runs, the acceleration that enters the correction is the one that computed torque requests.
 
 # %%
 predict("taught_elsewhere")
@@ -1957,8 +1975,9 @@ predict("taught_elsewhere")
 # %% [markdown]
 # The example starts from a wrong model, without payload and friction. A weighted sum of 200 sines is fitted to the
 # torque that this model misses; each is the sine of a random combination of angles, rates and accelerations. The
-# example then drives the motion with the improved controller, adds the new data, and repeats this for six rounds. For
-# comparison, adaptive control changes the seven physical parameters of the arm:
+# example then drives the motion with the improved controller, adds the new data, and repeats this for six rounds. The
+# curves are medians of seven random draws of the sines, the bands reach from the best to the worst. For comparison,
+# adaptive control changes the seven physical parameters of the arm:
 #
 # ![Learned and adapted, on the trained motion and on a larger one](../docs/charts/learned_beside_adaptive.png)
 
@@ -1982,8 +2001,9 @@ print_figures("learned_beside_adaptive", "adaptive", "learned")
 more_claims("residual_learning_is_faster", "residual_of_the_state")
 
 # %% [markdown]
-# The last row can be tried here in a few lines: MPPI with MuJoCo as the model, and a cost weight that changes while the
-# controller runs. First the arm shall swing up. Then the price of torque is raised, and the arm lets itself fall:
+# You can try something like the last row in a few lines: MPPI with MuJoCo as the model, and a cost weight that changes
+# while the controller runs. (Predictive sampling would take the best rollout instead of the weighted mean.) First the
+# arm swings up. Then we raise the price of torque, and the arm lets itself fall:
 
 # %% tags=["show-code"]
 body, arm = TwoLink(gravity=9.81).chain(), TwoLink(gravity=9.81)
@@ -2008,8 +2028,7 @@ for price in (1e-4, 1.0):
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open the answers. The questions on
-# legged robots, on stops and on people go beyond this page.
+# Answer aloud, then open the answers. Questions on legged robots, stops and people go beyond this page.
 
 # %%
 interview("control")
@@ -2017,7 +2036,7 @@ interview("control")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five questions on this chapter, drawn by a seed.
+# Five random questions on this chapter.
 
 # %%
 checkpoint("control", ["", "", "", "", ""], seed=1)

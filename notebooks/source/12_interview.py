@@ -3,7 +3,8 @@
 #
 # *Eleven chapters measured things. This chapter turns the measurements into interview questions, and you answer aloud.*
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
-# exercises {exercise minutes} minutes. The model answers are not counted: beside each question stands its time.
+# exercises {exercise minutes} minutes. The model answers, the flashcards and five of the debugging cases are not
+# counted.
 
 # %%
 from course.cards import predict
@@ -12,26 +13,24 @@ from course.simulations import simulation
 simulation("interview")
 
 # %% [markdown]
-# Start here: answer the question aloud while the bar runs out. Then click *Reveal*, compare, and rate how well you knew
-# it. The curve is the predicted probability that you still know the answer. Each review sets it back to one. After a
-# success it then falls more slowly, after a failure fast. The panel says in how many days the card comes back (section
-# 4).
+# Start here: answer the question aloud while the blue bar runs out. Then click *Reveal*, compare, and rate how well you
+# knew it. If you don't know the answer yet, section 1 explains it. Section 4 explains the curve.
 
 # %%
 predict("hundred_runs")
 
 # %% [markdown]
-# **After this chapter you can** answer with a number that you can justify, in a version of thirty seconds and in one of
-# five minutes; design a system on a whiteboard with rates and latencies on its arrows; locate a fault with few, well
-# chosen experiments; and rehearse all of this against a clock. **Know first:** as many of the chapters as you have time
-# for. If a card is about a chapter that you skipped, it names the section to read.
+# **After this chapter you can** answer with a number that you can justify, in thirty seconds or in five minutes; design
+# a system on a whiteboard, with rates and latencies on its arrows; find a fault with a few well-chosen experiments; and
+# practise all of this against a clock. **Know first:** as many of the other chapters as you have time for. A card about
+# a chapter that you skipped names the section to read.
 #
 # ## How this chapter works
 #
-# Interviews for robotics jobs often have four rounds and a last question. Each has its sections here. On the phone you
-# explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you design a system. In
-# the coding round you write twenty lines that a program tests. In the debugging round you find out why a program fails.
-# The last question is broad, for example whether you would learn a component or write it.
+# Interviews for robotics jobs often have four rounds and a last question. Each has its own sections on this page. On
+# the phone you explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you
+# design a system. In the coding round you write twenty lines, and a program tests them. In the debugging round you find
+# out why a program fails. The last question is broad. An example: would you learn a component or write it?
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -72,14 +71,14 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Every measured or derived number in an answer is computed by code of this course; the command
-# `python -m course.derivations 12` recomputes those of this page. Inputs such as a braking of 2 m/s² are stated
-# assumptions. The four stories in section 9 are invented, to show the form. For the terminal there are three commands:
+# Code of this course computes every measured or derived number in an answer; `python -m course.derivations 12` repeats
+# this for the page. Four answers in section 9 tell invented stories, as a pattern for your own. These commands run in a
+# terminal:
 #
 # | Command | What it does |
 # |---|---|
 # | `drills review` | shows the flashcards that are due today and schedules the next review of each |
-# | `drills interview --minutes 45` | runs a mock interview: a question, a debugging case, a graded coding exercise and a design, then a report |
+# | `drills interview --minutes 45` | runs a mock interview of 45 minutes with all rounds, then writes a report |
 # | `drills debug explodes` | gives you one of six faulty programs and lets you experiment on it |
 #
 # Section 8 has these exercises:
@@ -93,35 +92,45 @@ badges(12)
 # ## 1 · Concept: thirty seconds on each subject
 #
 # An interviewer opens with a broad question, such as "What do you know about contact simulation?" A good answer takes
-# thirty seconds. It says what the thing is, gives one equation, and ends with a measured number and with the point
-# where the method stops working. Then you stop.
+# thirty seconds. It says what the thing is, and gives one equation and one measured number. It ends with the limit: the
+# point where the method stops working. Then you stop.
 #
-# The table has the material for eight subjects. Read one row, look away, and say what you need in your own words. Each
-# row ends with a measurement from this course: the task, the computing time of our method and of an established
-# library, and a limit. The times are from one machine and one task, so they rank nothing in general. Names that you
-# don't know belong to chapters that you skipped; learn the rows of the subjects on your CV.
+# The table has eight subjects. Below it, each has a text of thirty seconds. Speak about the subject first, then open
+# its text and compare. Each subject uses the terms of one chapter: skip the chapters that you have not read, and learn
+# the subjects on your CV. Each text ends with a measurement from this course: the task, the computing time of our
+# method and of an established library, and a limit. The times are from one machine and one task, so they don't rank the
+# methods in general.
 
-# %%
-tables.cheat_sheet()
+# %% tags=["hide-code"]
+sheet = tables.cheat_sheet()
+overview = tables.Table(
+    sheet.title, (sheet.head[0], *sheet.head[2:]), tuple((row[0], *row[2:]) for row in sheet.rows)
+)
+texts = [
+    f"<details><summary>{row[0]}: the text for thirty seconds</summary>\n\n{row[1]}\n\n</details>"
+    for row in sheet.rows
+]
+Markdown("\n\n".join([overview.markdown(), *texts]))
 
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** First the answer, then its number, then its limit; then stop. "Semi-implicit Euler. On an undamped
-# oscillator it is stable as long as the step stays below two divided by the angular frequency." That takes ten seconds,
-# and it makes the likely next question one that you are prepared for.
+# **Interview tip.** First the answer, then its number, then its limit; then stop. "I use semi-implicit Euler. For 1 kg
+# on an undamped spring of 100,000 N/m it is stable up to a step of 6.3 ms. In general, the limit is two divided by the
+# angular frequency." That takes ten seconds, and you know the next question: why?
 #
 # </div>
 #
 # ### How good is a policy that passed a test?
 #
-# The prediction at the top was about a policy with seventy successes in a hundred runs. Suppose that each run
-# succeeds with the same probability $p$, the true success rate, whatever happened before. Then the number of successes
-# in $n$ runs follows a binomial distribution. The observed rate scatters around $p$ with the standard deviation
+# The prediction at the top was about seventy successes in a hundred runs. Suppose that each run succeeds
+# with the same probability $p$, the true success rate, and that no run affects another. Then the number of successes in
+# $n$ runs follows a binomial distribution. The observed rate, successes divided by runs, scatters around $p$ with the
+# standard deviation
 #
 # $$\sigma = \sqrt{\frac{p\,(1 - p)}{n}} .$$
 #
-# The picture shows how likely each count is for $p = 0.7$ and $n = 100$. The shaded band is two standard deviations to
+# The picture shows how likely each count is for $p = 0.7$ and $n = 100$. The band reaches two standard deviations to
 # each side:
 
 # %% tags=["hide-code"]
@@ -135,17 +144,21 @@ plt.show()
 
 # %% [markdown]
 # **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
-# deviations are 0.09, so an observed rate of 70 % is compatible with true rates between roughly 61 % and 79 %. To halve
-# this width you need four times as many runs.
+# deviations are 0.09. So a policy whose true rate is 70 % usually shows an observed rate between 61 % and 79 %. To
+# halve this width you need four times as many runs.
 #
-# A **confidence interval** is the set of true rates that are compatible with the observed count, at a chosen level of
-# confidence. Two standard deviations correspond to a level of about 95 %. The example inserted the observed rate for
-# the unknown $p$; near 0 and 1 this fails. The **Wilson interval** avoids it. Take each $p$ in turn, compute the
-# standard deviation with this $p$, and keep $p$ if the observed rate lies within two of these standard deviations of
-# $p$. You will program it in section 8.
+# In practice you know the observed rate and look for the true one. A **confidence interval** is the set of true rates
+# that are compatible with the observed count, at a chosen level of confidence. Two standard deviations correspond to a
+# level of about 95 %. A shortcut is to insert the observed rate for $p$ in the formula. But after ten successes in ten
+# runs this returns a standard deviation of zero, as if the true rate were certain.
 #
-# Robot teams use such counts for a **gate**, a threshold that a policy has to pass before it may go on, for example
-# from the simulator to the robot.
+# The **Wilson interval** avoids this. Try each possible $p$: compute the standard deviation with this $p$, and keep $p$
+# if the observed rate lies within two of these standard deviations of $p$. The values that you keep are the interval.
+# For 70 successes in 100 runs it goes from 60 % to 78 %. You will program it in section 8.
+#
+# Robot teams use such counts for a **gate**: a success rate that a policy has to reach before it may go on, for example
+# from the simulator to the robot. Judge the following claim about it. On such cards, choose *Only under a condition* if
+# the claim is true in some cases only, and does not name them.
 
 # %%
 show("hundred_trials")
@@ -163,17 +176,27 @@ axis.axvline(0.7, color="0.6", lw=1, ls="--")
 axis.set(xlabel="true success rate", ylabel="probability to pass 70 %")
 axis.legend(fontsize=8)
 plt.show()
+bar = next(k for k in range(70, 101) if binom.sf(k - 1, 100, 0.7) < 0.05)
+chance = binom.sf(bar - 1, 100, 0.7)
+print(f"one-sided test at 5 %, 100 trials, gate 70 %: {bar} successes are needed")
+print(f"a policy whose true rate is 70 % reaches them with probability {chance:.3f}")
 
 # %% [markdown]
-# A perfect gate would be a step at 0.7. More trials make the curve steeper, but never a step. So decide first which two
-# rates you have to tell apart, and then choose the number of trials. The **power** of a test is the probability that it
-# detects a difference that really exists. To say "the test found no difference" means little if its power was low.
+# A perfect gate would be a step at 0.7. More trials make the curve steeper, but it never becomes a step. So first
+# decide which two rates you have to tell apart, and then choose the number of trials. The **power** of a test is the
+# probability that it detects a difference that really exists. If the power was low, "the test found no difference"
+# means little.
+#
+# A policy whose true rate is exactly 70 % reaches 70 of 100 successes about half of the time. So careful teams demand
+# more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate succeeds less
+# than once in twenty. The cell printed this number. It answers the question of the first panel. A **two-sided test**,
+# also at 5 %, looks for deviations in both directions, with 2.5 % for each.
 #
 # ### What does an accelerometer measure?
 #
-# An accelerometer is a small mass on a spring inside a housing. The reading is proportional to the force of the spring
-# on the mass. Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. Every other force
-# on the housing does, also that of a table on which it rests. The reading is the **specific force** $f = a - g$, in the
+# An accelerometer contains a small mass on a spring, inside a housing. It measures the force of the spring on the mass.
+# Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. Every other force on the
+# housing does, for example the force of a table below it. The reading is the **specific force** $f = a - g$, in the
 # axes of the sensor. Here $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector. At
 # the centre of mass, $f$ is the sum of all forces on the body except gravity, divided by its mass.
 
@@ -183,26 +206,26 @@ show("imu_reads_acceleration")
 # %% [markdown]
 # ### How to say "I measured" honestly
 #
-# A single question, "on which robot?", is enough to make a borrowed answer fall apart. Five habits prevent this:
+# If you only repeat a number, the question "on which robot?" is enough to show it. Five habits make a number yours:
 #
-# * **Name the place.** "In a course I measured ...", "in a simulation I computed ...", "at work we measured ...". If
-#   you only read it, say where and in which year.
+# * **Say where the number comes from.** "In a course I measured ...", "in a simulation I computed ...", "at work we
+#   measured ...". If you only read it, say where, and from which year it is.
 # * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
 # * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
-#   an interval is Wilson's, two-sided at 95 %. A gate is tested one-sided at 5 %, unless the text says otherwise. Two
-#   policies are compared two-sided at 5 %, with enough trials to notice the difference four times in five.
+#   an interval is Wilson's at 95 %. A gate is tested one-sided at 5 %, unless the text says otherwise. To compare two
+#   policies we test two-sided at 5 %, with so many trials that the power is 80 %.
 # * **Separate assumptions from results.** "I assume 2 m/s² of braking; then the base needs 0.9 m."
-# * **Say what you would measure next, and what you do if the number turns out bad.** A number from another system is a
-#   reason to measure, not a specification.
+# * **Say what you would measure next, and what you will do if the result is bad.** A number from another system is a
+#   reason to measure on yours.
 #
-# The figures of this course are from simulations, and you may quote them as such. Standards you name with number and
-# edition, after a check for a newer one. You never quote a limit from memory: you say who looks it up.
+# The numbers of this course are from simulations, and you may quote them as such. If you name a safety standard, give
+# its number and edition, and check before the interview whether there is a newer one. Never quote a limit in a standard
+# from memory: say who looks it up.
 #
 # ### Where are the joints of a planar arm?
 #
-# A standard warm-up for the coding round is forward kinematics in the plane. Each angle of an arm is measured against
-# the link before it, because that is where the encoder sits. Let the arm have links of lengths $L_i$ and joint angles
-# $q_i$.
+# A standard warm-up for the coding round is forward kinematics in the plane. The arm has links of lengths $L_i$ and
+# joint angles $q_i$. Each angle is measured against the link before it, because that is where the encoder sits.
 
 # %%
 show("joints_by_sums")
@@ -224,15 +247,15 @@ axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", xlim=(-0.1, 1.4), ylim=
 plt.show()
 
 # %% [markdown]
-# The orange arcs are the sums of the angles so far. They measure the direction of each link against the horizontal
-# (dashed). In code this is one line, `np.cumsum(angles)`, followed by a second cumulative sum over the link vectors.
+# The orange arcs are the sums of the angles so far. Each is the angle between a link and the horizontal (dashed). In
+# code, `np.cumsum(angles)` computes these sums. A second cumulative sum, over the link vectors, returns the joints.
 #
 # ### What does a sampled controller cost?
 #
 # A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
-# the staircase that the motor receives. A slow motor smooths the steps, as the dotted curve does: each of its points is
-# the mean of the staircase from half a sample before to half a sample after. Its shape is nearly that of the ideal
-# command, but it lags behind.
+# the staircase that the motor receives. The dotted curve makes the lag of the staircase visible. Each of its points is
+# the mean of the staircase over one sample, half before the point and half after it, so the averaging adds no lag of
+# its own. The dotted curve has nearly the shape of the ideal command, but it is late.
 
 # %% tags=["hide-code"]
 time = np.linspace(0.0, 8.0, 801)
@@ -250,13 +273,14 @@ plt.show()
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# How good is "half a sample" at high frequency? At three radians per sample, almost the highest frequency that a
-# sampled loop can represent, the rule is wrong by up to 0.9 rad. For signals that hardly change within a sample, it is
-# right.
+# How good is "half a sample" for a fast oscillation? Its speed is the angle by which its phase advances from one sample
+# to the next. A sampled loop can represent at most $\pi$. At 1 rad per sample, half a sample is 0.5 rad of phase, and
+# the rule is wrong by at most 0.015 rad. At 3 rad it is wrong by up to 0.9 rad.
 #
-# So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before a single line of code has run. Add the
-# time of computing and the time on the bus. Delay costs phase, and lost phase limits the gain: this is why the answer
-# to "how stiff can you make this joint?" has to begin with the sample time.
+# So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before any code has run. The time of computing
+# and the time on the bus are added to it. A late command pushes when the joint has already moved on. With a high gain
+# this makes the joint oscillate. So the answer to "how stiff can you make this joint?" has to begin with the sample
+# time.
 
 # %%
 more_claims("stiff_is_position")
@@ -267,16 +291,17 @@ more_claims("stiff_is_position")
 # "How many picks per hour can this cell do?" Nobody expects four digits. The interviewer wants to see a short
 # calculation whose inputs you state aloud, so that both of you can see which input matters most.
 #
-# The **cycle time** of a picking cell is the time from one part to the next. It is the sum of the motion, of gripping
-# and releasing, and of the computing during which the arm stands still. For the motion you need one formula. From rest
-# to rest over a distance $D$, with the acceleration $a$ and the top speed $v$, the speed over time is a trapezoid if
-# the arm reaches $v$, and a triangle if it does not. The area under the curve is the distance:
+# The **cycle time** of a picking cell is the time from one part to the next. It has three parts: the motion, gripping
+# and releasing, and the computing during which the arm stands still. For the motion you need one formula. The arm moves
+# from rest to rest over a distance $D$, with the acceleration $a$ and the top speed $v$. If it reaches $v$, the curve
+# of its speed over time is a trapezoid, otherwise a triangle. The area under the curve is the distance $D$. From this
+# follows the time $T$:
 #
 # $$T = \frac{D}{v} + \frac{v}{a} \quad\text{if}\; D \ge \frac{v^2}{a}, \qquad T = 2\sqrt{\frac{D}{a}}
 # \quad\text{otherwise} .$$
 #
 # **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes 0.6 +
-# 0.5 = 1.1 s. At 1 m/s without any ramps it would take 0.6 s, so speeding up and braking cost 0.5 s more. Four such
+# 0.5 = 1.1 s. At a constant 1 m/s it would take 0.6 s, so speeding up and braking cost 0.5 s. Four such
 # moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s. Planning takes 0.1 s of
 # the computing.
 
@@ -310,14 +335,18 @@ show("computing_and_cycle")
 #
 # Interviewers ask why thousands of small worlds run well on a GPU. Two causes can be measured on a processor. The first
 # is the **layout**. An *array of structures* stores all numbers of a world next to each other. A *structure of arrays*
-# stores one number of all worlds next to each other. *Blocks* are structures of arrays for a few hundred worlds each.
-# The second cause is **divergence**: lanes that share their instructions all wait while one of them runs a branch.
+# stores one number of all worlds next to each other. *Blocks of arrays* are structures of arrays for a few hundred
+# worlds each. The second cause is **divergence**. A GPU computes in groups of *lanes*, one world per lane, which share
+# their instructions: all lanes of a group wait while one of them runs a branch.
 #
 # ![Time per arm by layout, by block width, and lanes occupied by contact](../docs/charts/batch_layout.png)
 #
-# All layouts run the same compiled source on the two-link arm of chapter 8, and agree to the last bit. Upper left, a
-# full Runge-Kutta step uses all numbers of an arm, so its layout matters little. What matters is the number of arms in
-# a call. The upper right panel shows a pass that reads 4 of 17 numbers, where structures carry unused bytes along.
+# All layouts run the same compiled source on the two-link arm of chapter 8, and agree to the last bit. The dotted lines
+# mark the number of arms whose data fill a cache of the processor (L1 is the smallest). Upper left, "a call per arm"
+# runs the same source for one arm at a time, and the two curves of MuJoCo use its functions for many worlds.
+#
+# A full Runge-Kutta step uses all numbers of an arm, so its layout matters little. What matters is the number of arms
+# in a call. The upper right panel shows a pass that reads 4 of 17 numbers, where structures carry unused bytes along.
 # MuJoCo takes longer per arm because it is a general engine: it builds the equations of any robot at every step.
 #
 # The lower left panel varies the width of a block. Lower right, groups of lanes execute the contact branch if one lane
@@ -332,16 +361,24 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # %% [markdown]
 # ### Six estimates
 #
-# Six numbers about an arm that you should be able to estimate aloud. The **stopping distance** is the distance that a
-# robot travels from the command to stop until it stands still, the reaction time included. The **effective mass** is
-# the mass that the arm presents at the point of contact, in the direction of the blow. It is usually smaller than the
-# mass of the arm, because not all links have to change their speed for the tip to stop.
+# The table has six numbers about an arm that you should be able to estimate aloud. The **stopping distance** is the
+# distance that a robot travels from the command to stop until it stands still. It includes the distance during the
+# reaction time. The **effective mass** is the mass that you would feel if the arm hit you at this point, in this
+# direction. It is usually smaller than the mass of the arm, because not all links have to change their speed for the
+# tip to stop.
 #
-# The position error adds up two kinds of errors. Independent random errors, of standard deviations $\sigma_i$, add in
-# squares; two standard deviations are counted. A systematic error is the same in each pick and is added in full: here,
-# the distance that the part moves while its image is processed. The hand-eye angle is systematic too, once a robot is
-# calibrated. It counts as random here because the robot is not built yet: nobody knows which error its calibration
-# will have.
+# The position error is the sum of two kinds of errors. A systematic error is the same in each pick: here, the distance
+# $vt$ that the part moves while its image is processed. Random errors with the standard deviations $\sigma_i$ add in
+# squares if they are independent. We count two standard deviations of the sum.
+#
+# <details><summary>The three random errors</summary>
+#
+# The pixel error is multiplied by the distance and divided by the focal length. The error of the hand-eye angle (the
+# angle between camera and arm) is multiplied by the distance. The error of the arm is added as it is. Once a robot is
+# calibrated, its hand-eye error is systematic. Here the robot is not built yet, so nobody knows this error, and it
+# counts as random.
+#
+# </details>
 
 # %% tags=["hide-code"]
 INPUTS = {
@@ -351,12 +388,12 @@ INPUTS = {
     "still_s": ("gripping and releasing", "s"),
     "computing_s": ("waiting for the computer", "s"),
     "range_m": ("distance to the camera", "m"),
-    "pixel_spread_px": ("pixel noise", "px"),
+    "pixel_spread_px": ("pixel error", "px"),
     "focal_px": ("focal length", "px"),
-    "hand_eye_spread_mrad": ("hand-eye angle", "mrad"),
-    "arm_spread_mm": ("arm", "mm"),
+    "hand_eye_spread_mrad": ("error of the hand-eye angle", "mrad"),
+    "arm_spread_mm": ("error of the arm", "mm"),
     "speed_m_per_s": ("speed v", "m/s"),
-    "delay_ms": ("age of the image", "ms"),
+    "delay_ms": ("time t for the image", "ms"),
     "mass_kg": ("mass m of the part", "kg"),
     "friction": ("friction coefficient μ", ""),
     "safety": ("safety factor S", ""),
@@ -370,9 +407,9 @@ LABELS = {
     "cycle": ("Time of one pick and place", "moves + gripping + waiting"),
     "computing_share": ("Share of computing in that time", "waiting / cycle"),
     "finger_error": ("Position error at the fingertip", r"$vt + 2\sqrt{\sum\sigma_i^2}$"),
-    "grip_force": ("Force of each finger", r"$S\,m(g + a)/(n\mu)$"),
+    "grip_force": ("Force of each finger that lifts a part", r"$S\,m(g + a)/(n\mu)$"),
     "stopping": ("Stopping distance of the arm", r"$vt + v^2/(2a)$"),
-    "contact_clamped": ("Peak force on something that cannot move away", r"$v\sqrt{km}$"),
+    "contact_clamped": ("Peak force on something that cannot move", r"$v\sqrt{km}$"),
 }
 rows = ["| Estimate | Formula | Value | Inputs |", "|---|---|---:|---|"]
 for name, (label, formula) in LABELS.items():
@@ -385,8 +422,8 @@ for name, (label, formula) in LABELS.items():
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# (This cell is another one than above: other moves, more computing.) Which input matters most? Double one after the
-# other and look at the factor. Here it is done for the peak force:
+# (This robot cell is not the one above: it has other moves and more computing.) Which input matters most? Double one
+# input after the other, and look at the factor. Here we do this for the peak force:
 
 # %%
 one = ESTIMATES["contact_clamped"]
@@ -398,16 +435,15 @@ for name, given in one.given().items():
         print(f"{label:<22} {given:8.3g} -> {2 * given:8.3g}   peak force x {factor:.2f}")
 
 # %% [markdown]
-# Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it by the square root of two only.
-# The reason is energy. At the deepest point the whole kinetic energy of the effective mass is stored in the spring of
-# the contact. From that sentence you can derive the formula for the peak force, and the checkpoint at the end of this
-# page may ask you to.
+# Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it only by the square root of two.
+# The reason is energy. A contact acts like a spring. At its deepest point it has stored the whole kinetic energy of the
+# effective mass. From this you can derive the formula for the peak force.
 #
 # ### Stop when you feel ten newtons
 #
-# A force threshold is an obvious first idea for safe contact. Take an arm with an effective mass of 4 kg that arrives
-# with 0.25 m/s and meets something with a stiffness of 25,000 N/m. Its brake acts 8 ms after the sensor reads 10 N,
-# with a force of 100 N.
+# A force threshold is an obvious first idea for safe contact. Take an arm with an effective mass of 4 kg. It arrives
+# with 0.25 m/s and meets something with a stiffness of 25,000 N/m. Its brake acts with a force of 100 N, beginning 8 ms
+# after the sensor reads 10 N.
 
 # %%
 predict("ten_newtons")
@@ -435,17 +471,17 @@ for (label, log), colour in zip(curves.items(), (GREY, BLUE), strict=True):
     upper.plot(log[:, 0], log[:, 1], color=colour, label=label)
     lower.plot(log[:, 0], log[:, 2], color=colour)
 for axis in (upper, lower):
-    axis.axvline(1e3 * felt, color=ORANGE, lw=1, ls="--")
+    axis.axvline(1e3 * felt, color=ORANGE, lw=1, ls="--", label="10 N reached")
     axis.set(xlabel="time since the touch [ms]")
 upper.axhline(10.0, color=ORANGE, lw=1, label="threshold of 10 N")
-upper.set(ylabel="contact force [N]", ylim=(0, 115))
+upper.set(ylabel="contact force [N]", ylim=(0, 150))
 upper.legend(fontsize=7, loc="upper right")
 lower.set(ylabel="speed [m/s]")
 plt.show()
 
 # %% [markdown]
-# At the threshold the arm has given up hardly any of its speed, and all of the remaining energy still has to go
-# somewhere. What helps is to arrive slowly, to be light, or to be soft.
+# When the force reaches the threshold, the arm still has nearly all of its speed, and the contact has to absorb most of
+# its energy. Three things help: to arrive slowly, to be light, and to be soft.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -456,32 +492,31 @@ plt.show()
 #
 # ## 3 · Design: four systems
 #
-# "Design a system that empties bins of mixed parts." You have a whiteboard and 45 minutes. Don't draw in the first ten:
-# a drawing without requirements answers nobody's question. Divide the time like this:
+# "Design a system that empties bins of mixed parts." You have a whiteboard and 45 minutes. Don't draw in the first ten
+# minutes, because you don't know the requirements yet. Divide the time like this:
 #
 # | Minutes | What you do |
 # |---:|---|
 # | 5 | Ask. A **clarifying question** is one whose answer changes the design: how many picks per hour, what does a miss cost, do the parts change, who else is in the cell? |
 # | 5 | Estimate. The cycle time, the accuracy at the fingertip, the amount of data: a minute each, as in section 2. |
 # | 20 | Draw boxes and arrows. Write three things on each arrow: what flows, its latency, and its rate if it is periodic. |
-# | 10 | Go deep into the one box that decides, and say when you would choose something else. |
-# | 5 | Say how you would find out that you are wrong: what you measure, and which number stops the release. |
+# | 10 | Explain the box that decides about success in detail, and say when you would choose something else. |
+# | 5 | Say how you would find out that the design is wrong: what you measure, and which number stops the release. |
 #
 # Interviewers grade with a **rubric**, a list of the points that a good answer covers. For every point your answer gets
 # one of four grades: missing; mentioned; given with a number; or defended, which means that you also said what would
-# change your mind. A **red flag** is a statement or an omission that can fail an interview by itself, for example a
-# robot among people without a word about who is liable for its safety. A **follow-up** is the question that the
+# change your mind. A **red flag** is a mistake so serious that you can fail because of it alone. An example is a robot
+# among people without a word about who is responsible for their safety. A **follow-up** is the question that the
 # interviewer asks next, usually about your weakest point.
 #
 # Here is a whiteboard as it could look after 30 minutes, for a system that empties bins of mixed parts. Follow the
-# arrows from the camera to the torques. Most arrows carry a rate or a latency or both: these are the numbers that an
-# interviewer will ask about.
+# arrows from the camera to the torques. An interviewer will ask about the rates and latencies on the arrows.
 
 # %% tags=["hide-code"]
 SVG(designs.svg(designs.read("pick_and_place")))
 
 # %% [markdown]
-# Work on one of the four with a clock and a sheet of paper before you open its answer.
+# Work on one of the four designs, with a clock and a sheet of paper, before you open its answer.
 
 # %%
 Markdown(designs.read("pick_and_place").markdown(figure))
@@ -498,8 +533,9 @@ Markdown(designs.read("among_people").markdown(figure))
 
 # %% [markdown]
 # A small program can grade a written answer by the rubric. It looks for key words, for a number with a unit close to
-# them, and for a stated condition that would change the decision. It cannot judge whether a number is correct. You
-# check that yourself, with the section that it names. Here it reads a first sentence about the simulation of a fleet:
+# them, and for a condition that would change the decision. It cannot judge whether a number is correct: check that
+# yourself, with the section that it names. Here it grades a first sentence about the second design, the simulation of a
+# fleet of robots:
 
 # %% tags=["nbval-ignore-output"]
 mine = "I would ask first which failures the nightly simulation has to find."
@@ -510,21 +546,24 @@ print(f"weakest point: {designs.weakest(fleet, result).asks}")
 # %% [markdown]
 # ## 4 · Code: four coding questions, and how to remember
 #
-# Four coding questions that fit into twenty minutes, each with its usual mistake:
+# Here are four coding questions that fit into twenty minutes, each with its usual mistake:
 #
-# * **Forward kinematics** of a three-link arm. Sum the angles, then the links (section 1). The usual mistake is to add
-#   absolute and relative angles.
-# * **RRT**, a planner that grows a tree of random samples. The usual mistake is to check only the two ends of an edge
-#   for collisions, and not the segment between them.
-# * **PID** with a motor that saturates. The usual mistake is to let the integral grow while the motor already gives all
-#   it has, so that the arm overshoots afterwards. Letting go of the integral at the limit is called anti-windup.
-# * **Domain randomisation**, training on random variants of a model. The usual mistake is to change a mass and to
-#   forget the inertia that belongs to it.
+# * **Forward kinematics** of a three-link arm. Sum the angles, then the link vectors (section 1). The usual mistake is
+#   to mix angles against the ground with angles against the link before.
+# * **RRT** (rapidly-exploring random tree), a planner that grows a tree of random samples. The usual mistake is to
+#   check only the two ends of an edge for collisions, and not the segment between them.
+# * **PID** (proportional, integral and derivative control) with a motor that reaches its limit. The usual mistake is to
+#   let the integral grow while the motor is at its limit, so that the arm overshoots afterwards. To stop the integral
+#   there is called anti-windup.
+# * **Domain randomisation**, training on random variants of a model. The usual mistake is to change the mass of a body,
+#   but not its inertia.
 #
-# Start one of them in a terminal with `drills start rrt`; its grade takes a second or two. Section 9 has the code of
-# each, as one could write it in the interview, and a test that one could show. Reviewing needs nothing but a card,
-# *Reveal* and an honest rating. This panel shows the cards of chapter 12 that are due today. It stores your rating of
-# each (*again*, *hard*, *good* or *easy*) and computes the day of the next review:
+# You start one of them in a terminal, for example with `drills start rrt`. Section 9 has code for each, as you could
+# write it in the interview, and a test that you could show.
+#
+# So that you still know the answers on the day, review them with flashcards. This panel shows the cards of chapter 12
+# that are due today. Answer, click *Reveal*, and rate yourself honestly: *again*, *hard*, *good* or *easy*. The panel
+# stores the rating and computes the day of the next review:
 
 # %% tags=["nbval-ignore-output"]
 from drills.interview.panel import flashcards
@@ -535,15 +574,23 @@ flashcards(chapters=[12])
 predict("when_again")
 
 # %% [markdown]
-# What you learned once fades, quickly at first and then more slowly. **Spaced repetition** shows a card when the
-# predicted probability that you still know it has fallen to a chosen value, here 90 %: the dashed line of the first
-# panel. The **stability** of a memory is the number of days in which the probability falls from one to this value; the
-# **difficulty** of a card says how slowly its stability grows. After each success the stability is larger, so the gaps
-# grow. After a failure the next gap is short again. This is a model for remembering over months, not the cheapest plan
-# for a fixed date.
+# You forget what you learned once, quickly at first and then more slowly. **Spaced repetition** shows a card again when
+# the predicted probability that you still know it has fallen to a chosen value, here 90 %. Each success makes the next
+# gap longer. After a failure the next gap is short again. This is made for remembering over months: before an interview
+# on a fixed date, another plan may need fewer reviews.
 #
-# The chart shows the gaps that the scheduler of this course computes, if you rate every answer *good*, and if you fail
-# once:
+# <details><summary>The numbers and bars in the first panel of this page</summary>
+#
+# The curve is the predicted probability, and the dashed line is at 90 %. The *stability* of a card is the number of
+# days until its probability has fallen from 100 % to 90 %. The card comes back after this time, rounded to whole days.
+# The *difficulty* of a card, from 1 to 10, says how slowly its stability grows. The four bars are the probabilities of
+# the four cards of the panel. A bar below 90 % is orange.
+#
+# </details>
+#
+# The chart shows the gaps between reviews that the scheduler of this course computes. One curve is for a card that you
+# rate *good* each time, the other for one failure. Within the first day the scheduler repeats a new card after ten
+# minutes:
 
 # %% tags=["hide-code"]
 from datetime import UTC, datetime, timedelta
@@ -566,17 +613,14 @@ axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# `drills review` asks whatever is due, from all chapters: statements to judge, formulas to type, interview questions,
-# coding exercises and the bugs of section 6.
-#
 # ## 5 · Debug: six programs that fail
 #
 # "Your simulation explodes. What do you do?" The tempting answer is a fix: a smaller time step. A better answer is an
-# experiment. A **symptom** is what you observe. Several causes can produce the same symptom, and a fix tried at random
-# may hide it without removing the cause.
+# experiment. A **symptom** is what you observe. Several causes can produce the same symptom, and a fix that you try at
+# random may hide the symptom without removing the cause.
 #
-# A **probe** is an experiment that you may run on the failing program: it returns a number, and it uses up some of your
-# time. A probe is worth its time only if its outcome differs between the causes that are still possible.
+# A **probe** is an experiment that you may run on the failing program. It returns a number, and it takes some of your
+# time. It is worth this time only if its result differs between the causes that are still possible.
 
 # %%
 case = diagnose("explodes", seed=4)
@@ -587,40 +631,39 @@ case.show()
 #
 # 1. Each stop has two contact points by mistake, so it is twice as stiff as the time step allows.
 # 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
-# 3. The brake receives the speed late. Beyond a quarter of a swing of delay it pushes where it should pull.
+# 3. The brake receives the speed late. If it is late by more than a quarter of a swing, it pushes where it should pull.
 # 4. Friction and speed have opposite sign conventions, so friction drives the slide instead of slowing it.
-# 5. The damping is entered twice. A brake that uses the old speed becomes unstable once damping times step exceeds
-#    twice the mass.
-# 6. Contacts are detected every few steps only. A stop that pushes with an old depth pushes too late, and adds energy.
+# 5. The damping is entered twice. A brake that uses the old speed becomes unstable if damping times step exceeds twice
+#    the mass.
+# 6. Contacts are detected only every few steps. In between, a stop pushes with an old depth. So it pushes too late,
+#    which adds energy.
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
-# 8. The drive integrates its error too fast for the damping there is.
+# 8. The integral term of the drive is too strong, so that the damping is too weak to stop the swing.
 #
-# Each case lists seven of these eight, and `none_of_these`. If the missing cause is at work, that is the right answer.
+# Each case lists only seven of these eight, and `none_of_these`. If the eighth is the cause, `none_of_these` is right.
 
 # %%
 predict("first_probe")
 
 # %% [markdown]
-# Before you run anything, say what each cause predicts. Three of the probes report a ratio: the time until the slide is
-# lost with the change, divided by the time without it. The changed run ends after about three times the length of the
-# failing one. So a slide that survives gets a ratio of about three. A ratio of one means that the change doesn't
-# matter.
+# Before you run anything, say what each cause predicts. If a change doesn't matter, the time ratio is one. If the slide
+# survives, the time ratio is about three, because the run then ends.
 #
-# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6): the number
-#   of steps between detections stays, so each is late by half as many seconds. Explicit Euler (2) adds half as
-#   much energy each second, so the slide lasts twice as long. Causes 4, 7 and 8 don't care about the step. Nor does 3:
-#   the probe preserves the delay of the brake in seconds, which is then twice as many steps.
-# * **No brake** removes causes 3 and 5. It cures cause 1 as well. The brake uses the old speed, which lowers the
-#   largest stable step; without it the doubled stiffness is just stable. The other causes stay.
+# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6): there are as
+#   many steps between two detections as before, so each is late by half as many seconds. Explicit Euler (2) adds half
+#   as much energy each second, so the slide lasts twice as long. The step doesn't matter for causes 4, 7 and 8. Nor
+#   does it matter for 3, because the brake is late by as many seconds as before.
+# * **No brake** removes causes 3 and 5. It also cures cause 1. A brake that uses the old speed lowers the largest
+#   stable step. With no brake, the doubled stiffness is just stable. The other causes stay.
 #
-# We don't have to guess the numbers. We ran the program on other machines, each with a single known cause, and read the
-# same probes. The table lists the range of their results for each cause, in bold where it contains the number that the
-# failing machine gave. That number is in the last row:
+# We don't have to guess the numbers. We ran the same probes on other machines, each with a single known cause. The
+# table lists the range of their results for each cause. The last row has the results of the failing machine. A range
+# that contains this result is bold:
 
 # %% tags=["hide-code"]
 PROBES = {
-    "halve_step": "Half the step: ratio of the times",
-    "brake_off": "No brake: ratio of the times",
+    "halve_step": "Half the step: time ratio",
+    "brake_off": "No brake: time ratio",
     "log_brake": "Delay of the brake [steps]",
 }
 measured = {probe: case.probe(probe).figure for probe in PROBES}
@@ -637,12 +680,12 @@ Markdown("\n".join(rows))
 
 # %% [markdown]
 # Read the table column by column: a cause stays only if the measured number lies in its range. Half the step leaves
-# four causes, and without a brake only the late brake is among them. The last column confirms it by an independent
-# route: the brake acts many steps behind the speed. So the fix is to give the brake the present speed. Half the step
-# made almost no difference.
+# four causes. Of these four, only the late brake has a bold range in the second column. The last column confirms it
+# independently: the brake acts many steps after the speed was measured. So the fix is to give the brake the present
+# speed. Half the step, the tempting fix, made almost no difference.
 #
-# Half the step is a good probe even where it is a poor fix. An integration error shrinks with the step; the
-# effect of a force with the wrong sign, or one that is late by a fixed time, does not.
+# Half the step is a good probe even where it is a poor fix. An error of the time integration shrinks with the step. The
+# effect of a force that has the wrong sign, or that is late by a fixed time, does not.
 
 # %%
 show("growing_energy")
@@ -670,11 +713,10 @@ diagnose("late", seed=1).show()
 diagnose("sure", seed=1).show()
 
 # %% [markdown]
-# How much does one probe tell? Eight causes make 28 pairs. The chart shows for each probe the share of pairs that it
-# tells apart reliably, that is, by more than its own noise. The model answer of a case starts with all causes possible.
-# It prefers probes that tell many pairs apart per minute: the blue ones. (The walk-through above used another one to
-# confirm its result.) A grey probe with a long bar is expensive, or tells apart what another already did. Each title
-# begins with the name that `diagnose` takes:
+# Which probes are worth their time? Eight causes make 28 pairs. A probe tells a pair apart if its results for the two
+# causes differ by more than its noise. The chart shows the share of pairs that each probe tells apart, and its price in
+# minutes. The model answer of a case prefers probes that tell many pairs apart per minute. They are blue. A grey probe
+# with a long bar is expensive, or it only separates causes that another probe has separated already.
 
 # %% tags=["hide-code"]
 import textwrap
@@ -693,7 +735,9 @@ for axis, name in zip(axes.flat, scenario_names(), strict=True):
     inside = model_path(name)
     colours = [BLUE if probe in inside else "0.75" for probe in order]
     axis.barh(range(len(order)), [parted[probe] for probe in order], color=colours)
-    axis.set_yticks(range(len(order)), order, fontsize=8)
+    minutes = {p.name: p.minutes for p in one.probes}
+    labels = [f"{probe}, {minutes[probe]:g} min" for probe in order]
+    axis.set_yticks(range(len(order)), labels, fontsize=8)
     axis.set_title(textwrap.fill(f"{name}: {one.title}", 36), fontsize=9)
     axis.set(xlabel="share of pairs told apart", xlim=(0, 1))
 _ = figure_.suptitle("blue: probes of the model answer", fontsize=9)
@@ -702,7 +746,7 @@ plt.show()
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** Before you change anything, say what you expect to observe under each cause. If you expect the same
+# **Debugging tip.** Before you change anything, say what you expect to observe for each cause. If you expect the same
 # for all of them, the experiment is not worth its time, however fast it is.
 #
 # </div>
@@ -714,20 +758,20 @@ more_claims("error_by_its_shape", "complete_planners")
 # ## 6 · Debug: a museum of public bugs
 #
 # How do you test code when nobody knows the correct output? You test a property that the output must have. An
-# **invariant** is a property of a correct result that holds whatever the code does inside: the length of a unit
-# quaternion, the momentum of a free body, the total weight carried by the contact forces. You need no reference
-# solution to check it.
+# **invariant** is a property that every correct result has, whatever the code does inside. Three examples: a unit
+# quaternion has the length one, the momentum of a free body stays the same, and the contact forces under a body at rest
+# add up to its weight. You need no reference solution to check it.
 
 # %%
 predict("round_trip")
 
 # %% [markdown]
-# Each bug in this museum was released by a widely used open-source project and is documented in a public issue.
-# The course has a minimal version of each, next to a correct one. Three examples show why the obvious test missed them.
+# Each bug in this museum was in public open-source code and is documented in a public thread. The course has a minimal
+# version of each bug, next to a correct version. Three examples show why the obvious test missed it.
 #
 # **A free fall that slows down (number 4 of the table).** A physics engine damps every body by default, with a
-# coefficient of 0.04 that acts on the speed and on its square. Drop a body and compare its speed with gravity times
-# time:
+# coefficient of 0.04 that acts on the speed and on its square. Drop a body, and compare its speed with the
+# gravitational acceleration times the time:
 
 # %% tags=["hide-code"]
 seconds = np.linspace(0.25, 5.0, 20)
@@ -741,15 +785,15 @@ plt.show()
 
 # %% [markdown]
 # The obvious test drops a light and a heavy body and checks that they fall alike. They do, both too slowly. The
-# invariant "speed equals gravity times time" catches the damping at once.
+# invariant "speed equals gravitational acceleration times time" reveals the damping at once.
 #
-# **A quaternion rate in the wrong frame (6).** A function turns an angular velocity into the rate of a quaternion. The
-# obvious test converts there and back, and gets the same numbers. But both directions use the same wrong frame. The
-# invariant is physical: the angular momentum of a body on which no torque acts stays constant.
+# **A quaternion rate in the wrong frame (6).** A function computes the rate of a quaternion from an angular velocity.
+# The obvious test converts there and back, and gets the same numbers. But both directions use the same wrong frame. An
+# invariant of physics reveals it: if no torque acts on a body, its angular momentum stays constant.
 #
-# **A rotation that mirrors (8).** A function returns a rotation matrix $R$, and the obvious test checks that
-# $R^\top R$ is the identity. A mirror passes as well. The determinant tells them apart, because it is +1 for a rotation
-# and -1 for a mirror:
+# **A rotation that mirrors (8).** A function returns a rotation matrix $R$, and the obvious test checks that $R^\top R$
+# is the identity. A mirror passes as well. The determinant shows the difference: it is +1 for a rotation and -1 for a
+# mirror:
 
 # %%
 from scipy.spatial.transform import Rotation
@@ -764,9 +808,10 @@ for label, matrix in (("rotation", turn), ("mirror", mirror)):
     )
 
 # %% [markdown]
-# Here are all of them. "Right" and "wrong" are the largest violation of the invariant in three random test cases, for
-# the correct and for the faulty version. For `refined_ratio` the number is the error with a quarter of the step divided
-# by the error with the full step: about a quarter if the equations are right, about one if they are wrong:
+# Here are all bugs. The columns "Right" and "Wrong" show by how much the correct and the faulty version violate the
+# invariant, at worst in three random test cases. The number for `refined_ratio` is the error with a quarter of the
+# step, divided by the error with the full step. It is about a quarter if the equations are right, and about one if they
+# are wrong:
 
 # %% tags=["hide-code"]
 LABELS = (
@@ -779,10 +824,10 @@ LABELS = (
     "an acceleration that belongs to no point of the body",
     "a rotation that mirrors",
     "a planner that reports success away from the goal",
-    "path costs that are not updated after rewiring",
-    "ends of episodes that are shifted by one step",
-    "a time limit that is treated like a real end",
-    "transitions that join two episodes",
+    "path costs in a tree that are not updated after a change",
+    "ends of training episodes that are stored one step off",
+    "an episode cut by a time limit that is treated as finished",
+    "stored steps that lead from one episode into the next",
     "network layers whose output is never used",
 )
 rows = ["| | Bug | Public thread | Invariant | Right | Wrong |", "|---:|---|---|---|---:|---:|"]
@@ -796,9 +841,9 @@ for place, (one, label) in enumerate(zip(museum.EXHIBITS, LABELS, strict=True), 
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# Each invariant is a function of the module `course.interview.invariants`. You pass it your own implementation, in two
-# lines of a unit test. Choose its tolerance and its time step with care. A **false alarm** is a correct implementation
-# that the check rejects, and after three of them the team switches the check off.
+# Each invariant is a function of the module `course.interview.invariants`. You can test your own implementation with
+# it, in two lines of a unit test. Choose its tolerance and its time step with care. A **false alarm** is a correct
+# implementation that the check rejects. After three of them the team switches the check off.
 #
 # <details><summary>Four invariants of the module that no exhibit needs</summary>
 #
@@ -811,39 +856,53 @@ Markdown("\n".join(rows))
 #
 # ## 7 · Frontier: classical or learned, and what to read
 #
-# "Would you learn this or write it by hand?" is a good last question. It cannot be answered in general, but it can be
-# answered with a measurement. Start with a small one:
+# "Would you learn this or write it by hand?" is a good last question. There is no general answer, but a measurement can
+# answer it for your case. Start with a small one:
 
 # %%
 predict("learned_or_not")
 
 # %% [markdown]
-# The useful question is not which of the two is better. It is *from where on*: beyond which model error, which
-# computing time or which amount of data does the learned method win? That value is the *crossover*. The chart shows
-# what it takes to find one, for the start of a pose estimate: a network guesses the start, and competes with several
-# fixed starts of the classical method.
+# The useful question is not which of the two is better, but under which conditions the learned method wins. With which
+# model error, which computing time, how much data? The value at which the winner changes is the *crossover*. Here is an
+# example. ICP fits the model of a part to the camera's points, and needs a first guess of the part's rotation, the
+# *start*. Either a network guesses it, or ICP runs from several fixed starts and the best fit counts.
 #
-# On the left, compare heights and times: the network is right as often as four starts, in less than half of the time.
-# So the crossover is a time limit: below the time of four starts, take the network. ("Axis" starts along the longest
-# direction of the points.) On the right, a mirrored part that the network has never seen: no turn is right for it. One
-# check reveals most of these poses: count the pixels at which the camera looks behind the place where the part should
-# be. If their share is above the dotted line, the pose is rejected.
+# In the left panel, the labels 1, 4 and 8 are numbers of fixed starts. "Axis" starts along the longest direction of the
+# points. Orange squares are for almost four times the camera noise. Compare heights and times: the network is right as
+# often as four starts, in less than half of the time. So if the time limit lies between these two times, take the
+# network. (We did not measure two or three starts. The chart does not include the training of the network.)
+#
+# In the right panel, the green points belong to a mirror image of the part. The network has never seen it, and no
+# rotation of the model fits it. One check reveals most of these wrong poses. It counts the pixels at which the camera
+# sees something farther away than the estimated part. If their share is above the dotted line, the pose is refuted.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
-# In the table every row has both sides, and the last column has the crossover, where this course measured one. Where
-# nobody measured it, the table says so. An interviewer respects that answer, too.
+# The table has the numbers of this chart, and the crossover in its last column. The fold-out has four more components
+# of a robot. For one of them the crossover is "not measured here". An interviewer respects that answer, too.
 
-# %%
-tables.classical_or_learned()
+# %% tags=["hide-code"]
+both = tables.classical_or_learned()
+parts = [
+    tables.Table(
+        both.title, both.head, tuple(r for r in both.rows if (r[0] == "Perception") == own)
+    )
+    for own in (True, False)
+]
+Markdown(
+    f"{parts[0].markdown()}\n\n<details><summary>Planning, control, contact and sim-to-real</summary>"
+    f"\n\n{parts[1].markdown()}\n\n</details>"
+)
 
 # %% [markdown]
-# What these rows allow you to say: on data like those of its training, the learned component can win. It needed fewer
-# states in planning and less time in perception, and it beat a classical method whose model was wrong or incomplete.
-# Outside of its training data it lost in planning and perception, and in control its error grew. It gave no warning.
-# And identify the classical model first: the identified one was harder to beat than the default.
+# Our measurements with these components allow you to say: on data like those of its training, a learned component can
+# win. It needed fewer states in planning and less time in perception, and it beat a classical method whose model was
+# wrong or incomplete. Outside of its training data it lost in planning, and its error grew in control. For the mirrored
+# part it returned a wrong pose without a warning. And first fit the classical model to measured data: the learned model
+# never beat complete equations whose parameters were fitted.
 #
-# What to read: one book, five papers and five repositories, with what each of them really says.
+# Here is what to read: one book, five papers and five code repositories, with a summary of each.
 
 # %%
 tables.reading()
@@ -857,13 +916,10 @@ tables.lessons()
 # %% [markdown]
 # ## 8 · Exercises
 #
-# These are coding questions of about twenty minutes. `check` tests your function on new random cases and, where it can,
-# explains the mistake. Each function below runs, and contains a common mistake.
-
-# %% [markdown]
-# ### What one encoder count moves
-#
-# A warm-up, as an interviewer would ask it for a start.
+# These are coding questions of 8 to 30 minutes. `check` tests your function on new random cases and, where it can,
+# explains the mistake. Each function below runs, but contains a common mistake. `truncated_advantages` belongs to
+# reinforcement learning (chapter 9). There, the *advantage* of an action says how much better it was than expected, and
+# a *critic* is a network that predicts the sum of future rewards from a state.
 
 # %%
 card("tip_resolution")
@@ -879,12 +935,6 @@ def tip_resolution(counts, ratio, reach):
 
 check(tip_resolution)
 
-# %% [markdown]
-# ### Catch bugs that you have not seen
-#
-# In section 6 you knew which version was faulty. Here you receive the outputs of several programs, and you have to say
-# which are wrong. Think about what a free body preserves.
-
 # %%
 card("catch_the_slip")
 
@@ -898,12 +948,6 @@ def catch_the_slip(turns, rates, moments, step):
 
 
 check(catch_the_slip)
-
-# %% [markdown]
-# ### How sure is nine out of ten?
-#
-# Section 1 defined the Wilson interval by a condition on $p$. Square the condition, and you have a quadratic equation
-# whose two solutions are the ends of the interval.
 
 # %%
 card("success_interval")
@@ -920,11 +964,6 @@ def success_interval(solved, tried, confidence, share, half):
 
 check(success_interval)
 
-# %% [markdown]
-# ### When does it have to begin to stop?
-#
-# A robot and a person walk towards each other. During the reaction time and the braking both of them move.
-
 # %%
 card("stopping_distance")
 
@@ -938,11 +977,6 @@ def stopping_distance(speeds, reaction, braking, slope, person, unsure, sight):
 
 
 check(stopping_distance)
-
-# %% [markdown]
-# ### A latency budget over a graph
-#
-# Chapter 0 computed the age of a command in a chain. Here the stages form a graph, and the worst path counts.
 
 # %%
 card("latency_budget")
@@ -959,14 +993,6 @@ def latency_budget(edges, runs, periods, sensor, actuator, allowed):
 
 check(latency_budget)
 
-# %% [markdown]
-# ### Advantages in a buffer that cuts
-#
-# The advantage of an action says how much better it was than expected. With the reward $r_t$, the critic's value $V$
-# and the discount $\gamma$, the surprise of one step is $\delta_t = r_t + \gamma V(s_{t+1}) - V(s_t)$. The estimate
-# sums the later surprises with falling weights, $A_t = \sum_l (\gamma\lambda)^l\, \delta_{t+l}$ (chapter 9). The
-# difficulty is where to stop: a real end has no next state, a time limit has one.
-
 # %%
 card("truncated_advantages")
 
@@ -980,13 +1006,6 @@ def truncated_advantages(reward, value, starts, ended, final, last, gamma, lam):
 
 
 check(truncated_advantages)
-
-# %% [markdown]
-# ### Silent bugs: the gate that always opens
-#
-# A nightly report decides about a release. Its gate opens if the lower end of the two-sided interval reaches the
-# threshold; that is stricter than the one-sided test of section 1. The function below flatters the new version in three
-# ways.
 
 # %%
 card("silent_gate")
@@ -1019,8 +1038,9 @@ check(silent_gate)
 # ## 9 · Interview
 #
 # Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, the likely
-# follow-up, and what the interviewer listens for. The last question takes half an hour. Coding questions come with
-# code, which the tests of the course run.
+# follow-up, and what the interviewer listens for. The last question takes half an hour. The answers to coding questions
+# contain code that the tests of the course run. Two terms occur in the questions. In **hardware in the loop**, the real
+# controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each change of the code.
 
 # %%
 interview("interview")
@@ -1033,10 +1053,11 @@ interview("interview")
 
 # %%
 mine = ""
-print("written" if len(mine.split()) > 30 else "open: thirty words or more")
+print("written" if len(mine.split()) >= 30 else "open: thirty words or more")
 
 # %% [markdown]
-# Five questions on this chapter, drawn by a seed.
+# Five questions, drawn at random by a seed. Two of the possible formulas belong to other chapters: the derivative of a
+# mean reward to chapter 9, and the noise of a derivative to chapter 6.
 #
 # <details><summary>Ideas for three of the formulas</summary>
 #

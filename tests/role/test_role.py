@@ -256,19 +256,40 @@ def test_what_to_spend_on_is_what_helps():
     assert options["planning", "newest value"].load == 0.0
     assert options["control", "pipelined"].gain == pytest.approx(0.0005)
     assert options["control", "pipelined"].load == pytest.approx(1.5 - 0.75)
-    assert options["perception", "twice the rate"].gain == pytest.approx(1 / 120 + 3 / 60)
+    more = options["perception", "twice the rate, more workers"]
+    assert more.gain == pytest.approx(1 / 120 + 3 / 60)
     # The joint loop started by plans would leave the joints alone for a tenth of a second.
     offered = {(o.stage, o.change) for o in spend(CHAIN)}
     assert ("control", "twice the rate") in offered and ("control", "on arrival") not in offered
     assert role.missed(CHAIN) == []
     assert role.missed(chain) == ["torques"] == role.missed([replace(CHAIN[2], lost=0.01)])
     # Planning begins as soon as it is free: every 60 ms in place of 100, on the newest picture.
-    assert options["planning", "on arrival"].gain == pytest.approx(0.1 - 0.04 / 2 + 0.04)
-    assert ("planning", "twice the rate") not in options  # 60 ms do not fit into 50
+    assert options["planning", "on arrival: queue"].gain == pytest.approx(0.1 - 0.04 / 2 + 0.04)
+    # 60 ms do not fit into 50: a second worker.
+    twice = options["planning", "twice the rate, more workers"]
+    assert twice.gain == pytest.approx(0.1 / 4)
+    assert twice.load == pytest.approx(0.06 / 0.05 - 0.06 / 0.1)
+    assert twice.stages[1].overload == "pipelined"
     rates = [o.gain / max(o.load, 1e-9) for o in spend(chain)]
     assert rates == sorted(rates, reverse=True)
     for option in options.values():
         assert age(chain).mean - age(option.stages).mean == pytest.approx(option.gain)
+
+
+def test_a_fresh_sample_is_better_than_one_that_has_waited():
+    """A planner that skips is younger than one that starts when free, and needs less."""
+    options = {o.change: o for o in spend(CHAIN) if o.stage == "planning"}
+    skip, queue, workers = (options[f"on arrival: {x}"] for x in ("skip", "queue", "pipelined"))
+    # No pose waits, and every second one is planned for: 1/15 s in place of 0.1.
+    assert skip.gain == pytest.approx(1 / 60 + (0.1 - 1 / 15) / 2)
+    assert skip.load == pytest.approx(0.06 * 15 - 0.06 * 10)
+    assert workers.gain == pytest.approx(1 / 60 + (0.1 - 1 / 30) / 2)
+    assert spend(CHAIN)[0] == skip and skip.gain > queue.gain and skip.load < queue.load
+    rng = np.random.default_rng(5)
+    for option in (skip, queue, workers):
+        saved = ages(CHAIN, rng, 300).mean() - ages(option.stages, rng, 300).mean()
+        # Camera and planner repeat after 0.3 s, where the formula of a queue is 3 ms off.
+        assert saved == pytest.approx(option.gain, abs=0.008)
 
 
 def test_cost_is_the_error_of_a_motion_seen_late():

@@ -308,7 +308,7 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
     edge, flat = edge_of_rest(share), edge_of_rest(share, linear=True)
     panel.series = [
         Series(
-            "upper edge, linear theory: angle + speed = u/(m g l)",
+            f"upper edge, linear theory: angle + speed = {share:g}",
             theta,
             share - theta,
             "theory on a map",

@@ -33,11 +33,11 @@ def _stable_loops(rng, n):
 @claim(
     "In a stable loop, a peak sensitivity of at most 2 guarantees a gain margin of at least 2 and "
     "a phase margin of at least 29 degrees.",
-    "The Nyquist curve stays at least 1/Ms away from -1. So the gain margin is at least Ms/(Ms - "
-    "1) and the phase margin at least {formula}, which is {phase_deg:.1f} degrees for Ms = "
-    "{limit:g}. Of {draws:.0f} random stable PID loops with a delay, {inside:.0f} have an Ms of "
-    "at most "
-    "{limit:g}; their smallest margins are {gain:.2f} and {least_deg:.0f} degrees.",
+    "Let M be the peak sensitivity. The Nyquist curve stays at least 1/M away from -1. So the gain "
+    "margin is at least M/(M - 1) and the phase margin at least {formula}, which is "
+    "{phase_deg:.1f} degrees for M = {limit:g}. Of {draws:.0f} random stable PID loops with a "
+    "delay, {inside:.0f} have an M of at most {limit:g}; their smallest margins are "
+    "{gain:.2f} and {least_deg:.0f} degrees.",
     ask=(
         "The Nyquist curve is never closer to -1 than 1/M. Where it crosses the unit circle, which "
         "phase margin does it have at least?",

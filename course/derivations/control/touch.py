@@ -138,12 +138,14 @@ def stiffness_depends_on_the_wall(result):
 
 
 @claim(
-    "More damping in an impedance controller always makes contact safer.",
-    "Only up to a point, and less with a delay. At a wall of {soft:.0e} N/m the best active "
-    "damping raises the largest stable stiffness from {own:.0f} to {active:.1e} N/m, the tip of "
-    "the triangle of stable PD gains. With {delay_ms:.0f} ms of delay it reaches {late_soft:.1e} "
-    "N/m there and {late_hard:.1e} N/m at a wall of {hard:.0e} N/m. With that delay, a damping of "
-    "{too_much:.0f} N s/m is unstable even with next to no stiffness.",
+    "With enough damping in its impedance controller, an arm is stable at a wall with any "
+    "stiffness of the controller.",
+    "Damping raises the limit only up to a point, and less with a delay. At a wall of {soft:.0e} "
+    "N/m the best active damping raises the largest stable stiffness from {own:.0f} to "
+    "{active:.1e} N/m, the tip of the triangle of stable PD gains. With {delay_ms:.0f} ms of delay "
+    "it reaches {late_soft:.1e} N/m there and {late_hard:.1e} N/m at a wall of {hard:.0e} N/m. "
+    "With that delay, a damping of {too_much:.0f} N s/m is unstable even with next to "
+    "no stiffness.",
 )
 def damping_is_safe(result):
     from course.charts.control import touch
@@ -163,7 +165,12 @@ def damping_is_safe(result):
     result.measure("late_hard", late_hard, 0.01)
     result.measure("too_much", edge, 0.02)
     result.statement = "Largest stiffness by the loop's matrix, the damping varied."
-    result.statement_holds(all(held(d) for d in np.geomspace(20, 1e5, 30)))
+    # Ten times the best limit, without delay: some damping would have to make this stable.
+    stiff = [
+        touch.growth(touch.TouchLaw(10.0 * active, float(d)), soft, 0.0) <= 1 + 1e-9
+        for d in np.geomspace(20, 1e5, 100)
+    ]
+    result.statement_holds(any(stiff))
     result.correction_holds(
         active > 50 * own,
         # The largest Kp of the triangle of PD gains with the exact rate.

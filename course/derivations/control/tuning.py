@@ -594,7 +594,8 @@ def safer_set(result):
 
 
 @claim(
-    "Ziegler-Nichols is a safe start for tuning a robot joint.",
+    "Whichever row of the Ziegler-Nichols table you use, a robot joint becomes stable and "
+    "overshoots little.",
     "A joint integrates already, and an I term integrates once more. With its true "
     "delay, sampled {samples:.0f} times within it, the PID row is stable at {pid_ok:.0%} of the "
     "delays from {low:g} to {high:g} times J/b, and the PI row at {pi_ok:.0%} (in continuous time "

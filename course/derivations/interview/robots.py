@@ -378,11 +378,12 @@ def error_by_its_shape(result):
 
 
 @claim(
-    "In a planar arm, the position of each joint is that of the joint before, plus a link vector "
-    "whose direction is the sum of the joint angles so far.",
-    "This is true for angles that are measured against the link before. The tip of three links is "
-    "at the height {formula}, and a product of transforms agrees to {digits:.0f} digits. If the "
-    "angles are absolute, measured against the ground, sum the link vectors, but not the angles.",
+    "In a planar arm whose angles are each measured against the link before, the position of a "
+    "joint is that of the joint before, plus a link vector whose direction is the sum of the "
+    "angles so far.",
+    "The tip of three links is at the height {formula}, and a product of transforms agrees to "
+    "{digits:.0f} digits. If the angles are absolute, measured against the ground, sum the link "
+    "vectors, but not the angles.",
     ask=(
         "A planar arm has three links, and each angle is measured against the link before. What is "
         "the height of the tip?",

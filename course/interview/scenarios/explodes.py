@@ -205,9 +205,10 @@ SCENARIO = Scenario(
     title="It explodes after about a thousand steps",
     prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. "
     "A brake and friction should damp the small motion that it has at the start. "
-    "Instead the motion grows, and after about a thousand steps the slide is lost. "
-    "Each run of a probe ends after about three times that time. If the slide survives, "
-    "the end of the run counts as its time, so no ratio of times exceeds about three. You can "
+    "Instead the motion grows, and after about a thousand steps the slide is lost: it has left "
+    "its range. Some probes change one thing and return the time ratio: the time until the slide "
+    "is lost, divided by the time without the change. Such a run ends after about three times the "
+    "time of the unchanged run, so a slide that survives has a time ratio of about three. You can "
     "read the program, but not the parameters of the machine; you can only run the probes below. "
     "What is the cause, and what do you change?",
     symptom_words="lost after",
@@ -273,8 +274,7 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "halve_step",
-            "half the time step, the delay of the brake in seconds as before: ratio of the times "
-            "until the slide is lost, changed to original",
+            "time ratio with half the time step; the brake's delay in seconds stays the same",
             "",
             3,
             later(halved),
@@ -282,7 +282,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "double_mass",
-            "twice the mass: ratio of the times until the slide is lost, changed to original",
+            "time ratio with twice the mass",
             "",
             3,
             later(lambda one: replace(one, mass=2 * one.mass)),
@@ -290,8 +290,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "start_closer",
-            "a tenth of the initial displacement: ratio of the times until the slide is lost, "
-            "changed to original",
+            "time ratio with a tenth of the initial displacement",
             "",
             2,
             later(lambda one: replace(one, start=one.start / 10)),
@@ -299,7 +298,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "brake_off",
-            "brake off: ratio of the times until the slide is lost, changed to original",
+            "time ratio with the brake off",
             "",
             3,
             later(lambda one: replace(one, damping=0.0)),
@@ -307,7 +306,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "friction_off",
-            "friction off: ratio of the times until the slide is lost, changed to original",
+            "time ratio with friction off",
             "",
             3,
             later(lambda one: replace(one, friction=0.0)),
@@ -315,7 +314,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "drive_off",
-            "drive off: ratio of the times until the slide is lost, changed to original",
+            "time ratio with the drive off",
             "",
             3,
             later(lambda one: replace(one, gain=0.0, integral=0.0)),
@@ -364,7 +363,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_energy",
-            "brake, friction and drive off: relative energy gain in ten steps",
+            "relative energy gain in ten steps with brake, friction and drive off",
             "",
             5,
             stops_gain,

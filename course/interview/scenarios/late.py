@@ -216,7 +216,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "half_speed",
-            "half the belt speed: ratio of the lags, changed to original",
+            "the lag at half the belt speed, divided by the lag at the original speed",
             "",
             2,
             half_speed,
@@ -264,7 +264,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "filter_step",
-            "number of loop runs until the filter reaches 63 % of a step",
+            "number of loop runs until the filter has followed 63 % of a sudden jump",
             "",
             5,
             filter_step,
@@ -272,8 +272,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "exact_target",
-            "the true position replaces camera, link and vision: ratio of the lags, changed to "
-            "original",
+            "the lag with the true position instead of camera, link and vision, divided by the "
+            "original lag",
             "",
             8,
             direct,
@@ -289,7 +289,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "drive_step",
-            "time until the drive reaches 63 % of a step",
+            "time until the drive has followed 63 % of a sudden jump",
             "ms",
             10,
             drive_step,

@@ -305,7 +305,7 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "print_statistics",
-            "standard deviation of the scaled angle over poses like those in training",
+            "standard deviation of the angle after scaling, in poses like those of training",
             "",
             4,
             statistics,
@@ -313,7 +313,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "swap_statistics",
-            "fraction of keys pressed and held with the statistics of training",
+            "fraction of keys pressed and held if the angle is scaled with the mean and deviation "
+            "that were saved in training",
             "",
             10,
             swapped,

@@ -213,9 +213,10 @@ SCENARIO = Scenario(
     title="The arm oscillates in contact",
     prompt="The tip of an arm comes down on a steel plate and should press on it with ten "
     "newtons. In free motion it is steady. As soon as it touches the plate, it starts to hammer "
-    "and does not stop. You can read the program, but not the parameters of the machine, which are "
-    "on its controller; you can only run the probes below. What is the cause, and what do you "
-    "change?",
+    "and does not stop. Some probes change one thing and return the oscillation ratio: the size of "
+    "the oscillation of the force with the change, divided by the size without it. You can read "
+    "the program, but not the parameters of the machine, which are on its controller; you can only "
+    "run the probes below. What is the cause, and what do you change?",
     symptom_words="peak-to-peak oscillation of the force",
     unit="N",
     symptom=symptom,
@@ -275,8 +276,7 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "hold_command",
-            "a constant command instead of the loop: ratio of the oscillations, changed to "
-            "original",
+            "oscillation ratio with a constant command instead of the loop",
             "",
             2,
             calmer(lambda one: replace(one, gain=0.0, integral=0.0)),
@@ -284,7 +284,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "quarter_gain",
-            "a quarter of the force gain: ratio of the oscillations, changed to original",
+            "oscillation ratio with a quarter of the force gain",
             "",
             2,
             calmer(REPAIRS["soften"]),
@@ -292,7 +292,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "soft_plate",
-            "a plate with a tenth of the stiffness: ratio of the oscillations, changed to original",
+            "oscillation ratio with a plate of a tenth of the stiffness",
             "",
             3,
             calmer(REPAIRS["pad"]),
@@ -300,8 +300,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "gentle_start",
-            "a start from a hundredth of the height: ratio of the oscillations, changed to "
-            "original",
+            "oscillation ratio with a start from a hundredth of the height",
             "",
             3,
             calmer(lambda one: replace(one, start=one.start / 100)),
@@ -309,7 +308,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "integral_off",
-            "integral off: ratio of the oscillations, changed to original",
+            "oscillation ratio with the integral off",
             "",
             3,
             calmer(lambda one: replace(one, integral=0.0)),
@@ -317,7 +316,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "double_drive",
-            "a drive with twice the force limit: ratio of the oscillations, changed to original",
+            "oscillation ratio with a drive of twice the force limit",
             "",
             4,
             calmer(lambda one: replace(one, limit=2 * one.limit)),
@@ -325,7 +324,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_ticks",
-            "longest tick of the loop, divided by the shortest",
+            "longest time from one run (tick) of the loop to the next, divided by the shortest",
             "",
             5,
             read(tick_spread),
@@ -381,8 +380,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "fixed_rate",
-            "the loop on a clock that is never late: ratio of the oscillations, changed to "
-            "original",
+            "oscillation ratio with the loop on a clock that is never late",
             "",
             8,
             calmer(even),

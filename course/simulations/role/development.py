@@ -72,21 +72,21 @@ _REAL, _SIM, _A_DAY, _STEPS, _BROKEN, _DAYS, _WEEK = word(
     " days",
     "a week",
 )
-_AREA, _VIEW = (1.0, 8.3, 0.75, 4.45), (1.0, 7.0, -5.0, 5.0)
+_AREA, _VIEW = (1.0, 8.3, 0.75, 4.45), (1.0, 7.0, -6.0, 6.0)
 
 
 def drag(controls, state, x, y):
     """Handle a drag: the number of tries is where the pointer is."""
     result = draw.values_at(_AREA, _VIEW, x, y)
     controls["tries"] = min(max(result[0], 1.0), 7.0)
-    state["mark"][0], state["mark"][1] = controls["tries"], min(max(result[1], -5.0), 5.0)
+    state["mark"][0], state["mark"][1] = controls["tries"], min(max(result[1], -6.0), 6.0)
 
 
 def frame(pen, state, controls):
     """Draw both lines over the number of tries, and the chosen number."""
     real, computed, a_day, here, broken = days(controls)
     draw.area(pen, _AREA, _VIEW)
-    draw.axes(pen, _X, _Y, _HEAD, 6, 5)
+    draw.axes(pen, _X, _Y, _HEAD, 6, 6)
     # Days are proportional to tries, so on logarithmic axes both lines have slope 1 through the
     # chosen point.
     for k in range(2):
