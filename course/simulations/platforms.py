@@ -133,7 +133,15 @@ def _limits(scene):
     if scene >= TOWER:
         low_y, high_y = max(low_y, -12.0), min(high_y, 3.0)
     dx, dy = 0.06 * (high_x - low_x), 0.1 * (high_y - low_y) + 1e-9
-    return low_x - dx, high_x + dx, low_y - dy, high_y + dy
+    low_x, high_x, low_y, high_y = low_x - dx, high_x + dx, low_y - dy, high_y + dy
+    if scene < TOWER:
+        # Both axes are lengths or shares: one scale for both, so that directions are true.
+        left, right, bottom, top = _AREA_OF
+        unit = max((high_x - low_x) / (right - left), (high_y - low_y) / (top - bottom))
+        more_x = 0.5 * (unit * (right - left) - (high_x - low_x))
+        more_y = 0.5 * (unit * (top - bottom) - (high_y - low_y))
+        return low_x - more_x, high_x + more_x, low_y - more_y, high_y + more_y
+    return low_x, high_x, low_y, high_y
 
 
 @register_jitable
@@ -175,7 +183,8 @@ def _cards(pen, controls):
         error = 1e3 * ERRORS[scene, step, fair, k]
         draw.words(pen, _OFF)
         if math.isfinite(error):
-            draw.number(pen, error, 2 if 0.01 <= error < 1e3 else draw.EXPONENT, _UNITS + scene)
+            form = draw.EXPONENT if error < 0.01 else (2 if error < 1e3 else 0)
+            draw.number(pen, error, form, _UNITS + scene)
 
 
 @register_jitable
@@ -214,7 +223,7 @@ def _radar(pen, controls, order):
         c, s = _RADIUS * math.cos(turn), _RADIUS * math.sin(turn)
         draw.segment(pen, x, y, x + c, y + s, draw.GREY, 1.0)
         align = draw.CENTRE if abs(c) < 0.1 else (draw.LEFT if c > 0.0 else draw.RIGHT)
-        up = 9.0 if s > 0.0 else -9.0
+        up = 16.0 if s > 0.0 else -9.0  # above the axis, which a lower label would cross
         draw.text(
             pen,
             x + c,
@@ -291,14 +300,14 @@ PRESETS = {
         {}, "One scheme at one step: the four paths lie on each other, and so does their error. "
         "Halve the step. Then switch the fair settings off."),
     "Default damping": Preset(
-        {"fair": False, "card": "PyBullet"}, "As shipped, PyBullet damps links that nobody damped: "
-        "its path leaves the others. No step mends it."),
+        {"fair": False, "card": "PyBullet"}, "As shipped, PyBullet damps links although the model "
+        "has no damping: its path leaves the others. A smaller step doesn't help."),
     "Pyramid steers": Preset(
-        {"scene": "braking block", "fair": False, "card": "MuJoCo"}, "A block is sent off between "
-        "two axes. A friction cone with corners lets it stop elsewhere, in another direction."),
+        {"scene": "braking block", "fair": False, "card": "MuJoCo"}, "A block is launched between "
+        "two axes. With a friction pyramid it stops too far away, in another direction."),
     "Sinking grasp": Preset(
-        {"scene": "grasp", "fair": False, "card": "MuJoCo"}, "The fingers press hard enough by "
-        "Coulomb. A soft friction creeps all the same, and the part sinks."),
+        {"scene": "grasp", "fair": False, "card": "MuJoCo"}, "By Coulomb's law the fingers "
+        "press hard enough. But soft friction creeps, and the part sinks."),
     "Collapsing tower": Preset(
         {"scene": "tower of five", "fair": False, "card": "Drake"}, "Five cubes of 1 kg. How far "
         "does the highest sink, and where does it come to rest?"),

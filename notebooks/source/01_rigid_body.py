@@ -2,11 +2,11 @@
 # # 1 · Rigid bodies
 #
 # *Your simulated robot stands still, and its energy grows. A part tumbles through the air and turns the wrong way. A
-# stiff gripper explodes at one step size and is quiet at another. All three are faults of the time step, of its length
-# or of its formula.*
+# simulation with a stiff gripper explodes at one step size and runs well at another. Each time the fault lies in the
+# time step: it is too long, or a line of code that computes it is wrong.*
 #
-# A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Which
-# of the two comes first?
+# A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Does it
+# matter which of the two comes first?
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -20,19 +20,20 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# Choose the second preset in the menu (old velocity) and then the third (new velocity). Their impacts are exact and
-# lose no energy, so every change of energy is an error of the flight.
+# The menu offers **presets**, prepared settings. Choose the second (old velocity) and then the third (new velocity). In
+# both, impacts are exact and lose no energy, so every change of energy is an error of the flight.
 #
-# **After this chapter you can** write the equations of motion of a rigid body and say where each term comes from;
-# store and update an orientation so that it neither drifts nor fails at certain orientations; choose an
-# integrator by its error for a given cost; predict the largest stable step; and find the cause when a simulation
-# explodes, misses a wall or gains energy. You need vectors, matrices, derivatives, and Python with NumPy.
+# **After this chapter you can** write the equations of motion of a rigid body; store and update an orientation without
+# drift; choose an integrator, the method that computes a time step, by its error for a given cost; predict the largest
+# stable step; and find the cause when a simulation explodes, misses a wall or gains energy. You need vectors, matrices
+# with eigenvalues, derivatives, simple differential equations ([a refresher](../docs/mathematics/README.md)), and
+# Python with NumPy.
 #
 # ## How this chapter works
 #
-# Every measured number comes from a cell on this page or from a check that `python -m course.derivations 1` runs again.
-# The code is the package `course.rigid_body`. Gravity is 9.80665 m/s² in the code, 9.81 in worked examples and 9.8 on
-# the slider above. Six exercises wait in section 8:
+# Every measured number comes from a cell on this page, from a stored chart, or from a check that `python -m
+# course.derivations 1` repeats. The code is the package `course.rigid_body`. Gravity is 9.80665 m/s² in the code, 9.81
+# in worked examples and 9.8 on the *Gravity* slider above. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -66,9 +67,10 @@ def source(*functions):
 # ### How many numbers describe a rigid body?
 #
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can rotate
-# about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**. A pose
-# alone does not say where the body goes next: Newton's law gives accelerations, so you also need the six velocities.
-# The **state** is all that you need to predict the future, here pose and velocities: twelve numbers.
+# about three, so it has six **degrees of freedom** (in engines, a *free joint*). Position and orientation together are
+# called the **pose**. A pose alone does not say where the body goes next: Newton's law gives only accelerations, so you
+# also need the six velocities. The **state** is all that you need to predict the motion, if the forces are known. Here
+# it is pose and velocities: twelve numbers.
 # %% tags=["hide-code"]
 corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 edges = [(a, b) for a in range(8) for b in range(a) if np.sum(corner[a] != corner[b]) == 1]
@@ -112,38 +114,37 @@ plt.show()
 # | orientation stored as | numbers | with position and velocities | drawback |
 # |---|---|---|---|
 # | three successive rotation angles, the **Euler angles** | 3 | 12 | singular at some orientations |
-# | a unit **quaternion**, explained below | 4 | 13 | one constraint; $q$ and $-q$ are the same orientation |
+# | a unit **quaternion**, explained below | 4 | 13 | one constraint, length 1; $q$ and $-q$ are the same orientation |
 # | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
-#
-# Engines call the six degrees of freedom of an unattached body a *free joint*.
 # %%
 more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
 # ### Free rotation: what stays constant without torque
 #
-# Throw a book into the air with a spin. Nothing touches it, and yet it wobbles. To see why, you need to know how hard a
-# body is to turn.
+# Throw a book into the air with a spin. Nothing touches it, and yet it wobbles. Why?
 #
-# A piece of mass at the distance $r$ from an axis resists rotation about it in proportion to $r^2$. Summed over the
-# body, the **moments of inertia** about the axes $x$, $y$ and $z$ through the centre of mass are
+# A piece of mass $dm$ at the distance $r$ from an axis resists every change of a rotation about it, in proportion to
+# $r^2$. Summed over the body, this gives the **moments of inertia**. About the axes $x$, $y$ and $z$ through the centre
+# of mass they are
 #
 # $$I_x = \int (y^2+z^2)\,dm, \qquad I_y = \int (x^2+z^2)\,dm, \qquad I_z = \int (x^2+y^2)\,dm .$$
 #
-# For a body in a general position there are also mixed terms such as $-\int xy\,dm$. All these together form the
+# For most directions of the axes there are also mixed terms such as $-\int xy\,dm$. All these together form the
 # **inertia tensor** $I$, a symmetric 3 × 3 matrix. Like every symmetric matrix it has three perpendicular eigenvectors.
 # An eigenvector of $I$ is called a **principal axis**, and its eigenvalue a principal moment. In these axes $I$ is
-# diagonal. For a box they are the axes of symmetry.
+# diagonal. For a box they are parallel to the edges.
 #
 # The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
 # rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
 #
-# Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. If $L =
-# I\omega$ is to stay constant while $I$ changes, then $\omega$ has to change: the axis of rotation moves. Only for a
-# spin about a principal axis are $L$ and $\omega$ parallel, and they stay so.
+# Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. So that $L =
+# I\omega$ stays constant, $\omega$ in general has to change too: the axis of rotation moves. The exception is a spin
+# about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant.
 #
-# In the simulation, the tip of $\omega$ draws a green curve in space and a pink one in the body. The lines from the
-# origin to these curves form the *space cone* and the *body cone*. Because the energy $\tfrac12\,\omega\cdot L$ is
-# constant, the tip stays in a plane (grey).
+# In the simulation, the tip of $\omega$ draws a green curve in space and a pink one in the body. The pink one is called
+# the **polhode**. The lines from the origin to these curves form the *space cone* and the *body cone*. The energy
+# $\tfrac12\,\omega\cdot L$ is constant, and $L$ is fixed. So the tip of $\omega$ stays in a plane perpendicular to $L$
+# (grey).
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -151,21 +152,20 @@ simulation("free_body")
 # %% [markdown]
 # ### The equations of motion
 #
-# Force changes the momentum $p = mv$, and torque about the centre of mass changes the angular momentum. Both
-# statements are meant in the world frame, which does not rotate:
+# Force changes the momentum $p = mv$, and torque about the centre of mass changes the angular momentum. Both laws hold
+# in the world frame, which does not rotate:
 #
 # $$\dot p = F, \qquad \dot L = \tau, \qquad p = m v, \quad L = I\omega .$$
 #
-# These are the **Newton-Euler** equations. The second one is awkward in the world frame, because $I$ changes as the
-# body turns. In a frame that is fixed to the body, $I$ is constant. There the equations read
+# These are the **Newton-Euler** equations. In the world frame, $I$ changes as the body turns. In a frame that is fixed
+# to the body, $I$ is constant, but there the second equation gets an extra term:
 #
 # $$\boxed{\; m\,\dot v = F \ \text{(world frame)}, \qquad I\,\dot\omega + \omega\times(I\omega) = \tau \ \text{(body
 # frame)} \;}$$
 #
-# The extra product $\omega\times(I\omega)$ is the **gyroscopic term**. It is not a force. It appears because you
-# describe a constant $L$ from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The
-# term is zero where $L$ and $\omega$ are parallel: for every rotation of a body with three equal moments, such as a
-# ball or a cube, and for a spin about a principal axis.
+# The product $\omega\times(I\omega)$ is the **gyroscopic term**. It is not a force. It appears because you describe $L$
+# from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The term is zero if $L$ and
+# $\omega$ are parallel: in a spin about a principal axis, or if all three moments are equal, as in a ball or a cube.
 #
 # <details><summary>Derive it: where the extra term comes from</summary>
 #
@@ -196,22 +196,23 @@ more_claims(
     "wobble_comes_from_the_term",
 )
 # %% [markdown]
-# ### Stable and unstable axes: the polhode
+# ### Stable and unstable axes
 #
-# Take a brick with three different sides. You can spin it about each of its three principal axes. All three are exact
-# solutions of the equations. But nobody throws perfectly, so ask what a small disturbance does.
+# Take a brick with three different sides. A spin about any of its three principal axes is an exact solution of the
+# equations. But nobody throws perfectly, so ask what a small disturbance does.
 # %%
 predict("brick_that_flips")
 # %%
 simulation("flip")
 # %% [markdown]
-# Two quantities of a free body are constant, the length of $L$ and the energy $\tfrac12\,\omega\cdot L = \sum_i
-# L_i^2/(2I_i)$. In the body frame the first keeps the tip of $L$ on a sphere. The second keeps it on an ellipsoid. So
-# the tip runs along the intersection of the two surfaces. The path of $\omega$ in the body is called the **polhode**;
-# we draw the path of $L$ instead.
+# In the simulation, the grey arrow is the body's middle axis. After a flip it points the other way. To see why, look at
+# $L$ in the body frame, with its components $L_i$ along the principal axes. The length of $L$ is constant, so its tip
+# stays on a sphere. The energy $\tfrac12\,\omega\cdot L = \sum_i L_i^2/(2I_i)$ is constant, too, so the tip stays on an
+# ellipsoid. It therefore runs along a curve in which the two surfaces meet. (Divide each $L_i$ by $I_i$, and you have
+# the polhode.)
 #
-# Close to the axes of the smallest and of the largest moment, the curves are small closed loops. Through the middle
-# axis two curves cross, and a body that starts near the crossing travels all the way to the opposite side and back:
+# Close to the axes of the smallest and of the largest moment, the curves are small closed loops. On the middle axis two
+# curves cross, and a body that starts near the crossing travels all the way to the opposite side and back:
 # %% tags=["hide-code"]
 moments = np.array([1.0, 2.0, 3.0])
 
@@ -276,34 +277,35 @@ for row, start, colour in (
         time,
         momentum_path(start, 4000)[:, row],
         color=colour,
-        label=f"about axis {row + 1}",
+        label=f"axis {row + 1}",
         lw=5 if row == 0 else 1.8,  # axes 1 and 3 give the same line
         alpha=0.4 if row == 0 else 1,
     )
 right.set(
     xlabel="time [s]",
-    ylabel="component of $L$ along the start axis",
-    ylim=(-1.2, 1.4),
-    title="|L| = 1 N m s (0.5 rad/s about axis 2), disturbance of 2 %",
+    ylabel="component of $L$ along that axis",
+    ylim=(-1.2, 1.2),
+    title="|L| = 1 N m s, disturbance of 2 %",
 )
-right.legend(loc="upper right", ncols=3, fontsize=9)
+right.legend(loc="center right", title="spin about", fontsize=9)
 plt.show()
 lowest = [
     momentum_path(start, 4000)[:, row].min()
     for row, start in enumerate([(1, 0.02, 0), (0.02, 1, 0), (0, 0.02, 1)])
 ]
-print("lowest component of L along the start axis, in 40 s:")
+print("lowest component of L along the axis of the spin, in 40 s:")
 print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # %% [markdown]
-# How fast does the unstable disturbance grow? Let the body spin with $\Omega$ about its middle axis, $I_1 < I_2 < I_3$.
-# A small disturbance grows like $e^{\sigma t}$ with
+# How fast does the unstable disturbance grow? Let the body spin at the rate $\Omega$ about its middle axis, with
+# moments $I_1 < I_2 < I_3$. A small disturbance grows like $e^{\sigma t}$ with
 #
 # $$\sigma = \Omega\,\sqrt{\frac{(I_2-I_1)(I_3-I_2)}{I_1\,I_3}} .$$
 #
 # **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
 # other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 in units of $10^{-3}$ kg m². The root is
-# $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor $e$ every
-# $1/5.3 = 0.19$ s. From one degree, a flip takes about one second to its middle and two in all.
+# $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor 2.72 every
+# $1/5.3 = 0.19$ s. If the spin starts one degree off the middle axis, the brick has turned half over after about one
+# second, and completely after two.
 #
 # <details><summary>Derive it: the rate of growth</summary>
 #
@@ -322,22 +324,22 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # %% [markdown]
 # ### What keeps a spinning top up?
 #
-# A spinning top leans over and does not fall. The torque of gravity is $\tau = r\times mg$ with $r$ from the tip to the
-# centre of mass. It is horizontal and perpendicular to the axis. Without spin, $L$ starts at zero and grows along the
-# torque: the top tips over. With a fast spin, there is already a large $L$ along the
-# axis. The torque adds a small sideways piece at every instant, so the axis turns sideways.
+# A spinning top leans over and does not fall. Gravity exerts a torque about its tip. This torque is horizontal and
+# perpendicular to the axis. Without spin, $L$ starts at zero and grows along the torque: the top tips over. With a fast
+# spin, there is already a large $L$ along the axis. At every instant the torque adds a small sideways piece to it, so
+# the axis turns sideways.
 #
 # This slow circling is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is
-# about $mgl/L$: the faster the spin, the slower the precession. If you release the top spinning but not yet circling,
-# it also nods (*nutation*). In the simulation, a blue line is the path of its axis. The formula is a limit for fast
-# spin.
+# about $mgl/L$ for a fast spin, and larger for a slower one. The faster the spin, the slower the precession. If you
+# release the top spinning but not yet circling, it also nods (**nutation**). In the simulation, the blue line is the
+# path of its axis.
 # %%
 show("gyroscopic_term_holds_the_top_up")
 # %%
 simulation("top")
 # %% [markdown]
-# An upright top stands only if it spins fast enough. With $I_3$ about its axis and $I_1$ across it (both about the
-# tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$.
+# An upright top stands only if its spin $\Omega$ is fast enough. With the moments $I_3$ about its axis and $I_1$ across
+# it (both about the tip), the condition is $(I_3\,\Omega)^2 > 4\,I_1\,m g\,l$.
 # %%
 more_claims(
     "top_condition",
@@ -347,11 +349,10 @@ more_claims(
 # %% [markdown]
 # ### Checking an inertia tensor
 #
-# A robot model comes as a file with a mass and an inertia tensor for each rigid part, a **link**. Some published
-# files contain tensors that no body can have, and a simulator that accepts them computes motions that cannot happen.
-# You can check them with the three integrals above. Add two of them and subtract the third: $I_x + I_y - I_z = 2\int
-# z^2\,dm$, which is never negative. So each principal moment is at most the sum of the other two. For a flat plate
-# the largest moment equals the sum of the other two.
+# A robot model comes as a file with a mass and an inertia tensor for each rigid part, a **link**. Some published files
+# contain tensors that no body can have. You can check them with the three integrals above. Add two of them and subtract
+# the third: $I_x + I_y - I_z = 2\int z^2\,dm$, which is never negative. The same is true of the principal moments: each
+# is at most the sum of the other two. For a flat plate the largest moment equals the sum of the other two.
 # %%
 predict("inertia_of_a_thin_rod")
 # %% [markdown]
@@ -363,31 +364,36 @@ except ValueError as problem:
     print(textwrap.fill(str(problem), 96))
 # %% [markdown]
 # The second thing to check is the point about which the tensor is given. The **parallel axis** theorem says how it
-# changes: about a parallel axis at the distance $d$ from the one through the centre of mass, the moment is larger by
-# $m d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 +
-# m(\tfrac a2)^2 = \tfrac13ma^2$ about its end: four times as much. For the whole tensor and a displacement vector $d$
-# add $m(\lvert d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
+# changes: about a parallel axis at the distance $d$ from the one through the centre of mass, the moment is larger by $m
+# d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 =
+# \tfrac13ma^2$ about its end: four times as much.
+#
+# <details><summary>For the whole tensor</summary>
+#
+# For a displacement vector $d$ add $m(\lvert d\rvert^2\,1 - d\,d^{\mathsf T})$, with the identity matrix $1$.
+#
+# </details>
 #
 # ### Euler angles and gimbal lock
 #
-# The attitude of a plane can be described by three angles. First turn by the **yaw** about the axis $z$, which points
-# up as usual in robotics, then by the **pitch** $\theta$ about the new $y$ axis, then by the **roll** about the new $x$
-# axis, the nose. With $z$ up, a positive $\theta$ turns the nose down. (In aviation $z$ points down, and a positive
-# pitch turns the nose up.)
+# Three angles can describe the orientation of an aircraft. First turn it by the **yaw** about the axis $z$, which
+# points up as usual in robotics. Then turn it by the **pitch** $\theta$ about its new $y$ axis, and then by the
+# **roll** about its new $x$ axis, which points to the nose. With $z$ up, a positive $\theta$ turns the nose down. (In
+# aviation $z$ points down, and a positive pitch turns the nose up.)
 #
 # At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There yaw and roll turn about the same line,
-# and no angle turns the nose sideways. This is **gimbal lock**. Watch the blue ring (yaw) and the violet ring (roll),
-# then set the pitch to 90°:
+# and none of the three angles turns the nose sideways. This is **gimbal lock**. Watch the blue ring (yaw) and the
+# violet ring (roll), then set the pitch to 90°:
 # %%
 simulation("gimbal")
 # %% [markdown]
 # A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
-# \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two: no angle rates produce an $\omega$ with a
-# component along one direction, the *lost axis*. Close to the lock the rates are huge. Change the
-# three angles at rates whose vector has length 1. The slowest rotation that this can give is the smallest **singular
-# value** of $E$, plotted as *weakest turn*.
+# \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two. Then one direction, the *lost axis*, is missing:
+# no angle rates can turn the body about it. Let the three rates be a vector of length 1 rad/s. The slowest rotation
+# that such rates can give is the smallest **singular value** of $E$ (*weakest turn* in the simulation). It is about the
+# *weakest axis*, which becomes the lost axis at the lock.
 # %% tags=["hide-code"]
-print("angle rates needed to turn at 1 rad/s about the worst axis")
+print("angle rates needed to turn at 1 rad/s about the weakest axis")
 for angle in (60.0, 89.0, 90.0):
     E = quaternion.euler_zyx_rate_matrix(np.radians(angle), 0.3)
     _, values, right_vectors = np.linalg.svd(E)
@@ -404,7 +410,7 @@ show("gimbal_lock_is_physical")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Gimbal lock is a fault of the three angles, not of the body. Every choice of three successive angles
-# has it somewhere.
+# has it at some orientation.
 #
 # </div>
 # %%
@@ -417,24 +423,23 @@ more_claims(
 # %% [markdown]
 # ### Quaternions: four numbers, no gimbal lock
 #
-# A simulator cannot avoid pointing up, so it needs a description without a lock. Every orientation can be reached from
-# the reference orientation by one rotation, by an angle $\alpha$ about a unit axis $n$. This is the **axis-angle**
-# form. A unit quaternion stores it with *half* the angle:
+# A simulator needs a description without a lock. Every orientation can be reached from the reference orientation with
+# one rotation, by an angle $\alpha$ about a unit vector $n$. This is the **axis-angle** form. A unit quaternion stores
+# it with *half* the angle:
 #
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
 # A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the *rotation
-# vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$; note that it halves the angle. Its
-# inverse is the logarithm.
+# vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. It halves the angle. Its inverse is
+# the logarithm, $\log q = \alpha n$.
 #
-# To do one rotation after the other, multiply the quaternions. With the scalar part $w$ and the vector part $u =
-# (x,y,z)$,
+# To rotate first by $q$ and then by $p$, both about axes fixed in space, multiply: $p\,q$ (*Hamilton's product*). With
+# the scalar part $w$ and the vector part $u = (x,y,z)$ it is
 #
 # $$p\,q = \left(w_p w_q - u_p\cdot u_q,\;\; w_p u_q + w_q u_p + u_p\times u_q\right).$$
 #
 # Because of the cross product, the order matters, as it does for rotations. The conjugate $q^* = (w, -u)$ is the
-# inverse rotation, and $q\,(0, r)\,q^*$ is the rotated vector $r$. If the body turns with $\omega$ in the *body* frame,
-# then
+# inverse rotation, and $q\,(0, r)\,q^*$ is the rotated vector $r$. If $\omega$ is given in *body* coordinates, then
 #
 # $$\dot q = \tfrac12\, q\,(0, \omega) .$$
 #
@@ -443,7 +448,7 @@ more_claims(
 # %%
 show("quaternion_has_no_lock")
 # %% [markdown]
-# What does the half angle do? After a full turn, $\alpha = 2\pi$, the body is back where it started, but $q$ has
+# What follows from the half angle? After a full turn, $\alpha = 2\pi$, the body is back where it started, but $q$ has
 # arrived at $-q$. Every orientation belongs to two quaternions, $q$ and $-q$. This is called the **double cover**. Turn
 # the body once and watch the arrow on the right, which only makes half a turn:
 # %%
@@ -451,15 +456,15 @@ simulation("double_cover")
 # %% [markdown]
 # Before you subtract or interpolate two quaternions, make their signs agree: if the dot product is negative, flip the
 # sign of one of them. Otherwise a **controller**, the program that commands the motors, may order a turn of nearly 360
-# degrees for an error of nearly zero. Then compare by the angle $4\arcsin(\lvert q - p\rvert/2)$, which stays accurate
-# for small angles.
+# degrees for an error of nearly zero. The rotation between the two has the angle $4\arcsin(\lvert q - p\rvert/2)$. This
+# is accurate for small angles, too.
 #
-# **SLERP**, spherical linear interpolation, moves from one orientation to another at a constant rate, along the arc
-# between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. Mixing the four numbers linearly and
-# scaling the result to length one follows the same arc, but not at a constant rate.
+# **SLERP**, spherical linear interpolation, turns from one orientation to another at a constant rate, along the arc
+# between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. If you mix the four numbers linearly and
+# scale the result to length one, you follow the same arc, but not at a constant rate.
 #
-# When you need the matrix, **Rodrigues'** formula converts axis and angle. With $[n]_\times$ the matrix for which
-# $[n]_\times u = n\times u$,
+# When you need the rotation matrix $R$, **Rodrigues'** formula computes it from axis and angle. With the identity
+# matrix $1$ and the matrix $[n]_\times$ for which $[n]_\times u = n\times u$ it is
 #
 # $$R = 1 + \sin\alpha\,[n]_\times + (1-\cos\alpha)\,[n]_\times^2 .$$
 # %% tags=["show-code"]
@@ -495,9 +500,9 @@ more_claims("quaternion_is_unique")
 # ### Explicit and semi-implicit Euler
 #
 # The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state by
-# one time step $h$ (`dt` in code). Write $q$ for all position coordinates, $v$ for the velocity, $a$ for the
-# acceleration at $q$, and a prime for values after the step. The obvious method uses only values that are known at the
-# start of the step. **Explicit Euler** does this:
+# one time step $h$ (`dt` in code). Write $q$ for all position coordinates, orientations included, $v$ for the velocity,
+# $a$ for the acceleration at $q$, and a prime for values after the step. The obvious method uses only values that are
+# known at the start of the step. **Explicit Euler** does this:
 #
 # $$q' = q + h\,v, \qquad v' = v + h\,a .$$
 #
@@ -505,13 +510,17 @@ more_claims("quaternion_is_unique")
 #
 # $$v' = v + h\,a, \qquad q' = q + h\,v' .$$
 #
-# Both cost one force evaluation. The order of two lines is all that differs, and it decides how the energy behaves:
+# Both compute the forces once per step. Only the order of two lines differs, but it decides how the energy behaves. The
+# picture shows a mass on a spring, with its velocity plotted against its position. In the units used here, the exact
+# motion is a circle:
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(1, 2, figsize=(10, 3.9), layout="constrained")
 turn = np.linspace(0, 2 * np.pi, 200)
-for axes_, h, count in ((left, 0.25, 50), (right, 1.0, 4)):
+for axes_, h, counts in ((left, 0.25, (50, 50)), (right, 1.0, (4, 6))):
     axes_.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1, label="exact: a circle")
-    for name, colour in (("explicit Euler", "tab:red"), ("semi-implicit Euler", "tab:blue")):
+    for name, colour, count in zip(
+        ("explicit Euler", "semi-implicit Euler"), ("tab:red", "tab:blue"), counts, strict=True
+    ):
         states = [(1.0, 0.0)]
         for _ in range(count):
             x, v = states[-1]
@@ -526,8 +535,9 @@ plt.show()
 grown = (1 + 0.25**2) ** 50
 print(f"left: after 50 steps explicit Euler has {grown:.0f} times the energy")
 # %% [markdown]
-# With the old velocity each step goes along the tangent of the circle, and a tangent always leads outwards. With the
-# new velocity the point stays on a closed curve, an ellipse that is close to the circle while the step is small.
+# With the old velocity each step goes along a tangent of the circle through the present point, and a tangent always
+# leads outwards. With the new velocity the points stay on a closed curve, an ellipse. It is close to the circle if the
+# step is small.
 # %%
 show("usual_listing_is_explicit")
 # %%
@@ -542,30 +552,31 @@ more_claims(
 # %% [markdown]
 # ### The stability limit of a step
 #
-# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine in free flight is
-# suddenly too long. To see where the border lies, you need only a mass on a spring. A spring of **stiffness** $k$ pulls
-# back with $kx$, so $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Close to a stable resting position and without
-# forces that depend on velocity, a mechanical system behaves like a set of such springs. There is one for each *mode of
-# vibration*, a pattern in which all parts oscillate at one frequency.
+# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine before is suddenly
+# too long. A mass $m$ on a spring is enough to find the limit. If a spring of **stiffness** $k$ is stretched by $x$, it
+# pulls back with the force $kx$. So $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Any system with forces from a
+# potential energy behaves like a set of such springs, if it stays close to a stable resting position. There is one for
+# each *mode of vibration*, a pattern in which all parts oscillate at one frequency.
 #
-# On a spring, a step multiplies the state by a fixed matrix. For semi-implicit Euler insert the first line into the
-# second:
+# On a spring, a step multiplies the state $(x, v)$ by a fixed matrix $A$. For semi-implicit Euler insert the first line
+# into the second:
 #
 # $$\begin{pmatrix}x'\\ v'\end{pmatrix} = A\begin{pmatrix}x\\ v\end{pmatrix},\qquad
 # A = \begin{pmatrix}1-(\omega h)^2 & h\\ -\omega^2h & 1\end{pmatrix}.$$
 #
-# After $n$ steps the state is $A^n$ times the first one. It stays bounded if the two **eigenvalues** of $A$ differ and
-# neither has a modulus above one. (With two equal ones it can grow linearly.) So the whole question is where two
-# numbers lie in the complex plane.
+# After $n$ steps the state is $A^n$ times the first state. The state stays bounded if the two **eigenvalues** of $A$
+# differ and neither has an absolute value above 1. (If the two are equal, the state can grow linearly.) So look where
+# the two lie in the complex plane.
 # %%
 predict("spring_and_step")
 # %%
 simulation("spring")
 # %% [markdown]
-# The determinant of $A$ is 1, so the two eigenvalues multiply to 1. While they are complex, they form a conjugate pair
-# on the unit circle: the motion oscillates. Their sum is the trace, $2-(\omega h)^2$. At $\omega h = 2$ it reaches
-# $-2$, and both eigenvalues are $-1$. Beyond this value they are real, $\lambda$ and $1/\lambda$, and one of them lies
-# outside the circle. For explicit Euler the eigenvalues are $1\pm i\omega h$, outside for every step:
+# (A later section explains the coloured patch.) The determinant of $A$ is 1, so the product of the two eigenvalues is
+# 1. While they are complex, they form a conjugate pair on the unit circle: the motion oscillates. Their sum is the
+# trace of $A$, $2-(\omega h)^2$. At $\omega h = 2$ the trace is $-2$, and both eigenvalues are $-1$. Beyond this value
+# they are real, $\lambda$ and $1/\lambda$, and one of them lies outside the circle: the motion explodes. For explicit
+# Euler the eigenvalues are $1\pm i\omega h$, which lie outside the circle for every step:
 # %% tags=["hide-code"]
 figure_, axes_ = plt.subplots(figsize=(8, 4.2), layout="constrained")
 axes_.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1)
@@ -602,16 +613,17 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# With the highest frequency $\omega_{\max}$ among the modes,
+# Let $\omega_{\max}$ be the highest frequency among the modes. The step is stable if
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} \;}\qquad\text{for one mass on one spring:}\quad h < 2\sqrt{\frac{m}{k}}.$$
 #
 # **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to their
-# overlap, a **penalty** contact. A contact of 100 kN/m under a part of 1 kg has $\omega = \sqrt{10^5} = 316$ rad/s. The
-# limit is $2/316$ s, or 6.3 ms. At 6.5 ms the simulation explodes within a hundred steps.
+# overlap, a **penalty** contact. With 100 kN/m and a part of 1 kg, $\omega = \sqrt{10^5} = 316$ rad/s while they touch.
+# The limit is $2/316$ s, or 6.3 ms. A spring that stays attached explodes within a hundred steps of 6.5 ms. A contact
+# that opens throws the part off instead, with too much energy.
 #
-# Such contacts often need steps shorter than the time between two commands of the controller. So simulators take
-# several physics steps, **substeps**, per command.
+# Such steps are often shorter than the time between two commands of the controller. So simulators take several physics
+# steps, **substeps**, per command.
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
 #
@@ -647,45 +659,46 @@ more_claims(
 # %% [markdown]
 # ### Six integrators, and what a step costs
 #
-# Computing forces is the expensive part of a step: contacts, joints, muscles. So the cost of an integrator is the
-# number of **force evaluations** per step. In return, more evaluations can buy a higher **order**. A method of order
-# $p$ has an error proportional to $h^p$: halve the step, and the error shrinks by the factor $2^p$.
+# The expensive part of a step is to compute the forces of contacts, joints and muscles. So the cost of an integrator is
+# its number of **force evaluations** per step. More evaluations can give a higher **order**. A method of order $p$ has
+# an error proportional to $h^p$: halve the step, and the error shrinks by the factor $2^p$.
 #
 # **Velocity Verlet** averages the accelerations at the start and at the end of the step:
 #
 # $$q' = q + h\,v + \tfrac{h^2}{2}\,a, \qquad v' = v + \tfrac h2\,(a + a') .$$
 #
 # If forces depend on positions only, the $a'$ of this step is the $a$ of the next, so one evaluation per step is
-# enough. **Leapfrog** is the same method with the velocities stored at half steps.
+# enough. **Leapfrog** is the same method, but it stores the velocities in the middle of each step.
 #
-# The **explicit midpoint** rule takes half an explicit Euler step, evaluates there, and uses that derivative for the
-# full step. The **implicit midpoint** rule uses the derivative at the average of old and new state. The new state
-# appears on both sides, so an equation has to be solved in every step.
+# The **explicit midpoint** rule takes half a step of explicit Euler, computes the derivative there, and uses it for the
+# full step. The **implicit midpoint** rule uses the derivative at the average of the old and the new state. The new
+# state appears on both sides, so the method has to solve an equation in every step.
 #
-# **RK4**, the classical Runge-Kutta method of fourth order, evaluates four slopes. With the state $y = (q, v)$ and
-# $\dot y = f(y)$:
+# **RK4**, the classical Runge-Kutta method of fourth order, evaluates four slopes $k_1$ to $k_4$. With the state $y =
+# (q, v)$ and $\dot y = f(y)$:
 #
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
 # Choose an integrator, drag the start, and press play to see its evaluations in turn. Dots show where it evaluates the
-# force, the red ring shows where the step ends.
+# force. The red ring shows where the step ends.
 # %%
 simulation("force_evaluations", still=0.0)
 # %% [markdown]
-# The column *area* is explained in the next section.
+# The next section explains the column *keeps area*.
 #
 # | method | order | force evaluations per step | keeps area | stability limit on an undamped spring |
 # |---|---|---|---|---|
-# | explicit Euler | 1 | 1 | no | none: every step is unstable |
+# | explicit Euler | 1 | 1 | no | 0: no step is stable |
 # | semi-implicit Euler | 1 | 1 | yes | $\omega h < 2$ |
 # | velocity Verlet | 2 | 1, or 2 if forces depend on velocity | yes | $\omega h < 2$ |
-# | explicit midpoint | 2 | 2 | no | none: every step is unstable |
-# | implicit midpoint | 2 | about 5, to solve an equation | yes | no limit on a spring |
-# | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 = 2.83$ |
+# | explicit midpoint | 2 | 2 | no | 0: no step is stable |
+# | implicit midpoint | 2 | several (here about 5), to solve an equation | yes | no limit: every step is stable |
+# | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 \approx 2.828$ |
 #
-# The three *yes* are for forces that depend on positions alone and, with several coordinates, come from a potential.
-# If forces depend on the velocity too, Verlet needs the new velocity for $a'$ and estimates it as $v + ha$.
+# The *yes* in the table holds for forces that depend on positions alone. With several coordinates, the forces must also
+# come from a potential energy. If forces depend on the velocity too, Verlet needs the new velocity for $a'$ and
+# estimates it as $v + ha$.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -701,19 +714,19 @@ more_claims(
 # %% [markdown]
 # ### Symplectic integrators: area in phase space
 #
-# Simulate a pendulum for a million steps. The energy error of semi-implicit Euler does not grow. That of RK4 is far
-# smaller, but it grows all the time. The reason is geometric.
+# Simulate a pendulum for a million steps, with about a hundred steps per swing. The energy error of semi-implicit Euler
+# does not grow. The energy error of RK4 is far smaller, but it grows all the time. The reason is geometric.
 #
 # Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start not with one state but
-# with a patch of them, say all states within a small circle. As time passes, each state moves, and the patch is carried
-# along and deformed. A theorem of mechanics, Liouville's, says that without friction its area does not change. An
-# integrator whose step has the same property for every patch is called **symplectic**. (This is the definition for one
-# degree of freedom; the fold-out has the general one.) Because of this property, semi-implicit Euler is also called
-# symplectic Euler.
+# with a patch of them, for example all states within a small circle. As time passes, each state moves, so the patch
+# moves too and changes its shape. Liouville's theorem says that without friction its area does not change. With one
+# degree of freedom, an integrator is called **symplectic** if its step leaves the area of every patch unchanged. For
+# forces that depend on positions alone, semi-implicit Euler has this property, so it is also called symplectic Euler.
 #
-# Explicit Euler violates it. On a spring each step enlarges the patch, which spreads to ever higher energies. RK4
-# shrinks it, very slowly. Watch a patch of pendulum states under three integrators (grey lines: constant energy; the
-# numbers count steps):
+# Explicit Euler does not preserve area. On a spring each step enlarges the patch, which spreads to ever higher
+# energies. RK4 shrinks the patch, very slowly. The picture shows a patch of pendulum states under three integrators.
+# Its vertical axis is the angular velocity, which is proportional to the momentum. Grey lines have constant energy, and
+# the numbers count steps:
 # %% tags=["hide-code"]
 figure_, panels = plt.subplots(1, 3, figsize=(11, 3.6), sharey=True, layout="constrained")
 h, shots = 0.35, (0, 3, 6, 9)
@@ -770,19 +783,20 @@ plt.show()
 # %%
 show("area_preserved")
 # %% [markdown]
-# For a smooth system and a small fixed step, the energy error of a symplectic method stays bounded for a very long
-# time, which grows exponentially in $1/h$. The method conserves a slightly different energy almost exactly. On a
-# spring, semi-implicit Euler conserves exactly (per unit of mass)
+# In a smooth system and with a small fixed step, the energy error of a symplectic method stays bounded for a very long
+# time. (This time grows exponentially with $1/h$.) The method almost exactly conserves a slightly different energy. On
+# a spring, semi-implicit Euler exactly conserves (per unit of mass)
 #
 # $$\tfrac12 v^2 + \tfrac12\omega^2x^2 - \tfrac12\omega^2h\,x\,v$$
 #
-# The true energy is the sum of the first two terms, so it swings around this constant value.
+# The true energy is the sum of the first two terms. The third term oscillates, so the true energy oscillates, too.
 # %%
 show("symplectic_conserves_energy")
 # %% [markdown]
 # A symplectic method promises neither an exact energy nor the right period. Beyond its stability limit, if it has one,
-# it explodes all the same: the patch is stretched in one direction and squeezed in the other. With friction,
-# velocity-dependent forces or most rules that let the step size follow the state, the guarantee is gone.
+# it still explodes: each step stretches the patch in one direction and squeezes it in the other. The energy error is
+# also no longer bounded with friction, with other forces that depend on velocity, and with most step sizes that adapt
+# to the motion.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -808,9 +822,9 @@ more_claims(
 # %% [markdown]
 # ### Updating an orientation
 #
-# A drone's simulated attitude drifts although all rates are right. A common cause is one line: `q += dt * q_rate`. The
-# unit quaternions form a sphere, and $\dot q$ is a tangent of it. A step along a tangent leaves the sphere, so people
-# scale the result back to length one. Then the length is right. But look at the angle:
+# The orientation of a simulated drone drifts although all its rates are right. A common cause is one line: `q += dt *
+# q_rate`. The unit quaternions form a sphere, and $\dot q$ is tangent to it. A step along a tangent leaves the sphere,
+# so people scale the result back to length one. Then the length is right, but the angle is not:
 # %% tags=["hide-code"]
 half = 0.8  # half the angle by which the body turns in the step
 figure_, axes_ = plt.subplots(figsize=(8, 4), layout="constrained")
@@ -849,13 +863,13 @@ print("(between quaternions, as drawn, the angles are half of these)")
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
 # It stays on the sphere, and for a steady spin it is exact. Call the small rotation $s = \exp(h\omega)$. In
-# $q\,s\,(0,r)\,s^*q^*$ it acts on $r$ first, still in body axes, and then $q$ takes the result to the world. So it
-# stands on the *right*. If your $\omega$ is in the world frame, its rotation is the factor on the left: $q' =
-# \exp(h\,\omega)\,q$. Confusing the sides is a classic bug (section 7).
+# $q\,s\,(0,r)\,s^*q^*$ it acts on $r$ first, still in body coordinates, and then $q$ takes the result to the world. So
+# $s$ stands on the *right* of $q$. If your $\omega$ is given in world coordinates, the small rotation is the factor on
+# the left: $q' = \exp(h\,\omega)\,q$. Confusing the sides is a classic bug (section 7).
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
-# scaling turns it by $2\arctan(\tfrac12\omega h) = 0.09992$ rad. The lag, about $\tfrac1{12}(\omega h)^3 = 0.00008$
-# rad, looks harmless, but after 1000 steps the wheel lags by 0.083 rad, or almost five degrees.
+# scaling turns it by only $2\arctan(\tfrac12\omega h) = 0.09992$ rad. The lag, about $\tfrac1{12}(\omega h)^3 =
+# 0.00008$ rad, looks harmless. But after 1000 steps the wheel lags by 0.083 rad, or almost five degrees.
 # %%
 more_claims(
     "renormalising_repairs",
@@ -866,20 +880,20 @@ more_claims(
 # %% [markdown]
 # ### Free fall and impacts: where the energy goes
 #
-# Between impacts, the acceleration of the box is constant, so you can compute the energy error of a step by hand.
-# Under a constant acceleration all six integrators get the velocity right. They differ in the position only:
-# $q' = q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and $c = \tfrac12$ for the
-# four others, which are exact. Insert this into $E = mgy + \tfrac12mv^2$:
+# Between impacts, the acceleration of the box's centre is constant, so you can compute the energy error of a step by
+# hand. With a constant acceleration all six integrators get the velocity right. They differ only in the position: $q' =
+# q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and $c = \tfrac12$ for the four
+# others, which are exact. Insert this into the energy $E = mgy + \tfrac12mv^2$ at the height $y$:
 #
 # $$\Delta E = m g^2 h^2\,(\tfrac12 - c) \quad\text{per step.}$$
 #
-# So explicit Euler gains $\tfrac12 mg^2h^2$ in every step and semi-implicit Euler loses as much: 4.8 mJ for 1 kg and 10
-# ms.
+# So explicit Euler gains $\tfrac12 mg^2h^2$ in every step, and semi-implicit Euler loses as much. For 1 kg and 10 ms
+# this is 4.8 mJ.
 #
-# **Restitution** $e$ is the speed after an impact divided by the speed before, so with $e = 1$ a bounce should cost
-# no energy. The usual rule: if the ball is below the floor at the end of a step, put it on the floor and reverse its
-# velocity. The drawing shows what this does. During the step the ball falls to the depth $d$ below the floor. Putting
-# it back lifts it by $d$, and this adds the energy $mgd$.
+# **Restitution** $e$ is the speed after an impact divided by the speed before, so with $e = 1$ a bounce should cost no
+# energy. Programs often use a simple rule: if a ball is below the floor at the end of a step, put it on the floor and
+# reverse its velocity. The drawing shows what this does. During the step the ball falls to the depth $d$ below the
+# floor. Putting it back lifts it by $d$, and this adds the energy $mgd$.
 #
 # The remedy is to find the **time of impact** inside the step, to reverse the velocity there, and to continue with the
 # rest of the step:
@@ -929,10 +943,9 @@ before, wrong = 0.5 * v0**2 + g * y0, 0.5 * steps[1][1] ** 2
 print(f"energy per kilogram: before {before:.2f} J, bounce at the end of the step {wrong:.2f} J,")
 print(f"                     bounce at the time of impact {0.5 * speed**2:.2f} J")
 # %% [markdown]
-# RK4 is exact in flight, and it still gains energy with the rule at the end of the step. Do the two errors of
-# semi-implicit Euler, the loss in flight and the gain at the floor, at least cancel? On average the floor gives back
-# half of the loss. A flight from bounce to bounce at the speed $v$ loses $mghv$. A bounce adds $mgd$, and the depth $d$
-# is anything between 0 and $hv$.
+# With the simple rule, even RK4, which is exact in flight, gains energy. Semi-implicit Euler loses $mghv$ in a flight
+# that starts and ends with the speed $v$. The depth $d$ lies between 0 and $hv$, so on average a bounce gives back half
+# of this loss.
 #
 # <details><summary>Derive it: the loss of a flight, and the gain of a bounce</summary>
 #
@@ -969,17 +982,15 @@ more_claims(
 #
 # ### The tasks of a loop, and their rates
 #
-# One program has to run a robot's controller, its camera and the physics at different rates. It performs seven tasks:
-# it reads the **sensors**, exposes the **camera**, asks the **controller** for a command, collects the **forces**,
-# **integrates** the state, detects **collisions**, and now and then **renders** an image for the screen. The physics
-# step is fixed, and the loop schedules the other tasks by counting physics steps. The drawing shows the order and three
-# of the rates:
+# One program has to run a robot's controller, its camera and the physics at different rates. The drawing shows the
+# order of its seven tasks (*rendering* draws an image for the screen) and three of their rates. The physics step is
+# fixed. From the number of steps so far, the loop knows which other tasks are due:
 # %% tags=["hide-code"]
 figure_, (order_, axes_) = plt.subplots(
     2, 1, figsize=(10, 4.0), height_ratios=(1.0, 2.2), layout="constrained"
 )
-order = ("sensors", "camera", "controller", "forces", "integration", "collisions", "rendering")
-due = ("camera", "controller", "rendering")  # not in every step
+order = ("camera", "sensors", "controller", "forces", "integration", "collisions", "rendering")
+due = ("camera", "sensors", "controller", "rendering")  # not in every step
 arrow = {"arrowstyle": "-|>", "color": "0.2"}
 for k, task in enumerate(order):
     box = {"boxstyle": "round,pad=0.4", "fc": "#e8eaf6" if task in due else "#cfe3f2", "ec": "0.3"}
@@ -991,7 +1002,7 @@ order_.annotate("", (0, -0.45), (0, -0.85), arrowprops=arrow)
 order_.text(
     3.0,
     -1.0,
-    "repeated 1,000 times per second; pale: only in steps in which it is due",
+    "repeated 1,000 times per second; pale: only in steps in which the task is due",
     ha="center",
     va="bottom",
     fontsize=9,
@@ -1024,9 +1035,9 @@ axes_.set(
 plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
-# The course's loop records what it does. *Age* is the age of the command that a step applies, or of the motion that an
-# image shows. Every other physics step applies a command that is 1 ms old. An image is interpolated between the last
-# two states, so it shows the motion one step late: the image due at 16.667 ms shows 15.667 ms:
+# The loop records what it does. *Age* is the age of the command that a step applies, or of the motion that an image
+# shows. A command comes every 2 ms, so every other step applies one that is 1 ms old. An image is computed from the
+# last two states, so it shows the motion one step late:
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1052,27 +1063,27 @@ figures(
 # %% [markdown]
 # Three details decide whether the loop works:
 #
-# * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts you. An
+# * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts the program. An
 #   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics never
-#   reads the clock, so two runs give the same result.
-# * **Interpolation.** The leftover time in the accumulator, divided by $h$, is the weight of the newer of the last
-#   two states; the older one gets the rest. If you draw the latest state instead, the motion judders by up to one step.
-# * **Counting steps.** Compute the time as the number of steps times $h$. If you add up 0.001 s millions of times, the
-#   rounding errors add up too, and two clocks in the same program no longer agree on which step an event belongs to.
+#   reads the clock. So with the same inputs at the same steps, two runs on one machine give the same result.
+# * **Interpolation.** An image mixes the last two states. The weight of the newer one is the time left in the
+#   accumulator, divided by $h$. If you draw the latest state instead, each image is too old by a different part of a
+#   step, and the motion looks jerky.
+# * **Counting steps.** Compute the time as the number of steps times $h$. If you add 0.001 s millions of times, the
+#   rounding errors add up too. Then two clocks in the same program may assign an event to different steps.
 # %% tags=["hide-code"]
 print(
     f"error of a clock that adds 1 ms per step, after an hour: {float_clock_error(0.001, 3_600_000):.1e} s"
 )
 # %% [markdown]
-# And if the machine is too slow for real time? A loop that tries to catch up runs more steps per image. Each image then
-# takes longer, the loop falls further behind, and it never recovers. This is the *spiral of death*. So limit the number
-# of steps per image, and *report* the time that was dropped.
+# What if the machine is too slow for real time? A loop that tries to catch up runs more steps per image. Each image
+# then takes longer, the loop falls further behind, and it never recovers. This is the *spiral of death*. So limit the
+# number of steps per image, drop the rest of the time, and *report* it.
 #
 # ### The engine we compare with
 #
-# This chapter compares with **MuJoCo** (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an
-# open-source physics engine that much of robot learning runs on. Within a step, MuJoCo performs five of the tasks in
-# another order:
+# This chapter compares with **MuJoCo** (Todorov, Erez and Tassa, 2012), an open-source physics engine that much of
+# robot learning runs on. Within a step, MuJoCo performs five of the tasks in another order:
 # %% tags=["hide-code"]
 tasks = {
     "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
@@ -1101,10 +1112,10 @@ axes_.axis("off")
 plt.show()
 # %% [markdown]
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call `mj_forward` for those of the new positions. MuJoCo's `RK4` is the classical method. Its `Euler` is
-# semi-implicit Euler with *implicit* joint damping (computed from the new velocity). `implicitfast` makes the damping
-# of motors and cables implicit as well, and `discrete` also the springs. Implicit forces allow larger steps (section
-# 7).
+# step. Call `mj_forward` for those of the new positions. MuJoCo's `Euler` is semi-implicit Euler, but it computes the
+# damping of joints from the *new* velocity. A force that is computed from the new state is called **implicit**, and it
+# allows larger steps (section 7). In `implicitfast`, the damping of motors and cables is implicit as well; in
+# `discrete`, springs are too.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1121,15 +1132,15 @@ more_claims(
 # ### One integrator for positions and orientations
 #
 # Semi-implicit Euler adds $h\,v'$ to a position, but it multiplies an orientation by $\exp(h\,\omega')$. The course
-# puts the difference into one function. `retract(q, u)` moves from $q$ by $u$. If the array of positions is one element
-# longer than the array of velocities, its last four elements are a unit quaternion, as in MuJoCo for a free body. The
-# integrator itself then has two lines:
+# puts the difference into one function, `retract(q, u)`, which moves $q$ by $u$. If the array of positions is one
+# element longer than the array of velocities, its last four elements are a unit quaternion, as in MuJoCo for a free
+# body. The integrator itself then needs only two lines:
 # %% tags=["hide-code"]
 source(rigid_body.retract, rigid_body.semi_implicit_euler)
 # %% [markdown]
-# RK4 needs one more idea. Its four angular velocities, the **stages**, belong to four *different* orientations, and
-# rotations do not commute. Turn a box by a quarter about $x$ and then about $z$, and in the other order (both axes are
-# fixed in space, $x$ towards you and $z$ up):
+# RK4 needs one more idea. Its four angular velocities belong to four *different* orientations, and the order of
+# rotations matters. Turn a box by a quarter about $x$ and then about $z$, and in the other order (both axes are fixed
+# in space, $x$ towards you and $z$ up):
 # %% tags=["hide-code"]
 quarter = {
     "about x": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
@@ -1152,15 +1163,15 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# If you average the four like ordinary vectors, the order drops from 4 to 2. Two cross products of stages, in the code
-# `bracket`, correct the averaged rotation vector and restore fourth order (Munthe-Kaas and Owren 1999). Then $q$ is
-# multiplied by its exponential. For ordinary coordinates the brackets are zero, and the code is the RK4 of section 2
+# If you average the four like ordinary vectors, the method has only order 2. Two cross products (`bracket` in the code,
+# *commutator* in its comments) restore order 4 (Munthe-Kaas and Owren 1999). One corrects the rotation before the third
+# evaluation, the other the average. For ordinary coordinates both are zero, and the code is the RK4 of section 2
 # (`_along` adds a multiple, `_mean` averages):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
-# We test it on a free body with three different moments, whose exact motion is known (Jacobi's elliptic functions),
-# over 20 s with a step of 1 ms:
+# We test it on a free body with three different moments, over 20 s with a step of 1 ms. The exact motion is known
+# (Jacobi's elliptic functions):
 # %% tags=["hide-code"]
 tumbling = problems.tumble()
 print(f"{'integrator':<20} {'error [rad]':>12} {'drift of energy':>17} {'drift of L':>12}")
@@ -1175,21 +1186,20 @@ for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalise
     error, by_energy, by_momentum = (f"{x:.0e}" if x > 1e-11 else "<1e-11" for x in numbers)
     print(f"{name:<20} {error:>12} {by_energy:>17} {by_momentum:>12}")
 # %% [markdown]
-# The drifts are relative. `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to length one
-# after each step.
+# The drifts are relative to the start. `rk4_renormalised` is ordinary RK4 on the quaternion's four numbers, scaled to
+# length one after each step.
 # %%
 more_claims("rotation_stages_add")
 # %% [markdown]
 # ### A box that tumbles, hits the floor and slides
 #
-# A ball without friction is a point with a radius. A box has corners, and a force at a corner exerts a torque. The
-# course's planar box finds the time at which a corner hits the floor inside the step, and solves the impact with
-# restitution and **Coulomb friction**: the friction force opposes the sliding, and it is at most $\mu$ times the normal
-# force.
+# A force at a corner of a box exerts a torque. The course's planar box finds the time at which a corner hits the floor
+# inside the step, and solves the impact with restitution and **Coulomb friction**: the friction force opposes the
+# sliding, and it is at most $\mu$ times the normal force.
 #
 # With friction, restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact can *gain* energy, as
-# Kane showed in 1984. With Stronge's definition (1990), which the box uses, no impact gains energy: of the energy that
-# the contact stores while the bodies press together, the share $e^2$ comes back. Without friction the two are the same.
+# Kane showed in 1984. The box uses Stronge's definition (1990). While the bodies press together, the contact stores
+# energy, and the share $e^2$ of it comes back. So no impact gains energy. Without friction the two definitions agree.
 # %%
 predict("box_at_rest")
 # %% tags=["hide-code"]
@@ -1219,18 +1229,23 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# The box of the first screen with all controls. The dashed path is the same box with very small steps. The two paths
-# separate because each impact enlarges small differences. Impacts slower than the *rest speed* end the bouncing. *Steps
-# not resolved* counts the steps with more impacts than the solver may process in one step.
+# The dashed path is the same box with very small steps. The paths separate because each impact enlarges small
+# differences. An impact slower than the *rest speed* ends the bouncing. *Steps not resolved* counts steps with more
+# impacts than the solver may process.
 #
 # Predict each preset before you choose it:
 #
-# 1. *Exact flight, late impacts*: RK4 makes no error in flight. Does the energy stay? (No. Each bounce adds $mgd$.)
-# 2. *50 ms steps: deep in the ground*: how far below the floor is the box found? (Up to one step's travel, $vh$.)
-# 3. *Late impacts: never at rest* (impacts at the end of the step): what does the box do when it should lie still? (It
-#    gains the speed $gh$ in every step and bounces.)
-# 4. *No rest speed: endless impacts*: what becomes of ever shorter bounces? (They pile up until a step is not
-#    resolved.)
+# 1. *Exact flight, late impacts*: RK4 makes no error in flight. Does the energy stay constant?
+# 2. *50 ms steps: deep in the ground*: how far below the floor can the box be at the end of a step?
+# 3. *Late impacts: never at rest* (impacts at the end of the step): what does the box do when it should lie still?
+# 4. *No rest speed: endless impacts*: what happens when the bounces become ever shorter?
+#
+# <details><summary>Answers</summary>
+#
+# 1: No, each bounce adds $mgd$. 2: Up to the distance travelled in one step, $vh$. 3: It gains the speed $gh$ in every
+# step and bounces. 4: They pile up until a step is not resolved.
+#
+# </details>
 # %%
 simulation("bouncing_box")
 # %% [markdown]
@@ -1238,15 +1253,14 @@ simulation("bouncing_box")
 #
 # ### The work-precision diagram
 #
-# "RK4 costs four times as much as Euler." That is true for the force evaluations of one step, and it is the wrong
-# question. Your task has a tolerance, the largest error that you accept, and you want to reach it with the least
-# work. A method of fourth order may need a thousand times fewer steps.
+# "RK4 costs four times as much as Euler." That is true for one step, but RK4 may need a thousand times fewer steps.
+# Your task has a tolerance, the largest error that you accept, and you want to reach it with the least work.
 #
 # A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
 # horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
 # logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order. The problem here is a
-# double pendulum. Drag the tolerance line, or move it with the arrow keys; the circle marks the cheapest run. The
-# counted evaluations are exact; measured times are disturbed by other programs:
+# double pendulum. Drag the tolerance line. The circle marks the cheapest run. Other programs disturb the measured
+# times:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1260,12 +1274,11 @@ TradeOff(result)
 
 
 # %% [markdown]
-# The buttons switch on the other methods, MuJoCo's among them. On systems without orientations and without joint
-# damping, MuJoCo's `Euler` and our semi-implicit Euler have the same errors to several digits, and so have the two
-# RK4s. Only the time per step differs, because MuJoCo is a general engine that does more in each step.
+# The buttons switch on the other methods, MuJoCo's among them. On this problem, MuJoCo's `Euler` and `RK4` have the
+# same errors as ours. Their steps take longer, because a general engine does more per step.
 #
-# You can put an integrator of your own on the chart. It runs as plain Python, so compare it in the left panel, which
-# counts evaluations instead of time:
+# You can add an integrator of your own. It runs as plain Python, so compare it in the left panel, which counts
+# evaluations:
 # %%
 def my_step(q, v, acceleration, dt, params):
     """Change me: a step of your own. This one is semi-implicit Euler."""
@@ -1280,20 +1293,20 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# The free tumble, with a tolerance of 1 mrad after 20 s (cross: failed; in the grey band the reference solution itself
-# is not accurate enough):
+# This is the chart of the tumbling satellite, with a tolerance of 1 mrad after 20 s. A cross marks a run that failed.
+# In the grey band the reference solution itself is not accurate enough:
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
-# The bouncing box has two separate errors of first order: the flight of semi-implicit Euler, and impacts that are
-# placed at the end of a step. For this throw and a step of 1 ms the two partly cancel, and correcting only one makes
-# the result worse. Only correcting both always helps.
+# The bouncing box has two separate errors of first order: semi-implicit Euler's flight is wrong, and impacts happen
+# only at the end of a step. For this throw and a step of 1 ms the two partly cancel, so the result gets worse if you
+# correct only one. Only correcting both always helps:
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
 # *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
-# into $-ev$ in one step, *spring* one with a spring and a damper. Our runs are so short that a fixed cost per call
-# dominates them, in the right chart and in the table.
+# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. Our runs are so short that their time
+# is mostly the fixed cost of a call:
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
@@ -1337,9 +1350,9 @@ more_claims(
 # ### Many bodies at once
 #
 # Reinforcement learning needs thousands of copies of a scene, mostly on GPUs; this chart measures one CPU core. It
-# compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. The
-# last column is the simulated time per second of computing, *summed over all bodies*. The errors differ, too: only our
-# program finds the impact times:
+# compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. A
+# *body-step* is one step of one body. The last column is the simulated time per second of computing, *summed over all
+# bodies*. The *error* is that of the position in metres. Only our program finds the impact times:
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1351,8 +1364,8 @@ figures(
     summary="All batches, boxes and free bodies",
 )
 # %% [markdown]
-# A program that can do nothing but one planar box on a floor is two orders of magnitude faster than a general engine.
-# As soon as two bodies can touch, it no longer applies.
+# A program that can simulate only a planar box on a floor is two orders of magnitude faster than a general engine. But
+# it is useless if two bodies can touch.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
@@ -1365,14 +1378,14 @@ figures(
 #
 # ### The smallest model that answers the question
 #
-# The largest savings come before the integrator, from what you do *not* simulate. State the question and the
-# tolerance. Then compute the answer with and without each effect. Leave out effects as long as their errors add up to
-# less than the tolerance. Then check once with all of them left out.
+# What you do *not* simulate saves most. State the question and the tolerance. Then compute the answer with and without
+# each effect. Neglect effects as long as their errors add up to less than the tolerance. Check once with all of them
+# neglected.
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
-# In the table, *error* is the change of the answer when an effect is neglected, in metres. *Saves* is how many times
-# longer MuJoCo takes than our planar program: the price of a general engine, not of the effect alone:
+# In the table, *error* is the change of the answer in metres when an effect is neglected (*left out*). *Saves* is how
+# many times longer MuJoCo takes than our planar program:
 # %% jupyter={"source_hidden": true}
 figures(
     read("scene_bouncing_box"),
@@ -1387,27 +1400,27 @@ figures(
 # %% [markdown]
 # ### Which integrator to choose
 #
-# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`, which adds implicit damping.
-#   The contacts set the step, and their error is of first order anyway.
-# * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. At the tolerances of the
-#   charts it needed the fewest evaluations on every smooth problem but the simple pendulum.
+# * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`. The contacts decide the step
+#   size, and their error is of first order anyway.
+# * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. On the double pendulum and on
+#   the satellite it needed the fewest evaluations.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler (forces at the
-#   *end* of the step) or MuJoCo's `discrete`. Implicit midpoint is stable too, but lets the spring ring.
-# * *Very long runs where averages matter and not the exact path*: a symplectic method with a fixed step.
+#   *end* of the step) or MuJoCo's `discrete`. Implicit midpoint is stable too, but the spring continues to vibrate.
+# * *Very long runs in which averages matter and not the exact path*: a symplectic method with a fixed step.
 #
 # ## 7 · Debug: where it fails
 #
 # ### The stability limit with damping
 #
-# The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms things down.
-# In a simulation it depends on *when* the damping force is computed. Semi-implicit Euler takes it from the old
-# velocity. With the damping constant $c$, this late force throws $v$ past zero if $hc/m > 1$. MuJoCo's `Euler` takes it
-# from the new velocity. The **damping ratio** $\zeta$ says how strong the damper is: at $\zeta = 1$, *critical
-# damping*, the motion no longer swings past zero.
+# The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms the motion.
+# In a simulation it depends on the velocity from which the damping force is computed. Semi-implicit Euler uses the old
+# velocity, MuJoCo's `Euler` the new one. The **damping ratio** $\zeta$ says how strong the damper is: at $\zeta = 1$,
+# *critical damping*, the motion no longer swings past zero.
 # %%
 predict("damping_and_the_limit")
 # %% [markdown]
-# The equation is $\ddot x = -2\zeta\omega\dot x - \omega^2x$, and the limits are
+# A damping force from the old velocity comes late. With the damping constant $c$, it throws $v$ past zero if $hc/m >
+# 1$. In terms of $\zeta$ the equation is $\ddot x = -2\zeta\omega\dot x - \omega^2x$, and the limits are
 #
 # | integrator | damping force from | largest stable step |
 # |---|---|---|
@@ -1416,8 +1429,9 @@ predict("damping_and_the_limit")
 # | explicit Euler, $\zeta\le1$ | the old velocity | $\omega h < 2\zeta$ |
 #
 # **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of the
-# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table has the longest steps at which, in our measurement, the
-# amplitude did not grow. They agree with the theory to better than 0.1 %.
+# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table shows the largest $\omega h$ (`omega dt`) at which the
+# amplitude did not grow in our measurement. The values agree with the theory to better than 0.1 % (a few lie just above
+# it). For `discrete`, *none* means that every step was stable.
 # %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
@@ -1435,12 +1449,12 @@ figures(
 #
 # ![Stability maps](../docs/charts/stability_maps.png)
 #
-# Is RK4 in a real engine the RK4 of the textbook? You can test that from outside: count its force computations, and
-# look for the step at which a spring explodes.
+# Is RK4 in a real engine the RK4 of the textbook? Count its force evaluations, and look for the step at which a spring
+# explodes.
 # %%
 show("mujoco_rk4")
 # %% [markdown]
-# MuJoCo's `discrete` survives every step, but it damps and slows down a spring that has no damper:
+# MuJoCo's `discrete` is stable at every step size, but it damps and slows down a spring that has no damper:
 #
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
 # %%
@@ -1448,9 +1462,9 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # %% [markdown]
 # ### Energy over a million steps
 #
-# A pendulum over a million steps: explicit Euler is useless after a few seconds. RK4 starts with the smallest error,
-# which then grows in proportion to time. At the end it is still far below that of semi-implicit Euler, but implicit
-# midpoint has overtaken it. The errors of the symplectic methods do not grow:
+# We simulated a pendulum for a million steps. Explicit Euler is useless after a few seconds. RK4 starts with the
+# smallest error, but this error grows in proportion to time. At the end it is larger than the error of implicit
+# midpoint, though still far smaller than that of semi-implicit Euler. The errors of the symplectic methods do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1463,9 +1477,9 @@ figures(
     summary="All methods: largest relative energy error in the first and last 1 % of the run",
 )
 # %% [markdown]
-# Bounded energy needs a fixed step (or one chosen reversibly: see the claims above). Alternate two steps that are both
-# below the limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes. The product of two area-preserving steps
-# preserves area, but it may stretch one direction again and again. Even a fixed step gets the period slightly wrong:
+# Keep the step of a symplectic method fixed, or the energy may grow. Alternate two steps that are both below the limit,
+# $\omega h$ = 1.7 and 1.2, and the oscillation explodes. Two area-preserving steps together preserve area, but they may
+# stretch the patch in the same direction again and again. Even with a fixed step, the period is slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1477,13 +1491,15 @@ figures(
 # ### Impacts and the order of a method
 #
 # The order of a method comes from a Taylor series, which needs a smooth motion. At an impact the velocity jumps. If the
-# impact is noticed only at the end of a step, it comes late by up to $h$, and no accuracy elsewhere can repair that.
+# program notices the impact only at the end of a step, the impact comes late by up to $h$. No accuracy elsewhere can
+# repair that.
 # %%
 show("order_survives_bounces")
 # %% [markdown]
-# We measured it on a pendulum that hits an elastic wall at its lowest point. Its exact solution is known: its angle is
-# the absolute value of the free pendulum's angle. With the impact time found within the step, RK4 and velocity Verlet
-# keep their order. With the impact at the end of the step, both drop to first order, and RK4 is no better than Verlet:
+# We measured this on a pendulum that hits an elastic wall at its lowest point. Its exact solution is known: its angle
+# is the absolute value of the free pendulum's angle. If the program finds the impact time within the step, RK4 and
+# velocity Verlet keep their order. If the impact happens at the end of the step, both drop to first order, and RK4 is
+# no better than Verlet:
 #
 # ![Order with and without events](../docs/charts/events_order.png)
 # %% tags=["hide-code"]
@@ -1495,8 +1511,8 @@ print(
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** An impact that the step does not resolve makes every method first order at best. Then the cheapest of
-# the stable ones wins.
+# **Key insight.** If a step does not find the time of an impact, every method is first order at best. Then a cheap,
+# stable method is usually the right choice.
 #
 # </div>
 # %%
@@ -1504,32 +1520,35 @@ more_claims("mujoco_rk4_contact_order", "mujoco_contact_stiffness_limit")
 # %% [markdown]
 # ### Tunnelling: through the wall
 #
-# A fast ball is in front of a wall at one step and behind it at the next. At neither step do they overlap, so the
-# simulator never notices the collision. This is **tunnelling**. Three lengths decide: the distance travelled per step,
-# $vh$, the thickness of the body and the thickness of the wall, both measured along the motion.
+# A fast ball is in front of a wall at one step and behind it at the next. It overlaps the wall at neither step, so the
+# simulator never notices the collision. This is **tunnelling**. Three lengths decide whether it can happen: the
+# distance $vh$ travelled per step, the thickness of the body and the thickness of the wall, both measured along the
+# motion.
 # %%
 show("tunnelling_thickness")
 # %%
 simulation("tunnelling")
 # %% [markdown]
-# Let $D$ be the sum of both thicknesses. While $vh \le D$, a ball that hits head on overlaps after at least one step.
-# Beyond that, and if the ball starts at a random position, one check per step misses the wall with probability
+# Let $D$ be the sum of both thicknesses. While $vh \le D$, a ball that hits head on overlaps the wall at the end of at
+# least one step. If $vh$ is larger and the ball starts at a random position, one check per step misses the wall with
+# the probability
 #
 # $$P = 1 - \frac{D}{v\,h}, \qquad v\,h > D .$$
 #
-# **Worked example.** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100
-# mm per step, and $D$ = 50 mm: it passes unnoticed half of the time. The remedy is
-# **continuous collision detection**: test the whole motion between two steps, or compute the time of impact.
+# **Worked example.** A bolt of 20 mm flies at 50 m/s against a plate of 30 mm, and the step is 2 ms. It travels 100 mm
+# per step, and $D$ = 50 mm: it passes unnoticed half of the time.
+# For hard contacts the remedy is **continuous collision detection**: test the whole motion between two steps, or
+# compute the time of impact.
 #
 # There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
-# step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens
-# at the penetration $D/2$. In the chart, $b$ is the length of the path on which a check still stops the ball: $D$ in
-# our model, $D/2$ in MuJoCo:
+# step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens at
+# the penetration $D/2$. An overlap sends the ball back only up to a depth $b$, which is $D$ in our model and $D/2$ in
+# MuJoCo. The dashed curve in the chart would be right for MuJoCo if its $b$ were $D$:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
-# The *one-step contact* is made so stiff that it stops the ball within a step. The default contact lets it sink in by
-# its speed times 7.29 ms, for example 20 mm at 2.7 m/s; the *time constant* sets how soft it is.
+# The *one-step contact* is made so stiff that it stops the ball within a step. The default contact lets the ball sink
+# in by its speed times 7.29 ms, for example 20 mm at 2.7 m/s. The *time constant* of the contact sets how soft it is.
 # %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
@@ -1548,20 +1567,20 @@ more_claims(
 # %% [markdown]
 # ### Chatter: a box that never comes to rest
 #
-# A box lies on the floor, and its simulated contact alarm fires hundreds of times per second. Think of a bouncing ball
-# first. With the restitution $e$, each bounce lasts $e$ times as long as the one before.
+# A box lies on the floor, but its simulated contact sensor reports hundreds of impacts per second. First think of a
+# bouncing ball. If the restitution $e$ is the same at every speed, each bounce lasts $e$ times as long as the one
+# before.
 # %%
 predict("impacts_at_rest")
 # %% [markdown]
-# A box that should lie still bounces for another reason, if impacts act at the end of a step. In each step gravity
+# If impacts act at the end of a step, a box that should lie still bounces for another reason. In each step gravity
 # gives it the speed $gh$, the step ends below the floor, and the impact turns the speed upwards. The ball's endless
-# bounces and the box's jitter are both called **chatter**. The remedy is a **rest speed**: a body whose impact is
-# slower is set to rest. It works if impacts are found within the step.
+# bounces and the box's bounces are both called **chatter**. The remedy is a **rest speed**: after a slower impact, the
+# program sets the body to rest. This works if impacts are found within the step.
 #
-# If impacts are noticed only at the end of a step, a ball at rest keeps hitting the floor at $gh/(1+e)$, and the
-# corners of a rocking box at about $gh$. A rest speed far below $gh$ (19.6 mm/s at $h$ = 2 ms) stops neither ball nor
-# box; 10 mm/s makes the box's bounces lower but more frequent. With MuJoCo's spring contact the corners lift off in
-# turn, at a speed that shrinks with the step:
+# If impacts act only at the end of a step, a ball that should lie still hits the floor again and again at the speed
+# $gh/(1+e)$, and the corners of a rocking box at about $gh$. A rest speed below $gh/2$ (9.8 mm/s at $h$ = 2 ms) stops
+# neither of them. In the chart, 10 mm/s makes the bounces of the box lower but more frequent:
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1577,8 +1596,9 @@ figures(
 # %% [markdown]
 # ### Orientation over a million steps
 #
-# For adding and scaling, section 2 predicted a lag of $(\omega h)^3/12$ per step. In a steady spin of 10 mrad per step
-# the measured lag adds up to 0.083 rad over a million steps; the exponential map is exact up to rounding:
+# If you add $h\,\dot q$ and scale the result, section 2 predicts a lag of $(\omega h)^3/12$ per step. In a steady spin
+# of 10 mrad per step the measured lag adds up to 0.083 rad over a million steps. The exponential map is exact except
+# for rounding:
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 # %% jupyter={"source_hidden": true}
@@ -1595,10 +1615,10 @@ figures(
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$. Many springs obey $M\ddot x = -Kx$
-# with the mass and stiffness matrices $M$ and $K$; $\omega_{\max}^2$ is the largest eigenvalue of $M^{-1}K$. Then halve
-# the step several times.
-# If that does not help, the step is not the cause, or the integrator has no stable step.
+# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$. Many springs together obey $M\ddot x
+# = -Kx$ with the mass and stiffness matrices $M$ and $K$. Here $\omega_{\max}^2$ is the largest eigenvalue of
+# $M^{-1}K$. Next, halve the step several times. If that does not help, either the step is not the cause, or the
+# integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1616,10 +1636,10 @@ figures(
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the relative travel per step, $vh$, with the *sum* of
+# **Debugging tip.** *Objects pass through each other.* Compare their relative travel per step, $vh$, with the *sum* of
 # both thicknesses, in MuJoCo with half of it. If $vh$ is larger, use continuous collision detection (in MuJoCo the
-# `speculative` flag, together with a stiffer contact). If $vh$ is much smaller, the pair is not tested, or the
-# contact is too soft.
+# `speculative` flag, together with a stiffer contact). If $vh$ is much smaller, either collisions between the two
+# objects are switched off, or the contact is too soft.
 #
 # <details><summary>And in between</summary>
 #
@@ -1632,45 +1652,38 @@ figures(
 # %%
 predict("perfect_energy_wrong_momentum")
 # %% [markdown]
-# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>positions go to infinity within a
-# few steps</td> <td>$h$ beyond $2/\omega_{\max}$</td> <td>compare $\omega_{\max}h$ with the table of integrators in
-# section 2</td> <td>smaller step, implicit method, softer contact</td></tr> <tr><td>amplitude grows slowly at
+# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>amplitude grows slowly at
 # <em>every</em> step size</td> <td>explicit Euler or explicit midpoint on an undamped oscillation</td> <td>energy ratio
 # per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint: Verlet or RK4</td></tr>
 # <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
 # $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr> <tr><td>box jitters on the floor
-# for ever</td> <td>gravity adds $gh$ in each step, and each impact turns the velocity upwards</td> <td>count impacts
-# per second</td> <td>impact times and a rest speed, or a contact solver that works on velocities</td></tr> <tr><td>fast
-# object passes a thin wall</td> <td>$vh$ larger than both thicknesses together (in MuJoCo: than half of that), or a
-# contact that is too soft</td> <td>print $vh/D$; record the depth</td> <td>continuous collision detection; stiffer
-# contact</td></tr> <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not
-# multiplied</td> <td>steady spin: compare the angle with $\omega t$ ($\lvert q\rvert-1$ shows nothing if $q$ is
-# normalised)</td> <td>$q\exp(h\omega)$</td></tr> <tr><td>a jump of $2\pi$, or a controller that turns the long way</td>
-# <td>$q$ compared with $-q$</td> <td>dot product of the two</td> <td>flip the sign if it is negative</td></tr>
-# <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world frame</td> <td>body rate
-# multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the world; repeat with three equal
-# moments (no gyroscopic term) and the start turned away from $q = 1$: if the error is gone, that term was the bug</td>
-# <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates;
-# $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td> <td>gyroscopic term in
-# an Euler step from the old rates</td> <td>kinetic energy over time</td> <td>RK4, implicit midpoint, smaller
-# step</td></tr> <tr><td>joints creep without a command</td> <td>gravity is on and no motor balances it, or the engine's
-# friction is soft and creeps under load</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffer
-# friction</td></tr>
+# for ever</td> <td>gravity adds the speed $gh$ in each step, and each impact turns it upwards</td> <td>count impacts
+# per second</td> <td>impact times and a rest speed, or a contact solver that computes impulses (chapter 2)</td></tr>
+# <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not multiplied</td> <td>in a
+# steady spin, compare the angle with $\omega t$ (the length of $q$ shows nothing if $q$ is scaled back)</td>
+# <td>$q\exp(h\omega)$</td></tr> <tr><td>an orientation error jumps by $2\pi$, or a controller turns the long way</td>
+# <td>$q$ compared with $-q$</td> <td>look at the dot product of the two quaternions</td> <td>flip the sign of one if it
+# is negative</td></tr> <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world
+# frame</td> <td>body rate multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the
+# world. Repeat with three equal moments, which have no gyroscopic term, and a start other than $q = 1$. If the error is
+# gone, the sign was wrong; if not, the side of the product</td> <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$
+# for world rates; $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td>
+# <td>the Euler step computes the gyroscopic term from the old rates</td> <td>plot the kinetic energy over time</td>
+# <td>RK4, implicit midpoint, smaller step</td></tr> <tr><td>joints creep without a command</td> <td>no motor balances
+# gravity, or the engine's friction is soft and slips slowly under load</td> <td>switch gravity off; halve $h$</td>
+# <td>compensate gravity; stiffer friction</td></tr>
 # </table>
 # %%
 predict("drift_of_joints")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases. The check
-# says what is wrong and, if it recognises the mistake, why. `check(verlet_step).chart()` draws your correct solution on
-# a work-precision diagram, next to the model solution and MuJoCo. After a pass, `drills.notebook.solution("verlet")`
-# shows the model solution. In a terminal the same exercise is `drills start verlet` and `drills check verlet`.
+# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases, which says
+# what is wrong. `check(verlet_step).chart()` draws your correct solution on a work-precision diagram. After a pass,
+# `drills.notebook.solution("verlet")` shows the model solution. In a terminal the same exercise is `drills start
+# verlet` and `drills check verlet`.
 # %% [markdown]
 # ### Velocity Verlet with one evaluation
-#
-# Section 2 has the formula. Here a step may evaluate the force only once, and a step with $-h$ must undo a step with
-# $h$.
 # %%
 card("verlet")
 
@@ -1698,8 +1711,6 @@ check(verlet_step)
 
 # %% [markdown]
 # ### Updating a quaternion
-#
-# The update of section 2, exact for every angle, including zero.
 
 # %%
 card("orientation")
@@ -1726,8 +1737,6 @@ check(update_orientation)
 
 # %% [markdown]
 # ### Bouncing at the time of impact
-#
-# Sections 2 and 7 show what a bounce at the end of the step does. Find the time of impact instead.
 
 # %%
 card("bounce")
@@ -1755,9 +1764,9 @@ def bounce_step(y, v, dt, restitution, gravity=9.81):
 check(bounce_step)
 
 # %% [markdown]
-# ### The largest stable step
+# ### Step limit of a mechanism
 #
-# Turn the first debugging tip of section 7 into a function.
+# Turn the debugging tip *The simulation explodes* of section 7 into a function.
 
 # %%
 card("stable_step")
@@ -1784,9 +1793,9 @@ check(largest_stable_step)
 # %% [markdown]
 # ### Measuring the order without an exact solution
 #
-# Without an exact solution, make three runs, each with half the step of the one before. If the error is $c\,h^p$, the
-# two differences between the runs have the ratio $2^p$, which gives the order. Knowing the order, you can compute the
-# limit for $h\to0$. This is called **Richardson extrapolation**.
+# If you have no exact solution, make three runs, each with half the step of the one before. If the error is $c\,h^p$,
+# the two differences between successive runs have the ratio $2^p$, which gives the order $p$. With the order you can
+# compute the limit for $h\to0$. This is called **Richardson extrapolation**.
 
 # %%
 card("observed_order")
@@ -1819,8 +1828,9 @@ check(observed_order)
 # q = quaternion.product(quaternion.exp(dt * omega_body), q)
 # ```
 #
-# The rotation stands on the wrong side. Neither the length of $q$ nor the kinetic energy reveals it, because neither
-# depends on the order of the factors. The angular momentum of a free body does, as a vector in the world frame:
+# The small rotation stands on the wrong side. Neither the length of $q$ nor the kinetic energy reveals this, because
+# neither depends on the order of the factors. The angular momentum of a free body, as a vector in the world frame,
+# depends on it:
 
 # %%
 inertia, dt = np.array([1.0, 2.0, 2.5]), 1e-3
@@ -1841,8 +1851,7 @@ for side in ("right", "left"):
     )
 
 # %% [markdown]
-# Now find the bug in the next exercise. The debugging table lists its symptom with two possible causes, and an
-# experiment that distinguishes them.
+# Now find the bug in the next exercise. The debugging table helps.
 
 # %%
 card("tumble")
@@ -1897,8 +1906,7 @@ check(tumble)
 # ### Formulas
 #
 # The largest stable step of RK4 on an undamped spring of angular frequency $\omega$, and that of semi-implicit Euler on
-# a mass $m$ with a spring $k$: <span class="kernel-only">replace the text in quotes.</span> Your formula is checked
-# symbolically, so any equivalent form counts. If it is wrong, you get values for which it differs.
+# a mass $m$ with a spring $k$: <span class="kernel-only">replace the text in quotes.</span> Any equivalent form counts.
 
 # %%
 answer("rk4_limit", "2/omega")
@@ -1907,24 +1915,29 @@ answer("rk4_limit", "2/omega")
 answer("semi_implicit_limit", "sqrt(m/k)")
 
 # %% [markdown]
-# Others to try: `explicit_energy_factor` (energy after one step divided by the energy before, in `omega` and `h`),
-# `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
+# <details><summary>Others to try</summary>
+#
+# `explicit_energy_factor` (energy after one step divided by the energy before, in `omega` and `h`), `top_condition`
+# (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
+#
+# </details>
 #
 # ## 9 · Frontier: differentiable simulation
 #
 # ### Gradients of a whole simulation
 #
-# You recorded how a real block slides, and you want the friction coefficient that makes your simulator reproduce the
-# recording. If you knew the *derivative* of the error with respect to each parameter, you could walk downhill instead
-# of trying many values.
+# You recorded how a real block slides. With which friction coefficient does your simulator reproduce the recording? If
+# you knew the *derivative* of the error with respect to each parameter, you could follow it downhill instead of trying
+# many values.
 #
 # **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a
-# long chain of simple operations, and the chain rule applies. **Reverse mode** (backpropagation, the adjoint method)
-# runs the simulation once forward, stores its states, and goes through it once backward. It returns the derivatives
-# of one number, such as the error, with respect to *all* parameters, for about the cost of a few runs.
+# long chain of simple operations, so the chain rule applies. **Reverse mode** (also called backpropagation or the
+# adjoint method) runs the simulation once forward, stores its states, and goes through them once backward. It returns
+# the derivatives of one number, such as the error, with respect to *all* parameters, at the cost of a few runs.
 #
-# However, the bounce depends on *when* the ball hits the floor, and a fixed-step program never computes that time. At
-# the end of each step it puts the ball on the floor if it is below.
+# Now drop a ball from rest, at the height $H$. Its bounce depends on *when* it hits the floor, and a program with fixed
+# steps never computes that time. If the ball is below the floor at the end of a step, the program sets its height to 0
+# and its velocity $v$ to $-ev$.
 # %%
 predict("gradient_through_an_impact")
 # %% tags=["hide-code"]
@@ -1956,16 +1969,22 @@ plt.show()
 print(f"before the impacts: difference {slope[100]:+.2f}, derivative {derivative[100]:+.2f}")
 print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[-1]:+.2f}")
 # %% [markdown]
-# Before the impacts, the distance of the two curves is the difference of the drop heights, so the derivative with
-# respect to the drop height $H$ is 1. At the impact it jumps to $-e$. The ball from $H + dH$ lands later by $dH/v$,
-# where $v$ is the impact speed. In this time the first ball rises by $e\,v\,(dH/v) = e\,dH$. So the second ball is now
-# $e\,dH$ *below* the first. After the impact at $t_1 = \sqrt{2H/g}$ the height is $e\,v\,(t-t_1) - \tfrac12
-# g\,(t-t_1)^2$ with $v = \sqrt{2gH}$. Its derivative with respect to $H$ starts at $-e$ and increases by $(1+e)\,g/v$
-# per second.
+# Before the impacts, the distance between the two curves is the difference of the drop heights, so the derivative with
+# respect to the drop height $H$ is 1. At the impact it jumps to $-e$. Why? A ball from the height $H + dH$ lands later
+# by $dH/v$, where $v$ is the impact speed. In this time the first ball rises by $e\,v\,(dH/v) = e\,dH$. So when the
+# second ball lands, it is $e\,dH$ *below* the first.
 #
-# A fixed-step program loses this. Its floor rule sets the height to 0, and the speed there is $gh$ times the number of
-# steps. So after the bounce only this *number of steps* depends on the drop height. It is an integer, and its
-# derivative is zero. The error of the height shrinks with the step; the gradient stays wrong:
+# <details><summary>Derive it: the derivative after the impact</summary>
+#
+# After the impact at $t_1 = \sqrt{2H/g}$ the height is $e\,v\,(t-t_1) - \tfrac12 g\,(t-t_1)^2$ with $v = \sqrt{2gH}$.
+# Its derivative with respect to $H$ starts at $-e$ and increases by $(1+e)\,g/v$ per second. Hu et al. (2020) correct
+# the gradient with the time of impact. Suh et al. (2022) show how such errors affect training with gradients.
+#
+# </details>
+#
+# A program with fixed steps $h$ loses this. Its floor rule sets the height to 0, and the speed at that moment is $gh$
+# times the number of steps. So after the bounce only this *number of steps* depends on the drop height. It is an
+# integer, and its derivative is zero. The error of the height shrinks with the step, but the gradient stays wrong:
 # %% tags=["hide-code"]
 from course.rigid_body.differentiable import (
     Setup,
@@ -1985,15 +2004,13 @@ for dt in (1e-2, 1e-3):
         f"fixed steps of {1e3 * dt:4.0f} ms:       {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
 # %% [markdown]
-# Hu et al. (2020) correct the gradient with the time of impact. Suh et al. (2022) show what such errors do to training
-# with gradients.
-#
 # ### What a recording can tell
 #
-# Here is a small differentiable simulator in PyTorch. It solves for the impact times, so their derivatives are right. A
-# block is thrown, bounces, slides and is pushed. We record it with 1 mm of noise and recover its restitution, friction
-# coefficient and mass. Behind `+-` is the *standard error*, the scatter that the noise causes. `chi^2 per degree` is
-# the mean squared misfit in units of the noise. Near 1, nothing but noise is left:
+# The course has a small differentiable simulator in PyTorch. It computes the impact times, so their derivatives are
+# right. A block is thrown, bounces, slides and is pushed. We record it with 1 mm of noise and recover its restitution,
+# friction coefficient and mass. The number after `+-` is the *standard error*, the scatter that the noise causes.
+# `chi^2 per degree` (of freedom) compares the remaining error of the fit with the noise. If it is near 1, the remaining
+# error is only noise:
 # %% tags=["show-code"]
 # The push: from 1.2 s to 1.5 s with 8 N.
 scene = Setup(position=(0.0, 0.5), velocity=(2.0, 0.0), push=((1.2, 1.5, 8.0),))
@@ -2002,15 +2019,15 @@ truth = (0.6, 0.25, 1.3)
 recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_rng(0))
 print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 # %% [markdown]
-# A gradient finds only what the motion depends on.
+# A gradient can find only parameters that change the recorded motion.
 # %%
 predict("what_a_drop_tells")
 # %% [markdown]
 # You can check this before you optimise. Collect the derivatives of all recorded positions with respect to the
 # parameters in one matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves
-# no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that sticks under
-# a push gives only a lower *bound* for the friction: push divided by weight. This needs the mass (here the true 1.3
-# kg). A longer recording does not help:
+# no trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move
+# under a push gives only a lower *bound* for the friction: the push divided by the weight, here 2 N divided by the
+# weight of 1.3 kg. A longer recording does not help:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),
@@ -2049,8 +2066,8 @@ more_claims(
 # **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
 # what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. With forces
 # from a potential and a constant mass matrix its energy does not drift at a small fixed step. RK4 is fourth order,
-# costs four evaluations, and needs $\omega h\le2.83$. With contacts at 1 kHz both make a first-order error at the
-# impact, so I take the cheap one. For a satellite I take RK4."
+# costs four evaluations, and needs $\omega h\le2\sqrt2$. At impacts both make a first-order error, so with contacts I
+# take the cheap one. For a satellite I take RK4."
 #
 # </div>
 #
@@ -2060,6 +2077,6 @@ interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five questions on this chapter, drawn by a seed.
+# Five random questions on this chapter.
 # %%
 checkpoint("rigid_body", ["", "", "", "", ""], seed=1)

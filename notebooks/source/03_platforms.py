@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 3 · Simulation platforms
 #
-# *You load one robot into four simulators, and get four motions. Which one should you believe, and why do they
-# differ?* Below, four engines run the same model with the same step: MuJoCo, Drake and PyBullet, three free
-# simulators, and this course's own code. Predict first what decides their errors.
+# *You load one robot into four simulators, and get four motions. Which one should you believe, and why do they differ?*
+# Below, four simulators, also called **engines**, run the same model with the same time step: MuJoCo, Drake, PyBullet,
+# and this course's own code. Predict first what decides their errors.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -21,12 +21,12 @@ predict("whose_simulator")
 simulation("platforms")
 
 # %% [markdown]
-# **After this chapter you can** say what makes two simulators differ before you run them; set up a comparison that
-# means something; name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by
-# comparing measured errors and costs with what your job allows. You need semi-implicit Euler (chapter 1) and
-# Coulomb's law (chapter 2). A robot consists of **links**, its rigid bodies, and joints between them. Its **mass
-# matrix** says which torques the joints need for given accelerations, at rest and without gravity (chapter 4). The
-# code of chapters 1, 2 and 4 runs here as a fourth engine, called *own code*.
+# Section 3 explains the polygons at the right, and section 5 the numbers below the picture. **After this chapter you
+# can** say what makes two simulators differ before you run them; set up a fair comparison; name what MuJoCo, Drake and
+# PyBullet get wrong, where, and by how much; and choose one of them by comparing measured errors and costs with what
+# your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's law (chapter 2). A robot consists of
+# **links**, its rigid bodies, and joints between them. Its **mass matrix** says which torques the joints need for given
+# accelerations, at rest and without gravity (chapter 4).
 
 # %% tags=["hide-code"]
 import inspect
@@ -75,8 +75,9 @@ def table(head, rows):
 # ### Three scenes on four engines
 #
 # Before any table, look at the bodies. Left: a block is launched over the floor and brakes. Middle: five cubes stand on
-# each other. Right: two fingers hold a part. Left and middle ("fair") have stiff contacts and the same friction in all
-# engines (section 1), the grasp has each engine's defaults.
+# each other. Right: two fingers hold a part. In the left and middle pictures, all engines have stiff contacts and the
+# same friction: their settings are *fair* (section 1). In the right picture, each engine has its default settings (*as
+# shipped*).
 
 # %% tags=["hide-code"]
 SAMPLES = outcome.truth.shape[1]
@@ -115,7 +116,8 @@ def scenes_at(k, rise):
         sunk = max(0.0, -outcome.paths[3, 1, 1, e, k, 1]) * 100.0
         for n in range(5):
             size = (500.0 - sunk) / 5.0
-            axes[1].add_patch(Rectangle((150 * e, n * size), 90, 0.88 * size, color=colour))
+            cube = Rectangle((150 * e, n * size), 90, 100, fc=colour, ec="white", alpha=0.7)
+            axes[1].add_patch(cube)
         axes[1].text(150 * e + 45, -50, name, fontsize=8, color=colour, ha="center")
         fallen = outcome.paths[4, 1, 0, e, k, 1]
         axes[2].add_patch(Rectangle((60 * e - 14, -20), 6, 40, color="0.5"))
@@ -150,19 +152,20 @@ Image(film.getvalue(), format="png")
 # %% [markdown]
 # All positions are from runs at a step of 1 ms. Some engines limit friction along two fixed directions on the floor,
 # the **axes of the contact**, because this is easier to compute. The block is launched at 22.5 degrees to one of them.
-# The fingers press with 1.02 times the force that the part needs. The heights of Drake's and PyBullet's blocks were not
-# recorded. In a similar run they hardly left the floor (section 3), so they are drawn on it. The thin lines are the
-# paths of the blocks' lower edges.
+# The fingers press with 1.02 times the smallest force that can hold the part. The heights of Drake's and PyBullet's
+# blocks were not recorded. In a similar run they hardly left the floor (section 3), so they are drawn on it. The thin
+# lines are the paths of the blocks' lower edges.
 #
-# Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, higher if the
-# contact is set stiff, as here. **Towers sag**: a soft contact yields under load, and the lowest one carries the most.
-# **Parts creep**: a part sinks slowly and steadily through a grip that should hold it, or it falls.
+# Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher with
+# the stiff contacts used here. **Towers sag**: a soft contact yields under load, so the cubes overlap. **Parts creep**:
+# a part sinks slowly and steadily through a grip that should hold it, or it falls.
 #
 # ## How this chapter works
 #
-# MuJoCo and our own code run in this notebook. Figures of Drake and PyBullet come from a stored record, so you see them
-# whether or not they are installed. `make platforms` installs them (PyBullet needs Python 3.11), and `make charts`
-# measures everything again. You can rerun the checks behind the claims with `python -m course.derivations 3`.
+# MuJoCo and our own code (from chapters 1, 2 and 4) run in this notebook. Results of Drake and PyBullet come from a
+# stored record, so you see them whether or not they are installed. `make platforms` installs them (PyBullet needs
+# Python 3.11), and `make charts` measures everything again. You can rerun the checks behind the claims with `python -m
+# course.derivations 3`.
 #
 # The chapter compares engines on ten small **scenes**, each with a known truth and a tolerance:
 
@@ -251,13 +254,13 @@ for key, (what, truth) in KNOWN.items():
 table(("Scene", "What happens", "Truth", "Lasts", "Tolerance"), rows)
 
 # %% [markdown]
-# The tight reference is chapter 1's integrator at an error far below all others here. Durations are those of the chart
-# in section 3.
+# A *tight reference* is a run of an accurate integrator from chapter 1. Its error is far below all errors that this
+# page compares. The durations are those of the chart in section 3.
 #
-# Some scenes have parameters. *Brake* is launched along an axis of the contact (0 degrees), or at 22.5 degrees between
-# them. *Tower* has three cubes in the charts of section 3 and five in the simulation. The part of *grasp* weighs 0.2
-# kg. The fingers press with 3 N in the charts, about one and a half times the smallest force that holds it, and with
-# 1.02 times this force in the simulation.
+# Some scenes have variants. *Brake* is launched along an axis of the contact (0 degrees), or at 22.5 degrees to it.
+# *Tower* has three cubes in the charts of section 3 and five in the simulation. The part of *grasp* weighs 0.2 kg. The
+# fingers press with 3 N in the charts, about one and a half times the smallest force that holds it, and with 1.02 times
+# this force in the simulation.
 #
 # Section 8 has these exercises:
 
@@ -271,15 +274,16 @@ badges(3)
 #
 # ### The same scheme makes the same error
 #
-# "Simulator A is more accurate than simulator B" is a sentence you will often read. To see what could be true about
-# it, take apart what a simulator does. It holds a **model**: bodies, joints and shapes. It holds a state: positions
-# and velocities. In each step it computes accelerations from the model and the state, and uses them to move the state
-# forward by a small time, the **step** $h$.
+# "Simulator A is more accurate than simulator B" is a sentence you will often read. When could it be true? A simulator
+# stores a **model**: bodies, joints and shapes. It also stores a **state**: positions and velocities. In each step it
+# computes accelerations from the model and the state. Then it moves the state forward by a small time, the **step**
+# $h$.
 #
 # The rule for this last part is the **time stepping scheme**. It turns accelerations and contact forces into new
-# velocities and positions. Chapter 1's semi-implicit Euler is one: first $v' = v + h\,a$, then $x' = x + h\,v'$. A
-# scheme makes an error because the acceleration changes during the step, and the scheme looks at it only once. Half the
-# step leaves about half the error:
+# velocities and positions. Chapter 1's semi-implicit Euler is one. From the position $x$, the velocity $v$ and the
+# acceleration $a$ it computes the new velocity $v' = v + h\,a$, then the new position $x' = x + h\,v'$. This scheme
+# makes an error because acceleration and velocity change during a step, while it uses one value of each for the whole
+# step. Half the step leaves about half the error:
 #
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.4, 2.3), layout="constrained")
@@ -299,12 +303,12 @@ plt.show()
 # %% [markdown]
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
 # acceleration up to rounding, whatever algorithm they use inside. So if they also use the same scheme and the same
-# step, they make the *same error*. "The same scheme" includes the formula for orientations: our code, MuJoCo and
-# PyBullet turn a body exactly by the angle $\lVert\omega\rVert h$, and Drake adds $h$ times the rate of its
-# quaternion.
+# step, they make the *same error*. The scheme includes how an orientation is updated, and here Drake differs. The
+# others rotate a body by its angular speed times $h$. Drake changes the four numbers that describe the orientation by
+# their rates times $h$.
 #
-# We test this with **fair settings**, which make each engine simulate what the scene describes: they remove damping,
-# motors and other extras, and make contacts stiff. Here are the three scenes in which nothing touches:
+# We test this with **fair settings**. They make each engine simulate what the scene describes: they remove damping,
+# motors and other additions, and make contacts stiff. Here are the three scenes in which nothing touches:
 
 # %%
 for make in ("tumble", "chain", "arm"):
@@ -316,15 +320,15 @@ for make in ("tumble", "chain", "arm"):
     print(f"MuJoCo {errors[1]:.8f} {scene.unit}, tolerance {scene.tolerance:g}")
 
 # %% [markdown]
-# Both make the same error in every printed digit, although our code never builds a mass matrix and MuJoCo does. The
-# error on the arm is larger than the tolerance for both of them. It is an error of the scheme at this step, and
-# changing the program does not help.
+# Both make the same error in every printed digit, although our code never builds a mass matrix and MuJoCo does. On the
+# chain and the arm, this error is larger than the tolerance. It is an error of the scheme at this step, so changing the
+# program does not help.
 #
-# The chart shows all four engines. The first three panels show the error against the step. The last one shows how far
-# the other programs' errors are from ours, as a share of the error. MuJoCo and PyBullet agree with us nearly up to
-# rounding. Drake agrees to less than 0.2 %. It differs on the tumbling body only, where an orientation is integrated;
-# the shorter runs of the card below give a smaller number. (RK4, explained below, reaches rounding errors on the
-# tumble.)
+# The chart shows all four engines. The first three panels show the error against the step. The last panel compares the
+# other programs' errors with ours: it shows the difference, divided by our error. MuJoCo and PyBullet agree with us
+# nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because only there an
+# orientation is updated. (The card below has shorter runs, so its number is smaller. *RK4* is explained below the
+# card.)
 #
 # ![Error against the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -343,19 +347,25 @@ figures(
 show("engines_agree")
 
 # %% [markdown]
-# On logarithmic axes, an error proportional to $h^p$ is a straight line of slope $p$. The exponent $p$ is the
-# **order** of the scheme. At first order, half the step gives half the error. At fourth order, half the step divides
-# the error by 16. MuJoCo also offers **RK4**, the classical Runge-Kutta scheme, which evaluates the forces four times
-# in each step and is of order four on smooth motion.
+# On logarithmic axes, an error proportional to $h^p$ is a straight line of slope $p$. The exponent $p$ is the **order**
+# of the scheme. At first order, half the step gives half the error. At fourth order, half the step divides the error by
+# 16. MuJoCo also offers **RK4**, the classical Runge-Kutta scheme. It evaluates the forces four times in each step and
+# is of order four on smooth motion.
 #
-# Drake's *discrete* **plant** (its name for the simulated bodies) uses semi-implicit Euler; a continuous one uses a
-# Runge-Kutta scheme of order three with error control. The fitted orders of chain and arm in the chart are a little off
-# 1, because these motions amplify errors. The card below measures the tumble and a shorter fall of the arm. (As
-# shipped, PyBullet's error on tumble and arm doesn't depend on the step: its dashed lines are flat.)
+# Drake calls the simulated bodies a **plant**. A *discrete* plant uses semi-implicit Euler. A *continuous* plant uses a
+# Runge-Kutta scheme of order three, which adapts its step to the error.
 #
-# **A worked example.** At 1 ms the chain is off by 21 mrad, and you may be off by 10. Euler at half the step costs
-# twice as much and just misses; only a step of 0.4 ms is short enough, at two and a half times the cost. An RK4 step
-# evaluates the forces four times, but may be 8 ms long, so RK4 needs half the force evaluations of Euler at 1 ms:
+# <details><summary>Why some lines of the chart have another slope</summary>
+#
+# The measured orders of chain and arm are a little off 1: their errors are large, so higher powers of $h$ count as
+# well. PyBullet's dashed lines are flat for tumble and arm: as shipped, its error doesn't depend on the step.
+#
+# </details>
+#
+# **A worked example.** At 1 ms the chain is off by 21 mrad, but only 10 are allowed. Euler with half the step costs
+# twice as much and still misses. A step of 0.4 ms is short enough; it costs two and a half times as much. RK4 evaluates
+# the forces four times per step, but its step may be 8 ms long. So it needs half as many force evaluations as Euler at
+# 1 ms:
 
 # %%
 for scheme, steps in (("Euler", (1e-3, 5e-4, 4e-4)), ("RK4", (8e-3,))):
@@ -372,24 +382,24 @@ show("halving_halves")
 # ### Defaults: what is set when you set nothing
 #
 # Now load the same robot into two simulators and set nothing else. You usually do this with a **URDF** (Unified Robot
-# Description Format), the XML file in which robots are exchanged. It describes links, joints, masses and shapes. It
-# says nothing about schemes, contact softness or air resistance, and of a motor only its limits of effort and speed.
-# **MJCF**, MuJoCo's own XML format, can say these things, but an MJCF file usually doesn't say them either. Whatever
-# the file leaves open, the simulator's authors have chosen for you.
+# Description Format), the XML file in which robots are exchanged. It describes links, joints, masses and shapes, and it
+# can give a joint limits, damping and friction. It says nothing about time stepping, contact softness or air
+# resistance, and little about motors. **MJCF**, MuJoCo's own XML format, can say these things, but most files leave
+# some of them open. Whatever the file leaves open, the simulator's authors have chosen for you.
 
 # %%
 predict("out_of_the_box")
 
 # %% [markdown]
-# To compare engines rather than choices, both sides must simulate the same thing. The list of fair settings does two
-# things. It *undoes* what the scene doesn't have: air resistance, motors, inertias that are not in the file, and a
-# friction **pyramid**, which replaces Coulomb's round cone by flat sides. And it *chooses* how stiff a contact is,
-# since no scene says so: `impratio`, `solref` and `solimp` in MuJoCo, and in Drake the stiffness of a contact
-# **patch**, the area on which two bodies touch (section 2).
+# To compare engines rather than their defaults, all engines must simulate the same thing. The list of fair settings
+# does two things. First, it removes what an engine adds to the scene: air resistance, motors, and inertias that are not
+# in the file. It also removes MuJoCo's friction **pyramid**, an approximation of Coulomb's law in which friction
+# depends on the direction of sliding. Second, it sets how stiff a contact is, since no scene says so. In MuJoCo these
+# are the settings `impratio`, `solref` and `solimp`. In Drake it is the stiffness of a contact **patch**, the area on
+# which two bodies touch (section 2).
 #
-# In the table, a **servo** is a motor with a position controller; a damping ratio of 1 is critical (no overshoot);
-# **sweeps** are passes of a solver over all contacts; and **substeps** divide a step into smaller ones. Each change is
-# listed with its reason:
+# The table lists each change with its reason. (With a damping ratio of 1, *critical*, a contact settles without
+# overshoot.)
 
 # %%
 table(
@@ -402,12 +412,18 @@ table(
 )
 
 # %% [markdown]
-# Fair is a decision, and you may argue with it. `solref` and `solimp` set how soft a contact of MuJoCo is, and
-# `impratio` how much harder friction is than the normal direction (chapter 2). We chose `solref` with the results in
-# view. Its time constant is 0.005 s, which the manual allows. With a shorter one a block at rest sinks less, but a
-# sliding block was thrown off its slope. Our `solimp` goes a little beyond the values that the manual advises.
+# Which settings are fair is a decision, and you may disagree with ours. `solref` and `solimp` set how soft a contact of
+# MuJoCo is. `impratio` says how much stiffer friction is than the contact's resistance to sinking (chapter 2). In
+# PyBullet we left the solver's own settings as shipped. It visits all contacts one after the other, up to 50 times per
+# step. Each round is called a **sweep**.
 #
-# In PyBullet we left the solver's own settings as shipped: 50 sweeps per step, error correction, no substeps.
+# <details><summary>How we chose MuJoCo's values</summary>
+#
+# We chose `solref` after seeing results. Its time constant is 0.005 s, which the manual allows. With a shorter one, a
+# block at rest sank less, but a sliding block was thrown off its slope. Our `solimp` goes a little beyond the values
+# that the manual advises.
+#
+# </details>
 #
 # How much do the defaults cost? The table divides the error as shipped by the error with fair settings, both at 1 ms,
 # in the five scenes of the simulation: the tumble lasts 4 s, the chain 2 s, the block is launched at 22.5 degrees, the
@@ -429,11 +445,11 @@ for s, name in enumerate(names):
 show("defaults_differ")
 
 # %% [markdown]
-# Which default is to blame? Start from the fair settings and take one change back at a time. The chart shows how much
-# the error grows when one setting returns to its default. One of the settings is the shape of the **friction cone**,
-# the set of contact forces that friction allows. By Coulomb's law it is round. MuJoCo's default is a pyramid inside it,
-# whose flat sides make the constraints linear. A bar to the left means that the engine's default is better than the
-# fair setting.
+# Which default is to blame? Start from the fair settings and change one setting back to its default. The chart shows by
+# what factor the error grows. One of the settings is the shape of the **friction cone**, the set of contact forces that
+# friction allows. By Coulomb's law it is round. MuJoCo's default is a pyramid inside it, because flat sides are easier
+# to compute with. Drake's setting *hydroelastic* is the contact on a patch. A bar to the left means that the default is
+# better than the fair setting.
 #
 # ![Error without one change divided by the error with all, by engine and scene](../docs/charts/platform_effects.png)
 
@@ -453,19 +469,18 @@ print(f"PyBullet, chain of 2 s: as shipped {whole:.1f} times the fair error; fai
 print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x, fair in back))
 
 # %% [markdown]
-# In MuJoCo, the shape of the cone alone decides where the launched block stops. In the grasp, `impratio` and `solref`
-# matter most. In PyBullet, free bodies suffer from default damping, and sliding ones from a rule that multiplies
-# friction coefficients. Its chain has three wrong defaults: inertias computed from shapes, damping, and motors that
-# hold the joints. The inertias alone do the most harm. With all three defaults together the error is smaller than with
-# the wrong inertias alone, since damping and motors slow the motion down. In Drake it is one switch, from contact
-# points to contact patches.
+# In MuJoCo, the shape of the cone decides almost alone how far off the launched block stops. In the grasp, `impratio`
+# and `solref` matter most. In PyBullet, damping slows free bodies, although the scene has none. Its sliding bodies have
+# too little friction, because PyBullet multiplies the coefficients of both surfaces. Its chain suffers from three
+# defaults: inertias computed from shapes, damping, and motors that hold the joints. The inertias alone do the most
+# harm. All three together do less, since damping and motors slow the motion down. In Drake a single default does the
+# harm: contact at a point instead of a patch.
 #
-# The only bar to the left is the tower's: fair but with the default pyramid, it sinks about sixty times less. (As
-# shipped it sinks more than fair, because another default, `solref`, makes contacts softer.) The cause is the pyramid's
-# edges. MuJoCo adds a contact force up from forces along these edges, and each of them is mostly normal. So friction is
-# stiff only if the edges are, and stiff edges also resist sinking: at $\mu = 0.5$ about six times as much as an
-# elliptic (round) cone. With the pyramid, an `impratio` of 10 stiffens the whole edge, another factor of ten. With an
-# elliptic cone it stiffens friction only:
+# Only one bar points to the left. With the default pyramid, and all else fair, the tower sinks about sixty times less.
+# The reason is how MuJoCo builds the contact force: it adds up forces along the pyramid's edges, and each edge points
+# mostly away from the surface. So an edge that is stiff against sliding is stiff against sinking, too. At $\mu = 0.5$
+# the tower then sinks about a sixth as far as with the elliptic (round) cone. An `impratio` of 10 stiffens the whole
+# edge, which divides the sinking by about ten again. With the elliptic cone it stiffens friction only:
 
 # %%
 for cone in ("elliptic", "pyramidal"):
@@ -480,12 +495,13 @@ for cone in ("elliptic", "pyramidal"):
 # %% [markdown]
 # ### The price of a stiff contact: the block that hops
 #
-# Fair settings don't remove every difference: MuJoCo's block hops. Coulomb's law by itself leads to a problem that is
-# hard to solve. MuJoCo solves a **convex relaxation** instead, a nearby problem with a unique solution.
+# Fair settings don't remove every difference: MuJoCo's block hops. With Coulomb's exact law, the contact forces are
+# hard to compute. MuJoCo solves a **convex relaxation** instead: a similar problem that has exactly one solution and is
+# easier to solve.
 #
-# In it, friction and separation are coupled: a contact that slides also separates (chapter 2, *the block that hops*).
-# Here is the braking block, launched along an axis. In this direction pyramid and cone allow the same friction, so the
-# error at the end is small as shipped, too; at 22.5 degrees it was large:
+# In the relaxed problem, a contact that slides also separates (chapter 2, *the block that hops*). Here is the braking
+# block, launched along an axis. In this direction pyramid and cone allow the same friction, so the error at the end is
+# small as shipped, too:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.4, 2.0), layout="constrained")
@@ -515,17 +531,16 @@ for label, engine, how in (
 
 # %% [markdown]
 # *In the air* is the share of the braking time, up to the dotted line, in which no contact presses on the block. The
-# stiffer `solref` reduced sinking at rest and increased the hops. The block still stops in the right place: over a
-# whole hop, the floor pushes as hard on average as the weight does, and sliding friction is $\mu$ times that push. So
-# the final position alone calls this motion good. Report the largest error on the way as well.
+# stiffer `solref` reduced sinking at rest and increased the hops. The block still stops in the right place. Over a
+# whole hop, the average push of the floor equals the weight, and sliding friction is $\mu$ times the push. So the final
+# position does not reveal the hops. Report the largest error on the way (during the motion) as well.
 #
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Where nothing touches, engines with the same scheme and the same step make nearly the same error.
 # With their defaults, their errors can differ a hundredfold. Where bodies touch, the contact models differ by design:
-# each of the three simulators keeps at least one of hop, creep and sag with all settings that this page tries. So a
-# comparison that doesn't list its settings compares settings, and "which simulator?" comes after "which scheme, which
-# step, which contact?"
+# each of the three simulators hops, creeps or sags with all settings that this page tries. A comparison that doesn't
+# list its settings compares settings. Ask "which scheme, which step, which contact?" before you ask "which simulator?"
 #
 # </div>
 #
@@ -533,32 +548,31 @@ for label, engine, how in (
 #
 # ### Four contact models
 #
-# Without contact there is one right answer. With contact, each engine solves a different problem, on purpose. A rigid
-# body has no stiffness, so the force between two rigid bodies can't be computed from their positions. Each engine has
-# to add something: some softness, a rule of choice, or an exact solver.
+# Without contact there is one right answer. With contact, each engine solves a different problem, on purpose. An ideal
+# rigid body doesn't deform, so its contact force can't be computed from positions, as the force of a spring can. Each
+# engine fills this gap differently: it softens the contact, or accepts one of many possible solutions, or solves
+# Coulomb's law exactly. In the panel, Drake has its default, contact at a point. Its tower falls, and its curve leaves
+# the picture:
 
 # %%
 simulation("platforms", "Collapsing tower")
 
 # %% [markdown]
-# <table> <tr><th>engine</th> <th>from</th> <th>how it solves contact</th> <th>what you pay</th></tr>
-# <tr><td>MuJoCo</td> <td>Todorov, Erez, Tassa (IROS 2012); DeepMind since 2021, open source since 2022</td> <td>a
-# convex problem at each step, softened so that its solution is unique</td> <td>sticking contacts may slide a little;
-# sliding ones hop</td></tr> <tr><td>Drake</td> <td>begun at MIT's CSAIL, led by the Toyota Research Institute</td>
-# <td>a convex problem as well; its default `lagged` limits friction with the normal force of the step before. The
-# contact is at a point, or a pressure over a patch</td> <td>time; you also have to choose a stiffness for the
-# patch</td></tr> <tr><td>PyBullet</td> <td>Coumans and Bai, from 2016; uses the solver of Bullet</td> <td>sweeps over
-# the contacts, one at a time, until they change little or 50 are done</td> <td>several sets of corner forces can carry
-# a load; which one you get depends on the sweeps</td></tr> <tr><td>own code</td> <td>chapter 2</td> <td>Coulomb's law,
-# solved with Newton's method</td> <td>time: with contact it runs Python at every step (without, its loops are
-# compiled)</td></tr> </table>
+# <table> <tr><th>engine</th> <th>how it solves contact</th> <th>what you pay</th></tr> <tr><td>MuJoCo</td> <td>a convex
+# problem at each step, softened so that its solution is unique</td> <td>sticking contacts may slide a little; sliding
+# ones hop</td></tr> <tr><td>Drake</td> <td>a convex problem as well; its default `lagged` limits friction with the
+# normal force of the step before. The contact is at a point, or a pressure over a patch</td> <td>time; you also have to
+# choose a stiffness for the patch</td></tr> <tr><td>PyBullet</td> <td>sweeps over the contacts, one at a time, until
+# they change little or 50 are done</td> <td>several sets of corner forces can carry a load; which one you get depends
+# on the sweeps</td></tr> <tr><td>own code</td> <td>Coulomb's law, solved with Newton's method (chapter 2)</td>
+# <td>time: with contact it runs Python at every step (without, its loops are compiled)</td></tr> </table>
 #
 # A **point contact** applies a force at each of a few points. Between two boxes, Drake finds a single point, which
 # can't resist tipping. A single cube may keep its balance on it (*drop*), but the tower in the simulation tips over. A
-# **hydroelastic contact** gives a body an internal pressure, which grows towards its middle. Where two bodies overlap,
-# the contact patch is the surface on which both pressures are equal; on our rigid ground, it is the ground's own
-# surface. Drake integrates the pressure over this patch (Elandt, Drumwright, Sherman and Ruina, IROS 2019). A patch
-# resists tipping, and its force changes smoothly.
+# **hydroelastic contact** assumes a pressure inside each body, which grows towards its middle. Where two bodies
+# overlap, the contact patch is the surface on which both pressures are equal. (On our rigid ground, it is the ground's
+# own surface.) Drake integrates the pressure over this patch (Elandt, Drumwright, Sherman and Ruina, IROS 2019). A
+# patch resists tipping, and its force changes smoothly.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(8, 2.6), layout="constrained")
@@ -586,9 +600,10 @@ show("drake_hydroelastic")
 # ### Check the forces that an engine reports
 #
 # An engine can report its contact forces. Before you use them, check them against the law. Chapter 2's **residuals**
-# are numbers that say how strongly a law of contact is violated; zero means that it holds. **Complementarity** means
-# that either the gap or the force is zero, never both positive. The *cone* residual says how far a force leaves the
-# friction cone. Here are the residuals of the contacts that MuJoCo reports for a tower of two cubes:
+# are numbers that say how strongly a law of contact is violated; zero means that it is met. **Complementarity** means
+# that at least one of gap and force is zero. (The gap is negative where bodies overlap.) The *cone* residual says how
+# far a force leaves the friction cone. Here are the residuals of the contacts that MuJoCo reports for a tower of two
+# cubes:
 
 # %%
 for settings in (AS_SHIPPED, FAIR):
@@ -603,14 +618,14 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
-# engine reached? They do, up to rounding. Complementarity (`signorini` in the code, after the author of the law), which
-# should be 0, is violated by a few mm/s (the force is converted to a velocity), because a soft contact pushes while it
-# overlaps. The cone is not violated.
+# engine reached? They do, up to rounding. The residual of complementarity should be 0. It is a few mm/s, because a soft
+# contact pushes while bodies overlap. (The code converts force and gap to speeds before it compares them.) No force
+# leaves the cone.
 #
 # ### Does a better scheme help with contact?
 #
-# RK4's order relies on forces that change smoothly within a step. A contact force jumps when a body touches, sticks or
-# slips.
+# RK4 is of order four only if forces change smoothly within a step. A contact force jumps when a body touches, sticks
+# or slips. RK4 also becomes unstable if the step is too long for the damping of the joints.
 
 # %%
 show("rk4_and_contact")
@@ -623,15 +638,16 @@ more_claims("drake_guarantees", "opened")
 #
 # ### Write needs, not ratings
 #
-# Comparison tables often give stars: four for speed, three for accuracy, and so on, added up to a rating. A sum lets a
-# good mark pay for a bad one. But no speed makes up for a gripper that drops the part.
+# Comparison tables often give stars: four for speed, three for accuracy, and so on, added up to a rating. In a sum, a
+# good mark makes up for a bad one. But no speed makes up for a gripper that drops the part.
 #
 # Write **needs** instead. A need is a limit on one measured fact, such as "the grasp may be off by at most 1 mm". An
 # engine that misses a need is out. A fact that was never measured meets no need. Among the engines that remain, take
-# the cheapest. And say how close the decision was: which limit, moved how far, would change the pick?
+# the cheapest. Then say how close the decision was: which limit would have to change, and how far, before you would
+# pick another engine?
 #
-# The facts come from one table: ten scenes on four engines at 1 ms, rebuilt with `make charts`. A cell shows the error
-# divided by the tolerance of its scene, so below 1 is good enough.
+# The facts come from one chart: ten scenes on four engines at 1 ms, rebuilt with `make charts`. A point shows the error
+# divided by the tolerance of its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.)
 #
 # ![Error divided by tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
@@ -640,20 +656,24 @@ figures(
     read("platforms_table"),
     "With the same",
     "As shipped, the",
-    "Fair, ",
+    "Fair, all",
     "Our own",
-    "They are",
     "Drake's",
     summary="All scenes, engines and settings",
 )
 
 # %% [markdown]
-# (Values below 1e-8 are drawn at 1e-8.) (In the printed lines, *they* are the three simulators.) Fair settings bring
-# the simulators together in rest, brake and slide. In tower and grasp they still differ more than tenfold. These are
-# errors at the end of each motion. A motion can end well and be wrong in between, so a second table records the largest
-# error during the motion and the share of time without contact (for *brake*, until Coulomb's law stops the block).
+# In the printed lines, *fair* means with fair settings. Our own contacts are accurate but expensive: in every scene
+# with contact, our step costs over a hundred times MuJoCo's. Fair settings bring the three simulators together in rest,
+# brake and slide: there their errors differ less than tenfold. In drop, tower, grasp and field they still differ more.
+# (Here the tower has three cubes. The simulation's tower of five sinks slightly too far in Drake.)
+#
+# These are errors at the end of each motion. A motion can end well and be wrong in between. So a second chart shows the
+# largest error on the way and the share of time without contact (for *brake*, until Coulomb's law stops the block).
 #
 # ![Largest error on the way and time in the air, by scene and engine](../docs/charts/platform_paths.png)
+#
+# The printed columns are the error at the end, the largest error on the way, and the share of time in the air:
 
 # %%
 print_figures(
@@ -661,28 +681,44 @@ print_figures(
 )
 
 # %% [markdown]
-# Printed are the error at the end, the largest error, and the share of time in the air. With fair settings, the cube
-# of *drop* ends well in each simulator, but misses its tolerance as it lands: MuJoCo's by a factor of more than two,
-# Drake's and PyBullet's only just. In the sliding scenes, the hop of MuJoCo is the largest difference that fair
-# settings leave between the engines.
+# With fair settings, the cube of *drop* ends well in each simulator, but misses its tolerance as it lands: MuJoCo's by
+# a factor of more than two, Drake's and PyBullet's only just. In the sliding scenes, the hop of MuJoCo is the largest
+# difference that fair settings leave between the engines.
 #
-# Drake's problem is convex, too. With the approximation `sap`, which couples friction and separation as MuJoCo's does,
-# a sliding box also glides above the ground (Castro, Permenter and Han, 2022). Its default `lagged` takes the normal
-# force for the friction limit from the step before, and the block stays down.
+# <details><summary>Does Drake's block hop, too?</summary>
 #
-# Here are seven jobs, written as limits on the numbers of the two charts above. A position may be off by 1 mm, and a
-# braking block by 1 cm during its motion. Two more facts are not in the charts: the share of faulty models that an
-# engine rejects or warns about (section 7), and whether `make lab`, which opens this course, installs it. (RL is
-# reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's simulator Isaac Sim.)
+# Drake's contact problem is convex, too. Its approximation `sap` couples friction and separation as MuJoCo's does, and
+# a sliding box also glides above the ground (Castro, Permenter and Han, 2022). Drake's default is `lagged`. It limits
+# friction with the normal force of the step before, and the block stays down.
+#
+# </details>
+#
+# Here are seven jobs with their needs. Most needs are limits on the numbers of the two charts above. Two more facts are
+# not in the charts: the share of faulty models that an engine rejects or warns about (section 7), and whether `make
+# lab`, which opens this course, installs it. (RL is reinforcement learning; a certificate is a proof of safety; PhysX
+# is the engine of NVIDIA's simulator Isaac Sim.)
 
 # %%
 facts = jobs.facts()
-table(("Job", "Pick", "Why"), [(job, *jobs.decide(job)) for job in jobs.JOBS])
+
+
+def words(need):
+    """Return a need in words, with the unit of its fact."""
+    if need.sense == "is":
+        return need.row
+    return f"{need.row} {need.sense} {need.limit:g} {facts['MuJoCo'][need.row].unit}".strip()
+
+
+rows = [
+    (job, "; ".join(map(words, needs)), *jobs.decide(job)) for job, (needs, _) in jobs.JOBS.items()
+]
+table(("Job", "Needs", "Pick", "Why"), rows)
 
 # %% [markdown]
-# Three jobs have an answer, each time the same engine. For *Manipulation research*, a tighter limit rules
-# out MuJoCo's hops. PyBullet already fails the grasp, so the cheapest of the others is Drake. Four jobs have no
-# answer: for what was not measured here, the table only names documentation.
+# Three jobs have an answer, each time MuJoCo. For *Manipulation research*, a tighter limit on the largest error of
+# *brake* would rule out MuJoCo, because its block hops. PyBullet already fails the grasp, so the cheapest of the others
+# is Drake. Four jobs have no answer. They need something that was not measured here, so the table only names
+# documentation.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -708,12 +744,13 @@ more_claims(
 # ### Platforms that are not measured here
 #
 # Many tools need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it stores a model, and how
-# it solves contact. Two terms:
+# it solves contact.
 #
-# **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse that satisfies this
-# contact alone, and go on to the next; after several sweeps the impulses change little. **PGS** (projected
-# Gauss-Seidel) also clips every impulse to what friction allows. **TGS** (temporal Gauss-Seidel) divides the time step
-# into small substeps and does one sweep in each, with updated positions.
+# **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse (force times step)
+# that satisfies this contact alone, and go on to the next; after several sweeps the impulses change little. **PGS**
+# (projected Gauss-Seidel) also clips each impulse: no contact may pull, and friction must stay within its limit.
+# **TGS** (temporal Gauss-Seidel) divides the time step into small substeps and does one sweep in each, with updated
+# positions.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(8.6, 1.9), layout="constrained", sharey=True)
@@ -753,12 +790,19 @@ for ax, title, ends in zip(
 plt.show()
 
 # %% [markdown]
+# Some names in the tables: RTX is NVIDIA's renderer. USD is a file format for scenes (explained below). JAX compiles
+# array programs in Python for GPUs. PBD (position-based dynamics) and XPBD, its successor, move positions directly
+# until constraints hold. VBD (vertex block descent) and FEM (finite elements) simulate meshes that deform. MPM
+# (material point method) and SPH (smoothed particle hydrodynamics) simulate material as particles. IPC (incremental
+# potential contact) keeps meshes from passing through each other. Featherstone and Kamino are solvers for robots with
+# joints.
+#
 # The documentation says, as read in November 2026:
 #
 # <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
-# <tr><td>Isaac Sim 6</td> <td>an application for robots with cameras, lidar and many assets; RTX rendering</td>
-# <td>USD; imports URDF and MJCF</td> <td>PhysX, or Newton as the alternative</td> <td>[manual of its Newton
-# extension, 6.1](
+# <tr><td>Isaac Sim 6</td> <td>an application for robots with cameras, lidar and many ready-made models; RTX
+# rendering</td> <td>USD; imports URDF and MJCF</td> <td>PhysX, or Newton as the alternative</td> <td>[manual of its
+# Newton extension, 6.1](
 # https://docs.isaacsim.omniverse.nvidia.com/6.1.0/py/source/extensions/isaacsim.physics.newton/docs/index.html)
 # </td></tr> <tr><td>Isaac Lab 3</td> <td>robot learning in many parallel worlds</td> <td>USD</td> <td>PhysX or
 # Newton</td> <td>[its manual, solver
@@ -789,11 +833,7 @@ more_claims("headless_renders")
 # meshes</td> <td>several, coupled: rigid, FEM, MPM, PBD and SPH particles, IPC</td> <td>[AMD's manual of
 # Genesis](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst)</td></tr> </table>
 #
-# (XPBD and PBD move positions directly until constraints hold; Featherstone and Kamino are solvers for robots with
-# joints; VBD and FEM simulate meshes that deform; MPM and SPH simulate material as particles. IPC is a contact method
-# that keeps meshes from passing through each other. JAX compiles array programs in Python for GPUs; RTX is NVIDIA's
-# renderer. A rate that is announced for such an engine counts the steps of all its worlds, in a scene that the authors
-# chose.)
+# A rate that is announced for such an engine counts the steps of all its worlds, in a scene that the authors chose.
 
 # %%
 predict("millions_a_second")
@@ -802,7 +842,7 @@ predict("millions_a_second")
 # **USD** (Universal Scene Description) is not a simulator. It is Pixar's open format for large scenes. Files can be
 # stacked in layers, so that one file changes another without editing it. Its extension
 # [UsdPhysics](https://docs.omniverse.nvidia.com/kit/docs/pxr-usd-api/latest/pxr/UsdPhysics.html) adds mass, collision
-# shapes, joints, limits, drives (motors of joints) and the root of an articulation (a robot's links and joints).
+# shapes, joints, limits and drives (motors of joints). It also marks which links and joints form one robot.
 #
 # **Converting** is where models break. The three formats don't have the same vocabulary:
 #
@@ -846,16 +886,16 @@ predict("millions_a_second")
 #
 # ### Radar charts: five axes and their area
 #
-# Articles like to compare simulators with a **radar chart**: several numbers of one engine, each on its own axis, all
-# axes starting at one centre, and the ends joined to a polygon. The eye reads the area.
+# Articles like to compare simulators with a **radar chart**. Several axes start at one centre, one for each measured
+# number. The engine's values on the axes are joined to a polygon. The eye reads its area.
 
 # %%
 predict("five_numbers")
 
 # %% [markdown]
-# The simulation's radar chart has five axes. *Centre* and *end* are the measured values at 0 and at 1 of an axis. The
-# other columns show where each engine lies between them: the median over several scenes. The first four axes are
-# logarithmic.
+# The simulation's radar chart has five axes. In the table, *centre* is the measured value that is drawn at the centre
+# of the chart, and *end* the value at the end of the axis. The other columns say where each engine lies between centre
+# (0) and end (1), as the median over several scenes. The first four axes are logarithmic.
 
 # %% tags=["hide-code"]
 table(
@@ -867,11 +907,12 @@ table(
 )
 
 # %% [markdown]
-# For *smooth accuracy*, each engine takes the step that it can afford in the computing time of MuJoCo at 1 ms. The
-# value is the engine's error in chain and tumble, divided by the tolerance. *Contact accuracy* is error divided by
-# tolerance at 1 ms, in three scenes with contact. *Speed in contact* is the cost of a step relative to MuJoCo's.
-# *Largest step* is the largest step [s] that stays within the tolerance. *Honesty* is the share of faulty models that
-# the engine rejects or warns about. A thick band on an axis spans the scenes.
+# For *smooth accuracy*, each engine gets the computing time that MuJoCo needs at 1 ms, and takes the shortest step that
+# fits into it. The value is its error in chain and tumble, divided by the tolerance. *Contact accuracy* is error
+# divided by tolerance at 1 ms, in three scenes with contact. *Speed in contact* is the cost of a step relative to
+# MuJoCo's. *Largest step* is the largest step [s] that stays within the tolerance. *Honesty* is the share of faulty
+# models that the engine rejects or warns about. In the picture, a thick band on an axis shows the range over the
+# scenes.
 #
 # The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is $\tfrac12
 # \sin 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*. Reorder the
@@ -885,8 +926,26 @@ for name, five in zip(outcome.engines, outcome.radar[:, :, 1], strict=True):
         f"{name:<9} area {min(areas):.3f} to {max(areas):.3f} of 1: {max(areas) / min(areas):.2f} times"
     )
 
+# %% tags=["hide-code"]
+five = outcome.radar[outcome.engines.index("own code"), :, 1]
+orders = sorted(([0, *o] for o in itertools.permutations(range(1, 5))), key=lambda o: area(five[o]))
+turn = 2.0 * np.pi * np.arange(6) / 5.0
+figure_, axes = plt.subplots(
+    1, 2, figsize=(8, 2.9), subplot_kw={"projection": "polar"}, layout="constrained"
+)
+for ax, order in zip(axes, (orders[0], orders[-1]), strict=True):
+    ring = five[[*order, order[0]]]
+    ax.plot(turn, ring, color="tab:blue")
+    ax.fill(turn, ring, color="tab:blue", alpha=0.3)
+    ax.set_theta_zero_location("N")
+    ax.set_theta_direction(-1)
+    _ = ax.set(ylim=(0.0, 1.0), yticks=[], title=f"own code, area {area(five[order]):.3f}")
+    ax.set_xticks(turn[:5], [list(AXES)[k] for k in order], fontsize=8)
+    ax.tick_params(axis="x", pad=12)
+plt.show()
+
 # %% [markdown]
-# Nothing was measured again, and one area changed by nearly a third. Read the values on the axes, not the area.
+# The measured values are the same, but one area changed by nearly a third. Read the values on the axes, not the area.
 
 # %%
 more_claims("radar_area")
@@ -896,9 +955,9 @@ more_claims("radar_area")
 #
 # ### One interface for four engines
 #
-# Engines disagree about conventions: the order of a quaternion, the frame of an angular velocity, the sign of a
-# contact normal. An adapter for each engine translates them into one convention. The comparison itself then needs
-# only two operations: build a run of a scene, and let it run some steps in the engine's own loop.
+# Engines differ in their conventions, such as the order of a quaternion or the sign of a contact normal. An adapter
+# translates each engine's convention into ours. A comparison then needs only two operations: build a run of a scene,
+# and let it run some steps in the engine's own loop.
 
 # %% tags=["show-code"]
 Markdown(
@@ -906,9 +965,9 @@ Markdown(
 )
 
 # %% [markdown]
-# A misspelt setting must not be ignored silently, or you would measure something else than you think. All arguments
-# are checked. Four mistakes: a setting that MuJoCo doesn't have, a negative step, a scheme that our code has only
-# without contact, and *true* where a number is needed:
+# If a misspelt setting were ignored silently, you would measure something else than you think. So all arguments are
+# checked. The cell makes four mistakes: a setting that MuJoCo doesn't have, a negative step, a scheme that our code has
+# only without contact, and *true* where a number is needed:
 
 # %%
 for attempt in (
@@ -926,8 +985,9 @@ for attempt in (
 # ### A first model in MJCF, and why its joints spin up
 #
 # This is nearly the shortest useful model: two links, two hinges, two motors. The cell runs it three times with the
-# same constant commands, 0.5 for the shoulder and -0.3 for the elbow: as it is, with damping (0.3 N m s/rad) and joint
-# limits (150 degrees), and with servos for the angle ($k_p = 40$).
+# same constant commands, 0.5 for the shoulder and -0.3 for the elbow. The first run is the model as it is. The second
+# adds damping (0.3 N m s/rad) and joint limits (150 degrees). The third also replaces each motor with a **servo**, a
+# motor with a controller for the angle ($k_p = 40$ N m/rad, $k_v = 2$ N m s/rad).
 
 # %% tags=["show-code"]
 MJCF = """<mujoco model="two links">
@@ -968,11 +1028,11 @@ plt.show()
 # %% [markdown]
 # The first model runs. After two seconds its elbow has wound up by many turns, in the negative direction of its
 # command. The command of a `motor` is a torque. A constant torque keeps doing work, and nothing takes the energy away.
-# A real joint has friction and end stops. (The claim about winding up below has a different model.)
+# A real joint has friction and end stops.
 #
-# The third model uses a **position actuator**: a servo that computes the torque from the error of the angle, $\tau =
-# k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$. The same command 0.5 now means an angle of 0.5 rad instead of a torque of
-# 0.5 N m. So always ask what unit a command has.
+# The third model uses a **position actuator**, which is MuJoCo's servo. It computes the torque $\tau =
+# k_p\,(q_\mathrm{ref} - q) - k_v\,\dot q$ from the command $q_\mathrm{ref}$, the angle $q$ and its rate $\dot q$. The
+# same command 0.5 now means an angle of 0.5 rad instead of a torque of 0.5 N m. So always ask what unit a command has.
 
 # %%
 show("motor_is_torque")
@@ -983,8 +1043,8 @@ show("motor_is_torque")
 # $10^{-5}\,\mathrm{kg\,m^2}$ adds $0.1\,\mathrm{kg\,m^2}$, often more than the link itself. A URDF has no entry for
 # it.
 #
-# A servo of this kind also has a weakness. To hold a weight at rest it must produce a torque, and it only produces one
-# if there is an error.
+# A servo of this kind also has a weakness. To hold a weight at rest it must produce a torque, and at rest it produces
+# one only if the angle is wrong.
 
 # %%
 show("servo_droops")
@@ -995,9 +1055,9 @@ more_claims("hello_world_winds", "damping_realism")
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# Each card of the simulation below is a simulator; click one to bring it to the front. The menu chooses the scene, the
-# slider chooses the step, and the switches choose fair settings or defaults, and the order of the radar's axes. All
-# paths are drawn over the true one, which is dashed.
+# Each card of the simulation below is a simulator; click one to bring it to the front. (Isaac Sim's card has no
+# measurements.) Menus choose the scene and the step. One switch chooses fair settings or defaults, the other one the
+# order of the radar's axes. The true path is dashed.
 #
 # Go through the presets. Before each, say what its engine will do wrong, and why. (As shipped, other engines may be
 # further off, for reasons of their own.) *Default damping* shows PyBullet's chain with all three of its wrong defaults.
@@ -1048,11 +1108,11 @@ print_figures(
 )
 
 # %% [markdown]
-# Where nothing touches, RK4 wins as soon as the tolerance is tight, in both engines that have it: MuJoCo and our code.
-# (Drake's best scheme here is of order three, and PyBullet has Euler only.) The tolerance of the tumble is loose, so
-# Euler with a long step is enough. With contact, what counts is the price of a step. There our solver, which is in
-# Python, is hundreds of times too expensive, although it is exact on the tower. (Without contact our loops are
-# compiled.)
+# Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. (Drake's
+# best scheme here is of order three, and PyBullet has Euler only.) On the arm, RK4 costs far less than Euler; on the
+# chain, both cost about the same. The tolerance of the tumble is loose, so Euler with a long step is enough. With
+# contact, a cheap step wins. Our solver is exact on the tower, but its step costs over a hundred times as much, because
+# it runs in Python. (Without contact our loops are compiled.)
 #
 # ### How the cost grows with the scene
 #
@@ -1060,6 +1120,9 @@ print_figures(
 # of cost against size on logarithmic axes. With exponent 1, twice the bodies cost twice the time; with 2, four times.
 #
 # ![Cost of a step against the size of chain, tower and field, and Python's share](../docs/charts/platform_scaling.png)
+#
+# The first two printed lines give PyBullet's cost divided by MuJoCo's, for each number of cubes. The exponent in them
+# is that of PyBullet's own cost, over the three largest numbers:
 
 # %% tags=["nbval-ignore-output"]
 print_figures(
@@ -1070,21 +1133,19 @@ print_figures(
 )
 
 # %% [markdown]
-# (The exponent is that of PyBullet's cost alone, not of the ratio.)
-#
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python. For them the
-# panel shows how much of a step's time is saved if one call makes 100 steps: in our compiled loop, nearly all. PyBullet
-# makes one step per call.
+# panel shows which share of a step's time is saved if one call makes 100 steps. On small chains this is about half or
+# more, and in our compiled loop nearly all. PyBullet makes one step per call.
 #
-# For PyBullet the panel shows something else: the time of a step in an *empty* world, divided by that of a full step.
-# With one link this is more than half. It includes Bullet's own fixed work, so it is more than Python's share. So a
-# rate that you measure on a small scene says little about the engine's work on bodies.
+# So for PyBullet the panel shows something else: the time of a step in an *empty* world, divided by that of a full
+# step. With one link this is more than half. It includes fixed work inside Bullet, so it is more than Python's share.
+# On a small scene, a measured rate therefore says little about how fast the engine moves bodies.
 #
-# On these scenes, the measurements suggest four choices. For smooth motion with weak damping, take RK4, in MuJoCo or
-# our code. If bodies may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this.
-# (Its pyramid sinks less, but turns a sliding block off its course.) For bodies that slide and must stay on the ground,
-# take PyBullet or Drake with fair settings. For a contact area that must resist tipping, take Drake's hydroelastic
-# contact, if you can afford it.
+# On these scenes, the measurements suggest four choices. For smooth motion, take RK4 in MuJoCo or our code, unless the
+# damping forces it to short steps. If bodies may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step
+# that keeps within this. (Its pyramid sinks less, but turns a sliding block off its course.) For bodies that slide and
+# must stay on the ground, take PyBullet or Drake with fair settings. For a contact area that must resist tipping, take
+# Drake's hydroelastic contact, if you can afford it.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("steps_per_second", "fewer_environments")
@@ -1121,19 +1182,25 @@ ends = 1.5  # the scene's duration over Coulomb's stopping time
 print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too far at that moment")
 
 # %% [markdown]
-# Along an axis, engines with fair settings lie nearly on one line: how far the block stops short is decided by the
-# scheme alone. (PyBullet leaves the line at the longest step.) Section 1's first claim reports a large difference on a
-# braking block. That block was launched between the axes.
+# Along an axis, engines with fair settings lie nearly on one line: the scheme alone decides how far short the block
+# stops. (PyBullet leaves the line at the longest step.) The first claim of section 1 reports different errors, because
+# its block was launched between the axes.
 #
-# The large deviations come from defaults. A negative share in the printed lines means too far, at the end of a scene
-# that lasts one and a half times Coulomb's stopping time. PyBullet *multiplies* the coefficients of both bodies, so its
-# block has half the friction: it is 80 % too far when the scene ends, and still slides. (With half the friction alone
-# it would be further off, as the last line says. The default damping brakes it as well.)
+# The large deviations come from defaults. In the printed lines, a negative share means that the block went too far. Its
+# position is taken at the end of the scene, which lasts one and a half times Coulomb's stopping time. PyBullet
+# *multiplies* the coefficients of both bodies, so its block has half the friction: it is 80 % too far when the scene
+# ends, and still slides. Drake as shipped stops far too early. There its two boxes touch in a single point.
 #
-# Drake as shipped stops far too early. Its two boxes touch in one point, and its contact approximation `lagged` limits
-# friction there with the normal force of the step before. (Why this stops the block at once, we did not examine.) With
-# `sap`, which computes both forces in the same step, the block on one point stops within 7 % of the true distance at
-# all steps of the chart.
+# <details><summary>More about both engines</summary>
+#
+# With half the friction alone, PyBullet's block would be even further off, as the last printed line says. The default
+# damping brakes it as well.
+#
+# Drake's contact approximation `lagged` limits friction in its one contact point with the normal force of the step
+# before. (Why this stops the block at once, we did not examine.) With `sap`, which computes both forces in the same
+# step, the block on one point stops within 7 % of the true distance at all steps of the chart.
+#
+# </details>
 
 # %%
 show("friction_rules")
@@ -1166,9 +1233,9 @@ axis.legend(fontsize=7, loc="upper left")
 plt.show()
 
 # %% [markdown]
-# The coloured arrows show the friction force that each shape returns for the black direction of motion. Friction takes
-# the force within the shape that removes the most power. On the circle, this is exactly opposite to the motion. On a
-# square, it is usually a *corner*, which points elsewhere.
+# The coloured arrows show the friction force that each shape returns for the black direction of motion. Of all forces
+# within the shape, friction is the one that removes the most power. On the circle, this force is exactly opposite to
+# the motion. On a square, it is usually a *corner*, which points elsewhere.
 
 # %%
 predict("at_an_angle")
@@ -1192,29 +1259,32 @@ for settings in (AS_SHIPPED, FAIR):
     print(f"{np.degrees(one.turn):+7.2f} deg")
 
 # %% [markdown]
-# You don't need to read an engine's source to learn its cone. Launch a block between the two axes of the contact; the
-# length and direction of its path name the shape. Along an axis all three shapes agree, and that is where most people
-# test.
+# In the chart, MuJoCo and PyBullet each have two series with the same marks: the curved series is the pyramid or the
+# box, the flat one the round cone. So you can recognise an engine's cone without reading its source. Launch a block
+# between the two axes of the contact; the length and direction of its path show the shape. Along an axis all three
+# shapes agree, so a test there shows nothing. (At 22.5 degrees, MuJoCo's fair block stops even less short than the
+# braking law says. We did not examine why.)
 #
 # ### Creep: why a held part sinks
 #
-# A robot grips a glass with twice the force that Coulomb's law requires, and in the simulation the glass sinks. The
-# contact isn't slipping, since friction is well below its limit. It **creeps**: it slides slowly at a force that
-# should hold.
+# A robot grips a glass with twice the force that Coulomb's law requires, and in the simulation the glass sinks.
+# Friction is far below its limit, so the glass should stick. But it **creeps**: it slides slowly under a force that
+# should hold it.
 #
-# The reason is that MuJoCo's contact problem is **regularised**, softened so that each step has exactly one solution.
-# Rigid friction holds any force up to $\mu f_n$ at zero velocity. Softened friction behaves like a damper: it needs a
-# small velocity to produce a force.
+# The reason is that MuJoCo's contact problem is **regularised**: it is softened so that each step has exactly one
+# solution. Rigid friction holds any force up to $\mu f_n$ without sliding. Softened friction behaves like a damper: it
+# produces a force only while the surfaces slide a little.
 
 # %%
 predict("part_that_sinks")
 
 # %% [markdown]
-# In MuJoCo, a soft contact that carries the tangential load $f_t$ gives way: it lets the surfaces accelerate by $R_t
-# f_t$. Damping takes $b\,v$ away at the slip speed $v$, with $b$ in 1/s. In steady creep the two balance: $v =
-# R_t\,f_t/b$. The compliance $R_t$ [1/kg] depends on the **impedance** $d$ of the contact, near 1 for a hard contact,
-# and on the inverse mass $w$ of both bodies. The option `impratio` divides it. **Noslip** is a second pass after the
-# solver that reduces the slip that is left; the chart runs it with 3 iterations.
+# The creep speed follows from two effects. A soft contact yields to the tangential load $f_t$ that it carries. In
+# MuJoCo, this adds $R_t f_t$ to the acceleration of the sliding surfaces, where $R_t$ [1/kg] is the contact's
+# **compliance**, its softness. Damping slows the sliding: at the speed $v$ it takes $b\,v$ off the acceleration, with
+# the damping rate $b$ [1/s]. In steady creep the two cancel, so $v = R_t\,f_t/b$. The compliance is smaller if the
+# contact is harder: MuJoCo calls its hardness, between 0 and 1, the **impedance** $d$. The compliance is larger for
+# lighter bodies, and the option `impratio` divides it.
 #
 # ![Creep of a block and a part against impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
@@ -1229,19 +1299,23 @@ print_figures(
 )
 
 # %% [markdown]
-# The law holds to many digits over a factor of 300 in `impratio`. (The chart has MuJoCo's default `solref` and `solimp`
-# and presses with 6 N; the fair grasp of section 3 is stiffer and creeps more slowly. Our code doesn't creep.)
+# **Noslip** is a second pass after the solver that reduces the remaining sliding; the chart runs it with 3 iterations.
+# For the elliptic cone, the law agrees with the simulation to many digits over a factor of 300 in `impratio`. (The
+# chart has MuJoCo's default `solref` and `solimp` and presses with 6 N. The fair grasp of section 3 is stiffer and
+# creeps more slowly. Our code doesn't creep.)
 #
-# The law also answers a question that users asked in 2026 (MuJoCo's issue 3328): a part, pinched with several times
-# the force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is not a bug. The harm of a creep speed is
-# proportional to how long you hold the part. The law holds for an elliptic cone while all corners carry load. On a
-# steep slope one edge of the block carries nothing.
+# The law also answers a question that users asked in 2026 (MuJoCo's issue 3328): a part, pinched with several times the
+# force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is the law of creep, not a bug. The part sinks
+# by the creep speed times the holding time, so a short grasp suffers little. The law is for an elliptic cone whose
+# corners all carry load. (On a steep slope, one edge of a block carries nothing.)
 #
 # ### The smallest force that holds
 #
 # Two fingers press a part of mass $m$ from both sides with force $F$. Each can carry at most $\mu F$ upwards, so
 # together $2\mu F$. The part holds if $2\mu F \ge m g$, so the smallest force is $F = m g/(2\mu)$. For our 0.2 kg and
-# $\mu = 0.5$ that is 1.96 N. Does an engine drop the part exactly below this force?
+# $\mu = 0.5$ that is 1.96 N. Does an engine drop the part exactly below this force? In the chart, a disc means held and
+# a cross dropped. *Dropped* means that the part accelerates downwards; a part that sinks at a constant speed counts as
+# held. (Our slow code ran at 8 ms only.)
 #
 # ![Held or dropped, by squeeze and step, for each engine](../docs/charts/platform_grasp.png)
 
@@ -1263,20 +1337,27 @@ for name, share in least.items():
     print(f"MuJoCo {name:<11} smallest force that holds: {share:.3f} of m g / (2 mu)")
 
 # %% [markdown]
-# In the chart a disc, in the printed lines an o means held and an x dropped, with the squeeze growing to the right.
-# (Our slow code ran at 8 ms only.) Here a part counts as dropped only if it *accelerates* downwards; a part that sinks
-# at a constant speed counts as held. The card below is stricter. There, a part that creeps by a millimetre in half a
-# second isn't held, so MuJoCo as shipped passes here and fails there.
+# In the printed lines, an o means held and an x dropped, with the squeeze growing to the right. The card below is
+# stricter. There, a part that creeps by a millimetre in half a second isn't held, so MuJoCo as shipped passes here and
+# fails there.
 #
 # Three of the four have a threshold. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold
-# down to 0.98 of it: the part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave the
-# cone by 2 %. It counts as held only because it moves evenly.
+# down to 0.98 of it. There the part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave
+# the cone by 2 %. The part counts as held only because it sinks evenly.
 #
-# PyBullet has no threshold at 1 ms. It holds the part, and drops it again when squeezed harder. Its sweeps end with
-# most of the force on one corner of a finger. This satisfies Coulomb's law, since four corners can share a load in many
-# ways. But the part swings about that corner. At 2 ms and more there is a threshold. As shipped, it drops the part at
-# every squeeze: PyBullet starts a motor at each joint, and these hold the fingers back. With these motors off, it drops
-# the part up to twice the marked force, because it multiplies the two coefficients of 0.5.
+# PyBullet has no threshold at 1 ms: the part counts as held at some squeezes, and is dropped at a larger one. *Held*
+# says little here. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second (section 3). The
+# reason is that PyBullet's sweeps end with most of the force on one corner of a finger. This satisfies Coulomb's law,
+# since four corners can share a load in many ways. But the part swings about that corner. At 2 ms and more there is a
+# threshold.
+#
+# <details><summary>PyBullet as shipped</summary>
+#
+# As shipped, PyBullet drops the part at every squeeze: it starts a motor at each joint, and these hold the fingers
+# back. With these motors off, it drops the part up to twice the marked force, because it multiplies the two
+# coefficients of 0.5.
+#
+# </details>
 
 # %%
 show("grasp_threshold")
@@ -1297,10 +1378,11 @@ print("MuJoCo, over one cube  ", "".join(f"{x / cubes[0]:8.2f}" for x in cubes))
 print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (1, 2, 3, 4)))
 
 # %% [markdown]
-# MuJoCo's tower sinks as $n^2$ instead. MuJoCo scales the softness of a contact with the inverse masses of *both*
-# bodies. Between two cubes there are two inverse masses, on the ground only one. So the upper contacts are twice as
-# soft. Drake with point contacts lets the tower tip; with patches it stands. Our tower doesn't sink, because nothing
-# in our contact is soft.
+# MuJoCo's tower sinks in proportion to $n^2$ instead. MuJoCo scales the softness of a contact with the sum of the
+# inverse masses of *both* bodies. The ground doesn't move, so its inverse mass is zero. So a contact between two equal
+# cubes is twice as soft as the one on the ground, and the sum becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Drake with
+# point contacts lets the tower tip; with patches it stands. Our tower doesn't sink, because nothing in our contact is
+# soft.
 
 # %%
 show("tower_by_engine")
@@ -1308,17 +1390,17 @@ show("tower_by_engine")
 # %% [markdown]
 # ### Does the same run repeat?
 #
-# Debugging needs runs that repeat. **Bitwise** equality means that every bit of two results agrees: a test without a
-# tolerance to argue about. A program that does the same operations on the same numbers in the same order gets the
-# same bits. Other machines, versions or numbers of threads may add the same numbers in a different order, and round
-# differently.
+# Debugging needs runs that repeat. **Bitwise** equality means that every bit of two results agrees, so the test needs
+# no tolerance. A program that does the same operations on the same numbers in the same order gets the same bits. Other
+# machines, versions or numbers of threads may add the same numbers in a different order, and round differently.
 
 # %%
 show("fresh_worlds_repeat")
 
 # %% [markdown]
 # Building a new world is slow, so training code *resets* the old one. Some engines have a call that resets the whole
-# state; with others you write the initial positions and velocities back yourself. Is that the same thing?
+# state; with others you write the initial positions and velocities back yourself. Does the next run then repeat the
+# first one?
 
 # %%
 predict("after_a_reset")
@@ -1349,9 +1431,9 @@ world.close()
 #
 # ### A joint limit and a mimic joint
 #
-# A `<limit>` says where a joint ends, but not how stiff the stop is. A `<mimic>` makes one joint copy another, as in
-# many grippers. All engines got the same files: a rod falls on its limit; two rods swing, and the second joint should
-# copy the first times two.
+# In a URDF, the element `limit` says where a joint ends, but not how stiff the stop is. The element `mimic` makes one
+# joint copy another, as in many grippers. All engines got the same two files. In the first, a rod falls on its limit.
+# In the second, two rods swing, and the second joint should turn twice as far as the first.
 #
 # ![Angle beyond a limit, and error of a mimic joint, in four engines](../docs/charts/platform_joints.png)
 
@@ -1359,15 +1441,17 @@ world.close()
 print_figures("platform_joints", "limit, own", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
 
 # %% [markdown]
-# MuJoCo's limits and copies are soft springs, and the course's own code has none. PyBullet's reader drops the copy
-# without a message. So after loading a file, drive each joint into its stops, and check each copy.
+# MuJoCo's limits and copies are soft springs. Our own code has neither limits nor copies, so its rod swings through and
+# leaves the panel. PyBullet's reader drops the copy without a message. So after loading a file, drive each joint into
+# its stops, and check each copy.
 #
 # <details><summary>What each engine does, and the cures</summary>
 #
-# Upper row: Drake's joint stops at the limit (overshoots below 0.1 mrad are drawn at 0.1 mrad). In MuJoCo the rod
-# passes it by about $v\,T/e$ at any step. Here $v$ is its speed at the impact and $T$ the time constant in
-# `solreflimit`, by default 20 ms (line *theory*). PyBullet notices the limit up to one step late, so half the step is
-# about half the overshoot; correcting the overshoot throws the rod back.
+# Upper row: the left panel shows one start, the right one the worst of four. Drake's joint stops at the limit
+# (overshoots below 0.1 mrad are drawn at 0.1 mrad). In MuJoCo the rod passes it by about $v\,T/e$ at any step. Here $v$
+# is its speed at the impact and $T$ the time constant in `solreflimit`, by default 20 ms (line *theory*). PyBullet
+# notices the limit up to one step late, so half the step is about half the overshoot; correcting the overshoot throws
+# the rod back.
 #
 # Lower row: with an exact copy, the error is proportional to the step. In MuJoCo smaller steps don't help; a smaller
 # time constant (*stiffer*, 5 ms) does. In PyBullet the joint swings freely. The cure is `createConstraint` with
@@ -1386,15 +1470,19 @@ more_claims("limit_is_a_wall")
 # as bad is a **silent repair**: the model runs, and isn't the one in your file.
 #
 # The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
-# library for robot dynamics. One bar of a reader counts files that it refused or warned about, the other one files
-# that it swallowed or that made it crash. Repaired files are not drawn. (The claim below counts repaired files as
-# swallowed.)
+# library for robot dynamics. Blue bars count files that a reader refused or warned about. The narrow orange bars, drawn
+# over them, count files that it swallowed or that made it crash. Repaired files are not drawn, so the two bars don't
+# add up to all files. (The claim below counts repaired files as swallowed.) The lower panel is about valid files: which
+# features does a reader keep, and which does it lose?
 #
 # <details><summary>The names of the faults</summary>
 #
 # *Triangle* means moments of inertia that no body can have (one exceeds
 # the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue, *short origin* and *comma*
 # broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint that copies another one.
+#
+# Two of the faults are debatable: URDF allows a link without `inertial` or with zero inertia, and many robots use such
+# links as mere coordinate frames. We count them because here the link moves.
 #
 # </details>
 #
@@ -1414,10 +1502,8 @@ figures(
 
 # %% [markdown]
 # Chapter 4's reader rejects the most faults. It also rejects valid joints of kinds that it doesn't know, and says
-# which. Two of the faults are debatable: URDF allows a link without `inertial` or with zero inertia, and many robots
-# have such links as mere frames. We count them because here the link moves. Readers also change with versions. In
-# September 2026, an importer lost all damping and friction of joints without a message (Isaac Sim, issue 841). So
-# read the loaded model back and compare.
+# which. Readers change with versions. In September 2026, an importer lost all damping and friction of joints without a
+# message (Isaac Sim, issue 841). So read the loaded model back and compare.
 
 # %%
 more_claims("loaded_is_not_sound", "friction_of_a_urdf")
@@ -1427,8 +1513,8 @@ more_claims("loaded_is_not_sound", "friction_of_a_urdf")
 #
 # <div class="alert alert-block alert-info">
 #
-# **Interview question.** *You train a policy for a dexterous hand and want it on the real one. Which simulator, and
-# why?*
+# **Interview question.** *You train a policy (a learned controller) for a dexterous hand and want it on the real one.
+# Which simulator, and why?*
 #
 # Answer aloud. The model answer is in section 10.
 #
@@ -1439,10 +1525,9 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
     print(textwrap.indent(str(choose(facts, needs, "cost of grasp")), "  ")[2:])
 
 # %% [markdown]
-# The first pick is for both needs, the second for the grasp alone. Fingers need grasps that hold, and training needs
-# many worlds at once. Nothing was measured here about the second, so the first answer is *none*, and that is the honest
-# one. In an interview, name what is documented (Isaac Lab, MuJoCo Warp), and say that you would first run your own
-# grasp there.
+# The first pick is for two needs: many worlds at once for training, and a grasp that holds. Nothing was measured here
+# about the worlds, so the honest answer is *none*. The second pick is for the grasp alone. In an interview, name what
+# is documented (Isaac Lab, MuJoCo Warp), and say that you would first run your own grasp there.
 #
 # ### Symptoms, causes, tests
 #
@@ -1487,17 +1572,23 @@ simulation("platforms", "Sinking grasp")
 # from the robot, with equal torques</td> <td>inertias, damping, armature, friction</td> <td>torques for a given motion
 # against Pinocchio's in several postures; let it coast down</td> <td>read the model back; identify parameters (chapter
 # 8)</td></tr> <tr><td>right at rest, late in motion</td> <td>the drive's own control loop is missing</td> <td>a
-# position step on both</td> <td>position actuators with the drive's gains, rate and limit</td></tr> <tr><td>Isaac Sim:
-# few frames per second</td> <td>rendering</td> <td>turn the cameras off: how much faster?</td> <td>fewer, smaller, less
-# frequent images; RTX's *Minimal* mode if they needn't look real</td></tr> <tr><td>Isaac Sim: slow without cameras</td>
+# position step on both</td> <td>position actuators with the drive's gains, rate and limit</td></tr> <tr><td>a held part
+# sinks</td> <td>creep</td> <td>is tangential over normal force below µ?</td> <td>`impratio`, noslip</td></tr> <tr><td>a
+# block stops beside its heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic
+# cone</td></tr> <tr><td>a sliding block leaves the floor</td> <td>convex contact, set stiff</td> <td>height and contact
+# count on the way</td> <td>another engine, if the hop matters; a softer `solref` lowers it</td></tr> <tr><td>only the
+# first episode differs</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the world again, or
+# restore a saved state</td></tr> </table>
+#
+# <details><summary>Symptoms of Isaac Sim</summary>
+#
+# <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>Isaac Sim: few frames per
+# second</td> <td>rendering</td> <td>turn the cameras off: how much faster?</td> <td>fewer, smaller, less frequent
+# images; RTX's *Minimal* mode if they needn't look real</td></tr> <tr><td>Isaac Sim: slow without cameras</td>
 # <td>physics step, or a small scene on the GPU</td> <td>halve the rate; run physics on the CPU</td> <td>the largest
-# step within tolerance; the CPU for few bodies, the GPU for many worlds</td></tr> <tr><td>a held part sinks</td>
-# <td>creep</td> <td>is tangential over normal force below µ?</td> <td>`impratio`, noslip</td></tr> <tr><td>a block
-# stops beside its heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic cone</td></tr>
-# <tr><td>a sliding block leaves the floor</td> <td>convex contact, set stiff</td> <td>height and contact count on the
-# way</td> <td>another engine, if the hop matters; a softer `solref` lowers it</td></tr> <tr><td>only the first episode
-# differs</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore a
-# saved state</td></tr> </table>
+# step within tolerance; the CPU for few bodies, the GPU for many worlds</td></tr> </table>
+#
+# </details>
 #
 # ### How to read a claim about speed
 #
@@ -1530,11 +1621,6 @@ print(
 #
 # Graded exercises. `check` runs your cell on freshly sampled cases, and says what is wrong and, where it can, why.
 
-# %% [markdown]
-# ### How many times faster than real time?
-#
-# A warm-up: what a benchmark says of a simulator.
-
 # %%
 card("real_time_factor")
 
@@ -1549,9 +1635,6 @@ def real_time_factor(step, steps, copies, wall):
 
 check(real_time_factor)
 
-# %% [markdown]
-# ### Where it stops says which cone it has
-
 # %%
 card("sliding_stop")
 
@@ -1565,9 +1648,6 @@ def sliding_stop(speed, angle, frame, mu):
 
 check(sliding_stop)
 
-# %% [markdown]
-# ### Drift or swing
-
 # %%
 card("energy_drift")
 
@@ -1580,9 +1660,6 @@ def energy_drift(times, energy, period):
 
 
 check(energy_drift)
-
-# %% [markdown]
-# ### Is the loaded model the one in the file?
 
 # %%
 card("audit_model")
@@ -1602,9 +1679,6 @@ def audit_model(ids, masses, inertias, loaded_ids, loaded_masses, moments, turns
 
 check(audit_model)
 
-# %% [markdown]
-# ### The area of a radar chart
-
 # %%
 card("radar_areas")
 
@@ -1619,9 +1693,6 @@ def radar_areas(values, worst, best):
 
 
 check(radar_areas)
-
-# %% [markdown]
-# ### Pick by needs
 
 # %%
 card("pick_engine")
@@ -1639,11 +1710,6 @@ def pick_engine(facts, limits, larger, cost):
 
 
 check(pick_engine)
-
-# %% [markdown]
-# ### Silent-bug hunt
-#
-# Two engines that agree, on the one scene that was tried.
 
 # %%
 card("compare_engines")
@@ -1682,7 +1748,8 @@ check(compare_engines)
 # %% [markdown]
 # ### A formula: the missing distance of a braking block
 #
-# Any equivalent form is right. <span class="kernel-only">Edit the formula in quotes.</span>
+# Any equivalent form is right. Type $\mu$ as `mu` and the step $h$ as `dt`. <span class="kernel-only">Edit the formula
+# in quotes.</span>
 
 # %%
 answer("braking_short", "v*dt/2")
@@ -1690,9 +1757,9 @@ answer("braking_short", "v*dt/2")
 # %% [markdown]
 # ## 9 · Frontier: many worlds, several solvers
 #
-# Nothing in this table was measured here, since it needs a GPU, and its speed on a CPU would mislead. One word of the
-# table first: a simulator is **differentiable** if it also computes the gradient of a motion with respect to its
-# causes, such as forces or masses.
+# Nothing in this table was measured here: it all needs a GPU, and its speed on a CPU would mislead. One word first: a
+# simulator is **differentiable** if it also computes how a motion changes with its causes, such as forces or masses
+# (the gradient).
 #
 # <table> <tr><th>project</th> <th>what is new</th> <th>status, source</th></tr> <tr><td>MuJoCo Warp, MJX</td>
 # <td>MuJoCo rewritten for NVIDIA's GPUs; MJX, the JAX interface (since MuJoCo 3.0, 2023), can use it</td> <td>beta in
@@ -1700,17 +1767,23 @@ answer("braking_short", "v*dt/2")
 # for one</td></tr> <tr><td>Newton</td> <td>one framework for several solvers, MuJoCo Warp among them; described as
 # differentiable; contact patches</td> <td>NVIDIA, Google DeepMind, Disney Research, under the Linux Foundation; Isaac
 # Lab's manual, 2026</td></tr> <tr><td>Isaac Lab</td> <td>learning tasks over a choice of physics, PhysX or Newton;
-# Isaac Sim is optional</td> <td>3.0, released in October 2026; its release notes</td></tr> <tr><td>Genesis World</td>
-# <td>rigid, soft and fluid solvers in one; scenes made from language were announced</td> <td>2024; see its issue
-# 181</td></tr> <tr><td>SAPIEN, ManiSkill 3</td> <td>a different scene in each of many worlds, with cameras</td>
-# <td>its README, 2026</td></tr> <tr><td>Brax</td> <td>the pioneer of many worlds in JAX (2021)</td> <td>since 0.13
-# only its training part is maintained; for physics it points to MJX (its README, 2026)</td></tr> </table>
+# Isaac Sim is optional</td> <td>3.0, released in October 2026; its release notes</td></tr> </table>
+#
+# <details><summary>More projects</summary>
+#
+# <table> <tr><th>project</th> <th>what is new</th> <th>status, source</th></tr> <tr><td>Genesis World</td> <td>rigid,
+# soft and fluid solvers in one; scenes made from language were announced</td> <td>2024; see its issue 181</td></tr>
+# <tr><td>SAPIEN, ManiSkill 3</td> <td>a different scene in each of many worlds, with cameras</td> <td>its README,
+# 2026</td></tr> <tr><td>Brax</td> <td>the pioneer of many worlds in JAX (2021)</td> <td>since 0.13 only its training
+# part is maintained; for physics it points to MJX (its README, 2026)</td></tr> </table>
+#
+# </details>
 #
 # ### The gap between two simulators
 #
 # You can rehearse the step from simulation to a real robot without a robot. Tune a controller on one simulator, and run
-# it on another. The **sim-to-sim gap** is what it loses. Here the controller is chapter 6's computed torque, which
-# cancels the arm's dynamics with its own model. It moves a seven-joint arm to a target.
+# it on another. The **sim-to-sim gap** is the accuracy that the controller loses. Here the controller is chapter 6's
+# computed torque, which cancels the arm's dynamics with its own model. It moves a seven-joint arm to a target.
 
 # %%
 predict("lost_damping")
@@ -1725,17 +1798,18 @@ for (name, settings), one in reach.items():
     print(f"{name:<9} {settings:<11} tip off by {1e3 * one.error:.4f} mm, reached: {one.success}")
 
 # %% [markdown]
-# Between our code and MuJoCo, hardly anything is lost. Over all four engines, one fails as shipped, for reasons that
-# you know by now.
+# Between our code and MuJoCo, hardly anything is lost. Of all four engines, only PyBullet as shipped fails: its default
+# motors hold the joints.
 #
 # Now take the importer's bug of 2026: the joints' damping $d$ is lost on the way into the simulator. The controller
-# still believes in it and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like
-# *negative* damping. The controller's own damping is $2\,\omega M \dot q$, where $\omega$ is its bandwidth (the rate
-# at which errors decay) and $M$ the mass matrix.
+# still believes in it and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like *negative*
+# damping. The controller's own damping is $2\,\omega M \dot q$, where $\omega$ is its bandwidth (the rate at which
+# errors decay) and $M$ the mass matrix.
 #
-# With $q$ as the deviation from the target, $M\ddot q + (2\,\omega M - d)\,\dot q + \omega^2 M q = 0$. The arm is
-# unstable as soon as an eigenvalue of $M$ is below $d/(2\,\omega)$. The cell runs this reach for 3 s on an arm without
-# damping; the reach above took 1.5 s on an arm with damping, so don't compare the two errors:
+# Let $q$ be the small deviation from the target, and $d$ the same for all joints. Then $M\ddot q + (2\,\omega M -
+# d)\,\dot q + \omega^2 M q = 0$. The arm is unstable as soon as an eigenvalue of $M$ (its inertia in some direction of
+# motion) is below $d/(2\,\omega)$. The cell runs this reach for 3 s on an arm without damping. (The reach above took
+# 1.5 s on an arm with damping, so don't compare the two errors.)
 
 
 # %% tags=["hide-code"]
@@ -1766,8 +1840,8 @@ for share in (0.0, 0.5, 0.9, 1.2, 2.0):
 
 # %% [markdown]
 # Below the limit the reach barely changes, because at rest nothing is damped and nothing is missing. Above it, the arm
-# flies apart. *Success is a blunt test of a model*: it reports nothing for a long time, and then everything at once.
-# Compare the torques along the way instead.
+# flies apart. So *whether a reach succeeds says little about the model*: nothing shows below the limit, and everything
+# at once above it. Compare the torques during the motion instead.
 
 # %%
 more_claims("controller_moves")
@@ -1804,8 +1878,9 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 #
 # </details>
 #
-# Five questions on this chapter, drawn by a seed. On pyramids, section 10's answer about the box that bends away
-# helps (*In full*); section 7 has the law of creep.
+# Five questions on this chapter, drawn by a seed. On pyramids, section 10's answer about the box that bends away helps
+# (*In full*); section 7 has the law of creep. The folded explanations of section 2 have RK4's limit, and those of
+# section 6 the cost of many worlds.
 
 # %%
 checkpoint("platforms", ["", "", "", "", ""], seed=1)

@@ -174,10 +174,10 @@ plt.show()
 # it does. The value 1 is called **critical damping**.
 #
 # The I term stops changing only when the error is zero. So no error is left, if the joint settles at all. Dry friction
-# can prevent that. **Coulomb friction** is a torque of constant size against the motion. **Static friction** holds a
-# joint at rest, and can be larger than the Coulomb friction in motion. A joint can then stick away from the set-point.
-# The I term grows until the joint breaks loose, jumps past the set-point, and sticks on the other side. There the same
-# begins again, without end. This cycle is called **hunting**.
+# can prevent that. **Coulomb friction** is a torque of constant size against the motion. **Static friction** can hold
+# a joint at rest away from the set-point. The I term then grows until the joint breaks loose. If static friction is
+# larger than Coulomb friction, the joint jumps past the set-point and sticks on the other side. There the same begins
+# again, without end. This cycle is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -784,9 +784,9 @@ predict("wrong_inertia")
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
-# The right side is the missing torque, divided by $\hat J$. Each missing torque has its own shape. A missing inertia
-# follows the acceleration, missing viscous friction the velocity. The picture shows one joint. Its true inertia is 20
-# % larger than in the model, or it has viscous or Coulomb friction that the model lacks:
+# The right side is the missing torque, divided by $\hat J$. Each missing torque has its own shape. For inertia it
+# follows the acceleration, for viscous friction the velocity. The picture shows one joint. Its true inertia is 20 %
+# larger than in the model, or it has viscous or Coulomb friction that the model lacks:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -857,7 +857,7 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 # To correct the model you need the inertia, and $J = \tau/\ddot q$ looks like the obvious formula. But a log contains
 # angles. The difference of two differences multiplies their noise by a number proportional to $1/dt^2$, so single
 # quotients are mostly noise. Least squares over the whole log computes $J = \sum\tau\ddot q\,/\sum\ddot q^2$. Noise
-# makes the lower sum far too large, and $J$ far too small.
+# makes the denominator far too large, so $J$ is far too small.
 #
 # The remedy is to move the derivatives to a function without noise. Choose a smooth **test function** $w(t)$ that is
 # zero at both ends of a time window, and flat there. Multiply the equation of motion $J\ddot q + b\dot q = \tau$ by
@@ -1059,7 +1059,7 @@ plt.show()
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
 # With a horizon of 20 samples, 16 rollouts succeed nearly always. With a horizon of 8 samples, 64 rollouts succeed in
-# none of the runs: within such a short time, swinging away from the target only looks expensive.
+# none of the runs: within such a short time, swinging away from the target only costs.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1322,9 +1322,9 @@ Markdown("\n".join(lines))
 # %% [markdown]
 # Without a controller, the impact would be $v\sqrt{m k_e}$ = 20 N. The soft controller and the damping of the force
 # controller slow the hand down before it touches. The 58 N of the stiff controller are no impact: it goes on pressing,
-# and two springs in series give 57 N at rest. The next chart has no damping, so there the first peak is the impact. It
-# hardly changes as long as the controller is softer than the wall. A stiffer controller (last point of each curve)
-# pushes the hand on into the wall.
+# and the two springs in series give 57 N at rest. The next chart has no damping, so there the first peak is the
+# impact. It hardly changes as long as the controller is softer than the wall. A stiffer controller (last point of each
+# curve) pushes the hand on into the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
@@ -1538,7 +1538,8 @@ Markdown("\n".join(lines))
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
 # about the same time. Compare times with care: only the loops of PD, computed torque and preview are compiled as a
-# whole. The others, also those of both libraries, are Python loops that call compiled functions.
+# whole. The others, also those of both libraries, are Python loops that call compiled functions, so Python's own time
+# counts.
 #
 # With the wrong model, the gains explain a part of the differences. The adaptive law is stiffer than computed torque:
 # even with the adaptation off, it has only a ninth of the error. Adaptation then reduces it by a factor of about

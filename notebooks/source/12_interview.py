@@ -879,18 +879,28 @@ predict("learned_or_not")
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
-# Each row of the table has both methods. Its last column has the crossover, or the words "not measured here". An
-# interviewer respects that answer, too.
+# The table has the numbers of this chart, and the crossover in its last column. The fold-out has four more components
+# of a robot. For one of them the crossover is "not measured here". An interviewer respects that answer, too.
 
-# %%
-tables.classical_or_learned()
+# %% tags=["hide-code"]
+both = tables.classical_or_learned()
+parts = [
+    tables.Table(
+        both.title, both.head, tuple(r for r in both.rows if (r[0] == "Perception") == own)
+    )
+    for own in (True, False)
+]
+Markdown(
+    f"{parts[0].markdown()}\n\n<details><summary>Planning, control, contact and sim-to-real</summary>"
+    f"\n\n{parts[1].markdown()}\n\n</details>"
+)
 
 # %% [markdown]
-# From these rows you can say: on data like those of its training, the learned component can win. It needed fewer states
-# in planning and less time in perception, and it beat a classical method whose model was wrong or incomplete. Outside
-# of its training data it lost in planning, and its error grew in control. For the mirrored part it returned a wrong
-# pose without a warning. And first fit the classical model to measured data: the learned model never beat complete
-# equations whose parameters were fitted.
+# Our measurements with these components allow you to say: on data like those of its training, a learned component can
+# win. It needed fewer states in planning and less time in perception, and it beat a classical method whose model was
+# wrong or incomplete. Outside of its training data it lost in planning, and its error grew in control. For the mirrored
+# part it returned a wrong pose without a warning. And first fit the classical model to measured data: the learned model
+# never beat complete equations whose parameters were fitted.
 #
 # Here is what to read: one book, five papers and five code repositories, with a summary of each.
 

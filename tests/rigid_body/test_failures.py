@@ -234,7 +234,7 @@ def test_the_chart_of_tunnelling_agrees_with_its_theory():
         steps=(1e-3, 2e-3),
         walls=((0.02, 0.01),),
     )
-    for label in ("point, checked", "MuJoCo, one-step"):
+    for label in ("course, checked", "MuJoCo, one-step"):
         assert missed_panel[label].y == pytest.approx(missed_panel[label].expected, abs=0.02)
     assert missed_panel["impact as an event"].y == [0.0, 0.0, 0.0]
     for label in ("default contact", "one-step contact"):

@@ -410,8 +410,12 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
     panels = []
     lost = "lost or crashed"
     for title, kinds, parts in (
-        ("No body can be so", ("impossible",), ("refused or warned", "swallowed or crashed")),
-        ("Against the format", ("broken",), ("refused or warned", "swallowed or crashed")),
+        (
+            "Models that cannot exist",
+            ("impossible",),
+            ("refused or warned", "swallowed or crashed"),
+        ),
+        ("Files that break the format", ("broken",), ("refused or warned", "swallowed or crashed")),
         ("Features", ("feature",), ("kept", lost)),
     ):
         of = sum(model.kind in kinds for model in MODELS)

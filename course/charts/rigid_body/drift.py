@@ -152,7 +152,7 @@ def symplectic_not_enough(
     pairs = batch_map(_pair, h, h, slack=1e-6, quantity="growth per pair of steps")
     # |trace| = 2 is h1 h2 = 2 + h1 - h2 and h1 h2 = 2 - h1 + h2.
     stability_map = Panel(
-        "h1 and h2 in turn: unstable below 2",
+        "h1 and h2 in turn: may explode below 2",
         "omega h1",
         "omega h2",
         grid=pairs,

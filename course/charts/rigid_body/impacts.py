@@ -264,7 +264,7 @@ def tunnelling(
 
     checks_panel = Panel(
         "Checks per step: one fast ball in two gets through at v dt = 2 b",
-        "travel per step over the blocked stretch b, v dt / b",
+        "travel per step over the length b, v dt / b",
         "share of balls that get through",
         scale="log x",
         ticks=(0.5, 1, 2, 5, 10),
@@ -272,7 +272,7 @@ def tunnelling(
     )
     checks_panel.series = [
         Series(
-            "point, checked once a step: b = D",
+            "course, checked once a step: b = D",
             ratios,
             [point_misses(r, balls, rng) for r in ratios],
             "checked once a step",

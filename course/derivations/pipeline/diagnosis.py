@@ -24,8 +24,7 @@ SYMBOLS = {
     source="E. B. Wilson, 1927; Fleiss, Levin and Paik, Statistical methods for rates, 2003",
 )
 def ninety_or_ninety_five(result):
-    from course.measure.success import wilson
-    from course.sim_to_real import trials
+    from course.measure.success import trials, wilson
 
     n, answer = int(result.input("n", 100)), int(result.input("worked", 90))
     low, high = (float(end) for end in wilson(answer, n))

@@ -208,9 +208,9 @@ def euler_equation_point(result):
     )
     result.statement_holds(
         wrong < 1e-9,
-        only_if="moments are taken about the centre of mass or about a point of the body whose "
-        "acceleration is zero, as a pivot's, or points along the line to the centre, as at the "
-        "contact of a wheel that rolls",
+        only_if="moments are taken about the centre of mass, or about a point of the body whose "
+        "acceleration is zero (a pivot) or points along the line to the centre (the contact point "
+        "of a rolling wheel)",
         inside=inside,
         outside=outside,
     )
@@ -373,7 +373,8 @@ def free_body_keeps_angular_velocity(result):
     "In the body's frame, where the equation is usually written, it does: without the term no "
     "wobble is left. Behind it is an angular momentum that stays while the inertia turns with the "
     "body. Written as omega = R I^-1 R^T L with L at rest in space, the equation has no such term, "
-    "and the body wobbles the same {wander_deg:.0f} degrees.",
+    "and the body, here with another start than in the simulation above, wobbles by the same "
+    "{wander_deg:.0f} degrees.",
 )
 def wobble_comes_from_the_term(result):
     from course.rigid_body import problems, quaternion, retract

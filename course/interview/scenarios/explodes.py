@@ -206,10 +206,10 @@ SCENARIO = Scenario(
     prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. "
     "A brake and friction should damp the small motion that it has at the start. "
     "Instead the motion grows, and after about a thousand steps the slide is lost: it has left "
-    "its range. Some probes change one thing and return the time ratio: the time until the slide is lost, "
-    "divided by the time without the change. Such a run ends after about three times the time of "
-    "the unchanged run, so a slide that survives has a time ratio of about three. You can read "
-    "the program, but not the parameters of the machine; you can only run the probes below. "
+    "its range. Some probes change one thing and return the time ratio: the time until the slide "
+    "is lost, divided by the time without the change. Such a run ends after about three times the "
+    "time of the unchanged run, so a slide that survives has a time ratio of about three. You can "
+    "read the program, but not the parameters of the machine; you can only run the probes below. "
     "What is the cause, and what do you change?",
     symptom_words="lost after",
     unit="steps",
@@ -363,7 +363,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_energy",
-            "brake, friction and drive off: relative energy gain in ten steps",
+            "relative energy gain in ten steps with brake, friction and drive off",
             "",
             5,
             stops_gain,

@@ -232,7 +232,7 @@ SCENARIO = Scenario(
     title="No path through the door",
     prompt="A square carriage that cannot rotate has to get from one side of a wall to the "
     "other. The wall has a door, and the door is wider than the carriage. The planner "
-    "builds ten random roadmaps, and hardly any of them contains a path. You can read "
+    "builds ten random roadmaps (graphs of free points), and hardly any has a path. You can read "
     "the program, but not the dimensions of the room; you can only run the probes "
     "below. What is the cause, and what do you change?",
     symptom_words="number of ten roadmaps without a path",
@@ -359,7 +359,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "no_wall",
-            "number of ten roadmaps without a path when the wall is removed",
+            "how many of ten roadmaps have no path when the wall is removed",
             "",
             3,
             wide_door,
@@ -367,7 +367,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "triple_samples",
-            "number of three roadmaps without a path when each has three times the points",
+            "how many of three roadmaps have no path when each has three times the points",
             "",
             10,
             triple,

@@ -259,7 +259,7 @@ SCENARIO = Scenario(
         ),
     ),
     probes=(
-        Probe("read_residual", "residual of the fit", "mm", 1, residual, 0.8),
+        Probe("read_residual", "residual (remaining error) of the fit", "mm", 1, residual, 0.8),
         Probe(
             "hold_still",
             "the hand at rest: distance from the grasp point",

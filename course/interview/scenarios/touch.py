@@ -324,7 +324,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "log_ticks",
-            "longest tick of the loop, divided by the shortest",
+            "longest time from one run (tick) of the loop to the next, divided by the shortest",
             "",
             5,
             read(tick_spread),

@@ -72,7 +72,7 @@ def advance(state, controls, seconds):
 TITLE = "The flip about the middle axis"
 word, colour = draw.Table(*turning.word.entries), draw.Table(*turning.colour.entries)  # its own
 _L, _OMEGA, _NONE, _S, _PER_S = word("L", "ω", "\N{EM DASH}", " s", " /s")
-_ASIDE, _T, _SHARE = word("rate about the other two axes", "time [s]", "log10, of the spin")
+_ASIDE, _T, _SHARE = word("rate about the other two axes", "time [s]", "log10(rate / spin)")
 _TIME, _GROWTH, _IN_THEORY = word("time", "growth, measured", "growth, in theory")
 _FLIPS, _BETWEEN, _MEASURED, _LAW = word("flips", "between two flips", "measured", "in theory")
 _NAMES = word("1", "2", "3")[0]

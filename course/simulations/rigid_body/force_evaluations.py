@@ -93,7 +93,7 @@ _COUNT, _POSITION, _ERROR, _HALVES, _RATIO, _THEORY = word(
     "force evaluations",
     "error in position",
     "error of the step",
-    "error of two half steps",
+    "error, half steps",
     "ratio of the errors",
     "ratio for small ω h",
 )
@@ -244,7 +244,7 @@ READOUTS = {
     "error in position": "Position at the end of the step minus the exact position.",
     "error of the step": "Distance in the plane of x and v / ω between the step's end and the "
     "exact state, for a motion of amplitude 1.",
-    "error of two half steps": "The same distance after two steps of half the size.",
+    "error, half steps": "The same distance after two steps of half the size.",
     "ratio of the errors": "Error of one step over the error of two half steps.",
     "ratio for small ω h": "2 to the power of the order: what the ratio tends to as ω h tends to "
     "zero.",

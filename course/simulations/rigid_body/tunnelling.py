@@ -96,9 +96,9 @@ word, colour = draw.words_table(), draw.colours_table()
 (_STONE,) = colour("#b9a88c")
 _X, _RATIO, _M, _PERCENT = word("x [m]", "v h / D", " m", " %")
 _LOOKS, _MISS = word("where the ball is at each step", "share missed")
-_CURVE, _HERE = word("theory", "1000 phases of the step")
+_CURVE, _HERE = word("theory", "1000 shots, counted")
 _SAID = word("on its way", "found", "missed: it went through")[0]
-_WAY, _D, _SHOTS, _MISSED = word("v h, a step's way", "D = ball + wall", "shots", "missed")
+_WAY, _D, _SHOTS, _MISSED = word("v h, per step", "D = ball + wall", "shots", "missed")
 _SHARE, _THEORY = word("missed, of 1000", "1 − D / (v h)")
 _FLIGHT, _CHART = (0.5, 8.8, 3.1, 4.45), (0.9, 5.2, 0.6, 2.2)
 
@@ -148,7 +148,7 @@ PAPER = draw.Paper(TITLE, word, colour)
 
 # What each number below the picture means.
 READOUTS = {
-    "v h, a step's way": "Distance that the ball moves in one step: speed times step size.",
+    "v h, per step": "Distance that the ball moves in one step: speed times step size.",
     "D = ball + wall": (
         "Diameter of the ball plus thickness of the wall: positions within this distance overlap."
     ),
