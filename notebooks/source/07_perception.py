@@ -17,9 +17,8 @@ predict("lost_plate")
 # %% [markdown]
 # ![A table under a depth camera](attachment:perception.png)
 #
-# *Each dot is a measured point. The solid red line is the plane that was fitted to the table. Grey dots are within 8 mm
-# of it (dashed red) and count as table. Each other colour is one part. White areas are hidden from the camera. Green
-# outlines are estimated poses; they hide the dashed outlines of the true ones.*
+# *Each dot is a measured point. Grey dots count as table: they are within 8 mm (dashed red) of its plane (solid red).
+# Each other colour is one part. Green outlines are estimated poses; they hide the dashed outlines of the true ones.*
 
 # %%
 simulation("perception")
@@ -931,7 +930,7 @@ table_of(*rows)
 # %% [markdown]
 # The quarter turn has a large residual *and* a large see-through share. The cut-off box lies more than half outside the
 # image, and half of its poses are right. The others are centimetres off, but their residual is less than twice the
-# right one. See-through refutes four of these six, but not the other two. Depths that are one per cent too long move
+# right one. See-through refutes four of these six. Depths that are one per cent too long move
 # every pose by several millimetres. Neither number shows it, because the fitted pose moves with the image. A known
 # table reveals it: the measured one is more than 6 mm away.
 
@@ -967,10 +966,9 @@ more_claims("a_residual_tells")
 # The arm needs the pose in its base frame, so you need the camera's own pose in the base: its **extrinsics**.
 #
 # **A fixed camera.** Touch several points with the arm and measure them with the camera. This is a rigid fit. Its
-# residual says little about its quality. Three points have nine coordinates, and the fit can choose the six numbers of
-# the pose. A rigid motion does not change the three distances between the points. So only errors of these distances
-# leave a residual, and it stays small even if the pose is poor. The error at the part depends on the number of points,
-# and on how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
+# residual says little about its quality. Take three points. A rigid motion doesn't change their three distances, so
+# only errors of these leave a residual. It stays small even if the pose is poor. The error at the part depends on the
+# number of points, and on how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm while the camera watches a
 # fixed target. The arm reports the hand's motion $A$, and the images show the camera's motion $B$. Two paths lead from
@@ -1531,16 +1529,7 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # the smallest cube that is found with each cure (eps: radius of DBSCAN, v: voxel edge).*
 
 # %%
-rows = (
-    "above",
-    "clustered",
-    "as in",
-    "tolerance",
-    "neighbours",
-    "3 sigma, 0.2 pi (",
-    "3 sigma, comp",
-    "components",
-)
+rows = ("above", "clustered", "tolerance", "neighbours", "3 sigma, 0.2 pi (", "3 sigma, comp")
 figures(read("small_parts"), *rows, summary="The counts and the cures")
 
 # %% [markdown]
