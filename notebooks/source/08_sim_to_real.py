@@ -909,6 +909,8 @@ curves(
 )
 
 # %% [markdown]
+# (Bands in the left panel: the three searches, or the 95 % interval of one.)
+#
 # On an arm identical to the simulator range 1 costs no success here, only time. In the table the real arm always has a
 # delay of 10 ms, which the simulator lacks. So some reaches fail even at gap 0. Range 1 recovers much of what the delay
 # costs, and little of what the load costs at large gaps.
