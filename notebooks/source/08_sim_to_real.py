@@ -105,7 +105,7 @@ from course.derivations.sim_to_real.signals import (
     scattered,
     two_kinds,
 )
-from course.measure.success import wilson
+from course.measure.success import trials, wilson
 from course.sim_to_real import (
     Log,
     Plants,
@@ -124,7 +124,6 @@ from course.sim_to_real import (
     shaped,
     tasks,
     transfer,
-    trials,
     tune,
     value_iteration,
 )
