@@ -60,8 +60,7 @@ simulation("arms")
 # The left arm is the simulated arm on which the gains were tuned. The right arm plays the real one. It is simulated
 # too, so we know its true parameters. The first slider, *gap*, sets how much the two arms differ. At gap 1 the right
 # arm has every difference in the first picture; at gap 0 it has none of them. The delay of the commands has its own
-# slider. *DR Range* sets how widely the simulated arms varied while the gains were tuned (domain randomisation, section
-# 3).
+# slider. *DR Range* sets how widely the simulated arms varied while the gains were tuned (section 3).
 #
 # <details><summary>What the buttons and the numbers mean</summary>
 #
