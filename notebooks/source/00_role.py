@@ -609,8 +609,8 @@ show("jitter_leaves_the_mean")
 # names what you can see there, and then the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
-# * The age rises slowly and falls at once, again and again: clocks that drift, and the reader's is a little too slow. If it is
-#   a little too fast, the age falls slowly and rises at once.
+# * The age rises slowly and falls at once, again and again: clocks that drift, and the reader's is a little too
+#   slow. If it is a little too fast, the age falls slowly and rises at once.
 # * The age is too large by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit.
 # * The ages are scattered without a pattern: jitter, lost samples, or two rates such as 30 Hz and 9.73 Hz.
