@@ -419,8 +419,8 @@ def round_trip_sets_a_clock(result):
     "because no sample is lost.",
     "The queue fills up and stays full, and the reader gets its oldest sample. That adds {formula} "
     "to the age. Between {fast_hz:.0f} Hz and a reader at {slow_hz:.0f} Hz, a queue of depth "
-    "{deep:.0f} gives data that are {deep_ms:.0f} ms old, a queue of depth 1 gives {newest_ms:.0f} ms. And {lost:.0%} of the samples are lost all the "
-    "same.",
+    "{deep:.0f} gives data that are {deep_ms:.0f} ms old, a queue of depth 1 gives "
+    "{newest_ms:.0f} ms. And {lost:.0%} of the samples are lost all the same.",
     ask=(
         "A queue holds the last d samples of a producer with period T. Its reader is slower and "
         "takes the oldest one. How much does the queue add to the age?",
