@@ -30,8 +30,7 @@ simulation("stack")
 # ## How this course works
 #
 # This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter looks at its
-# subject from five sides: concept, design, code, debugging and frontier. Each section explains an idea, asks about it,
-# and shows the answer.
+# subject from five sides: concept, design, code, debugging and frontier.
 #
 # Some cards show a statement that you will often hear. You judge it: true, false, or true only under a condition. The
 # command `python -m course.derivations 0` checks these statements. Section 7 has these exercises:
@@ -88,23 +87,23 @@ def table(*rows):
 #   **policies**, which are programs that choose the next action. *Sim-to-real* means that such a policy
 #   then runs on the real robot (chapters 8 and 9).
 #
-# An arrow carries samples, such as pictures. What happens if a sample is late? With a **hard deadline** each late
-# sample counts as a failure. With a **soft deadline** a late sample is only worth less.
+# An arrow carries samples, such as pictures. With a **hard deadline** each late sample counts as a failure. With a
+# **soft deadline** a late sample is only worth less.
 
 # %%
 predict("never_late")
 
 # %% [markdown]
-# A function of this chapter, `check_stack`, tests the drawing: each box has an input and an output, and each closed
-# path of arrows passes through the robot or its simulation. If programs alone form a closed path, each of them may wait
-# for the next one, and the robot stops.
+# The function `check_stack` tests the drawing: each box has an input and an output, and each closed path of arrows
+# passes through the robot or its simulation. If programs alone form a closed path, each may wait for the next, and the
+# robot stops.
 #
 # The rate of an arrow is its number of samples per second, and the size is the number of bytes in each sample. Rate
 # times size is the arrow's **bandwidth**. A depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot
 # 480 \cdot 2 \cdot 30 = 18.4$ million bytes per second.
 #
 # The table lists the arrows with the largest bandwidth. Arrows into a simulation or a log have no deadline, because
-# simulated time can wait, and nobody waits for a log.
+# nobody waits for them.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -117,17 +116,16 @@ table(
 )
 
 # %% [markdown]
-# The table shows three facts. Nearly all bytes belong to pictures. Nearly all messages are joint states and torques.
-# Only the loop between control and motors has hard deadlines. These facts decide where the programs run. The joint loop
-# becomes a program with a *core* of its own. A core is one processor of the computer. So other programs hardly delay
-# the loop. The pictures stay on one computer: a network would add a delay, and other traffic would make the delay vary.
-# Poses and trajectories are small, so they can travel over a network.
+# Nearly all bytes belong to pictures. Nearly all messages are joint states and torques. Only the loop between control
+# and motors has hard deadlines. These facts decide where the programs run. The joint loop becomes a program with a
+# *core* (one processor of the computer) of its own, so other programs hardly delay it. The pictures stay on one
+# computer, because a network would add a delay that varies.
 #
 # ### How old is a command?
 #
 # The motor command of this moment follows a trajectory. The trajectory was planned for a pose, and the pose was
-# computed from a picture. The **data age** of the command is the time from the capture of that picture until now. In
-# this time the world has moved on. A command is *in force* until the next command replaces it.
+# computed from a picture. The **data age** of the command is the time from the capture of that picture until now. A
+# command is *in force* until the next command replaces it.
 #
 # Each program in this chain is a *stage*. A stage has an **execution time** $C$, the time from its start to its result.
 # Most stages also have a clock with a **period** $T$: the clock ticks once per period, and each tick starts the stage.
@@ -135,9 +133,9 @@ table(
 # one result to the next. In our chain each interval is equal to the period.
 #
 # The chain of this chapter has three stages. *Perception* starts with each picture of a camera at 30 Hz, so the camera
-# is its clock. It needs 45 ms. This is longer than the 33.3 ms between two pictures. So perception has two workers,
-# which take turns: each of them takes every second picture. The *planner* starts 10 times per second and needs 60 ms.
-# The *joint loop* runs at 1,000 Hz and needs 0.2 ms.
+# is its clock. It needs 45 ms. This is longer than the 33.3 ms between two pictures. So two workers take turns, each
+# with every second picture. The *planner* starts 10 times per second and needs 60 ms. The *joint loop* runs at 1,000 Hz
+# and needs 0.2 ms.
 
 # %%
 show("chain_age")
@@ -277,17 +275,14 @@ show("start_when_free")
 
 # %% [markdown]
 # Every change costs computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided
-# by interval. With several workers it can be above 1. Before any change the chain uses 2.15 cores. Perception needs 45
-# ms thirty times per second, the planner 60 ms ten times, and the loop 0.2 ms a thousand times: $1.35 + 0.6 + 0.2 =
-# 2.15$.
+# by interval. Before any change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
 #
 # The table lists what each change of one stage saves, and how many more cores it needs. It uses the formula of section
 # 1, with these waits and intervals for a planner on arrival. With *skip* a pose does not wait, and a plan comes with
 # every second pose, every 66.7 ms. With *queue* a pose waits 16.7 ms on average, if the 60 ms vary a little, and a plan
 # comes every 60 ms. *Pipelined*, no pose waits, and a plan comes every 33.3 ms.
 #
-# The change that saves most per core comes first. Changes that break a hard deadline are not listed. For example, if
-# plans started the joint loop, it would send only ten commands per second.
+# The change that saves most per core comes first. Changes that break a hard deadline are not listed.
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -297,9 +292,8 @@ table(
 )
 
 # %% [markdown]
-# Why does the first change save 33 ms? The pose no longer waits for the planner. That saves 16.7 ms on average. And a
-# plan now comes every 66.7 ms instead of every 100 ms. Half of the difference is another 16.7 ms. A pipelined planner
-# saves even more, 50 ms, but it needs 1.2 more cores.
+# Why does the first change save 33 ms? The pose no longer waits, which saves 16.7 ms. And a plan comes every 66.7 ms
+# instead of every 100 ms. Half of the difference is another 16.7 ms.
 #
 # ### What is a millisecond worth?
 #
@@ -308,10 +302,9 @@ table(
 # prediction is right if the velocity stays constant. If the part accelerates by $a$, an error of $\tfrac12 a A^2$
 # remains.
 #
-# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, but the true age
-# is sometimes larger and sometimes smaller. So the prediction has an additional error. The **standard deviation**
-# measures how much a value varies around its mean. For this error it is the speed times the standard deviation of the
-# age.
+# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the prediction
+# has an additional error. The **standard deviation** measures how much a value varies around its mean. For this error
+# it is the speed times the standard deviation of the age.
 #
 # If pictures steer the arm, old pictures can make it *unstable*: it swings more and more. Let the arm swing at $f$ Hz.
 # During the age $A$ it goes through $f A$ cycles of its swing. So the correction comes $f A$ cycles late. As an angle,
@@ -348,8 +341,8 @@ table(
 #
 # Most of the boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for
 # planning. A **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a tree
-# whose nodes succeed, fail or continue. In some of these programs you can set a limit for the age of a value. But only
-# you know which age your task allows.
+# whose nodes succeed, fail or continue. In some of these programs you can limit the age of a value. But only you know
+# which age your task allows.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -369,9 +362,9 @@ table(
 #
 # ## 3 · Code: reading, age and reaction
 #
-# Three short functions are the core of this chapter. `read` returns which sample a reader gets from a queue. The class
-# `Trace` is a recorded run. For each command it stores the moment at which it was issued (`published`), and the moment
-# at which its picture was taken (`captured`). Its methods `age` and `reaction` compute the two times of section 1:
+# `read` returns which sample a reader gets from a queue. The class `Trace` is a recorded run. For each command it
+# stores when it was issued (`published`), and when its picture was taken (`captured`). Its methods `age` and `reaction`
+# compute the two times of section 1:
 
 # %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
@@ -401,8 +394,7 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 #
 # Go back to the simulation at the top. A dot in a box belongs to a picture on which this box works now. A dot on an
 # arrow is a result that waits. A dot on the arrow from control to the robot is the command in force. The box that you
-# click becomes orange, and its arrows become blue. The readout *newest result* is the age of the newest result of this
-# box.
+# click becomes orange, and its arrows become blue. The readout *newest result* is the age of this box's newest result.
 #
 # The bars show how often each age occurs in about thirty seconds of a run. The dashed lines show the closed form:
 # least, mean and bound. The clocks in this simulation drift, so their phases change all the time. The switch *all
@@ -421,7 +413,9 @@ predict("queue_of_ten")
 # There are two ways to compute a mean age: the closed form and an event simulation. An event is the start or the result
 # of a stage, and an event simulation jumps from one event to the next. We start it many times, with random phases. How
 # many starts does it need? The green points of the chart are 3, 10, 30, 100, 300 and 1,000 starts of this chapter's
-# chain. They are compared with a reference, the mean over 8,192 starts whose phases are spread evenly over all values.
+# chain.
+#
+# The results are compared with a reference, the mean over 8,192 starts whose phases are spread evenly over all values.
 # The blue point is the closed form. For this chain it is exact, so the error of the blue point is really the error of
 # the reference.
 #
@@ -443,10 +437,11 @@ figures(read("age_precision"), "closed form", "1000 random", summary="Times and 
 #
 # The formula averages over all phases between two clocks. That is right if the phase takes all values while the robot
 # runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks that
-# count the swings of the same quartz never drift against each other. But that alone does not fix the phase. At 30 Hz
-# and 9.73 Hz, each tick of the slower clock comes at another moment between two ticks of the faster one. At 30 Hz and
-# 10 Hz it always comes at the same moment. Two clocks are **locked** if they count the same quartz and the ratio of
-# their rates is one of small whole numbers, such as 3 to 1.
+# count the swings of the same quartz never drift against each other.
+#
+# But that alone does not fix the phase. At 30 Hz and 9.73 Hz, each tick of the slower clock comes at another moment
+# between two ticks of the faster one. At 30 Hz and 10 Hz it always comes at the same moment. Two clocks are **locked**
+# if they count the same quartz and the ratio of their rates is one of small whole numbers, such as 3 to 1.
 
 # %%
 show("long_run_mean")
@@ -465,9 +460,11 @@ show("same_rate_in_step")
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
 # This phase is given as a share of the reader's period. The curve has three teeth because three pictures come in one
 # period of the reader. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near $T/2$, half of
-# the camera's period. Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million.
-# The age rises slowly, falls at once by one period, and rises again. With a faster reader the curve is mirrored: the
-# age falls slowly and rises at once.
+# the camera's period.
+#
+# Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
+# falls at once by one period, and rises again. With a faster reader the curve is mirrored: the age falls slowly and
+# rises at once.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -841,10 +838,11 @@ table(*rows)
 #
 # For how many seconds must the actions of a chunk last? If the policy always needs 80 ms, the next chunk arrives one
 # interval after this one. In the last row that is 0.8 s. Suppose that the first action is meant for the moment at which
-# the chunk arrives. Then the chunk must last one interval. Suppose instead that the first action is meant for the
-# moment of the observation. Then 80 ms have passed already when the chunk arrives, and it must last 80 ms longer. If
-# the computing time varies, add some more. After a chunk that is too short, the robot has no action until the next one
-# arrives.
+# the chunk arrives. Then the chunk must last one interval.
+#
+# Suppose instead that the first action is meant for the moment of the observation. Then 80 ms have passed already when
+# the chunk arrives, and it must last 80 ms longer. If the computing time varies, add some more. After a chunk that is
+# too short, the robot has no action until the next one arrives.
 #
 # A **digital twin** is a simulation that runs beside the robot and follows its joint states. It reads the joint states
 # as control does, so its data have an age, too.
