@@ -218,7 +218,7 @@ def start_when_free(result):
         np.all(skipped <= free + 0.01),
         # The closed form for executions that vary; five waits, 0 to 0.8 intervals, if they do not.
         abs(varied - assumed.mean) < 1e-3,
-        abs(exact - (assumed.mean - 0.1 * see.period)) < 1e-3,
+        abs(exact - (assumed.mean - 0.2 * assumed.waits[0])) < 1e-3,
         np.mean(free - skipped) > 0.1,
         # The closed forms: a fresh input every ceil(C / T) periods, or half a period of waiting.
         np.max(np.abs(skipped / (drawn + 0.5 * np.ceil(drawn)) - 1)) < 2e-3,
