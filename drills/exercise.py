@@ -222,3 +222,10 @@ def of(name: str) -> Exercise:
     result = module.EXERCISE
     assert isinstance(result, Exercise)
     return result
+
+
+def worked_answer(name: str) -> Callable[..., Any]:
+    """Return the worked answer of an exercise, to choose cases by or to draw with."""
+    module = card(name).solution.partition(":")[0]
+    result: Callable[..., Any] = getattr(importlib.import_module(module), card(name).entry)
+    return result

@@ -107,10 +107,15 @@ class Terminal:
         for line in text.split("\n"):
             rows = max(-(-len(_CODES.sub("", line)) // max(size.columns, 1)), 1)
             if self._rows and self._rows + rows > max(size.lines - 1, 5):
-                self._read("-- Enter for more --")
+                typed = self._read("-- Enter for more --").strip()
                 self._rows = 0
                 if self.colour:
                     _write(sys.stdout, "\x1b[A\x1b[2K", True)  # the text goes on in its place
+                if typed:
+                    # It was meant for a prompt that had not come yet, which may ask for a mark.
+                    note = f"({typed[:30]!a} was not used: type it again at the next prompt.)"
+                    _write(sys.stdout, note + "\n", self.unicode)
+                    self._rows = 1
             _write(sys.stdout, line + "\n", self.unicode)
             self._rows += rows
 

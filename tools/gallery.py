@@ -14,7 +14,7 @@ from pathlib import Path
 import click
 
 from course import CHAPTERS, charts
-from course.measure.figure import write
+from course.charts import write
 from tools import settings
 
 ROOT = Path(__file__).resolve().parents[1]

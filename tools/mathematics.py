@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from course.measure.figure import write_picture
+from course.charts import write_picture
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "mathematics"
 MATRIX = np.array([[1.3, 0.6], [0.6, 0.7]])

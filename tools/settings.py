@@ -18,7 +18,7 @@ from typing import Any
 
 from nbformat import NotebookNode
 
-from course.measure.figure import write
+from course.charts import write
 from course.simulations import SIMULATIONS
 from course.simulations.model import Model
 

@@ -13,10 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from course.check import invalid, one_of
+from course.measure import colours, data, figure, labels
 from course.measure.data import FOLDER, document, from_json, json_text, panels_of
 from course.measure.figure import Panel, draw, text, write, write_picture
 from course.measure.work_precision import WorkPrecision
 
+# The files whose code draws a picture from its data.
+DRAWN_BY = tuple(Path(module.__file__ or "") for module in (figure, colours, labels, data))
 PICTURES = Path(__file__).resolve().parents[2] / "docs" / "charts"
 
 Experiment = Callable[..., Iterator[Panel]]
@@ -68,13 +71,26 @@ def stored(name: str) -> list[Panel]:
     if not path.is_file():
         drawn = sorted(p.stem for p in FOLDER.glob("*.json"))
         raise invalid("name", name, f"{', '.join(drawn) or 'none'} (`make charts` builds them)")
-    data = from_json(path.read_text(encoding="utf-8"))
-    return WorkPrecision.from_json(path).panels() if "curves" in data else panels_of(data)
+    contents = from_json(path.read_text(encoding="utf-8"))
+    return WorkPrecision.from_json(path).panels() if "curves" in contents else panels_of(contents)
 
 
 def redraw(name: str) -> None:
     """Draw the picture of a chart anew from its data; nothing is measured."""
     _write_picture(name, stored(name))
+
+
+def narrow_figure(name: str, canvas: Any) -> Any:
+    """Draw a chart from its data as narrow as a phone, one panel below the other.
+
+    Args:
+        name: of a chart with stored data.
+        canvas: an empty matplotlib figure, which is filled and returned.
+
+    Raises:
+        ValueError: there are no such data.
+    """
+    return draw(stored(name), narrow=True, figure=canvas)
 
 
 def _write_picture(name: str, panels: list[Panel]) -> None:

@@ -18,8 +18,9 @@ from course.check import finite, invalid
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.broad import overlapping_pairs
 from course.contact.narrow import measured, paired, rotation, turned_back
-from course.contact.shapes import Array, Shape, bounds_in_space, corners_in_space, poses
+from course.contact.shapes import Array, Shape, bounds_in_space, corners_in_space
 from course.rigid_body.quaternion import to_matrix
+from course.rigid_body.spatial import poses
 
 _FACE = 1.0 - 1e-6  # cosine from which a normal counts as that of a face: 0.08 degrees
 

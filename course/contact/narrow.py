@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike
 
 from course.check import invalid
 from course.compiled import MATRIX, VECTOR, compiled
-from course.contact.shapes import Array, Shape, corners_in_space, poses
+from course.contact.shapes import Array, Shape, corners_in_space
 from course.rigid_body.quaternion import to_matrix
+from course.rigid_body.spatial import poses
 
 _EPS = 2.0**-52
 _ALL = 1 << 30  # iterations of GJK: as many as it takes

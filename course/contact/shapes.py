@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import finite, invalid, one_of, positive, vector
-from course.rigid_body.quaternion import normalise, to_matrix, unit_quaternion
+from course.rigid_body.quaternion import to_matrix
+from course.rigid_body.spatial import poses
 
 Array = NDArray[np.float64]
-FARTHEST = 1e150  # m; the square of a number ten thousand times as large is no float any more
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,34 +145,6 @@ def points(vertices: ArrayLike, radius: float = 0.0) -> Shape:
 def plane(dim: int = 3) -> Shape:
     """Return all below z = 0 of its frame, in the plane all below y = 0: ground, a wall, a ramp."""
     return _shape("plane", dim)
-
-
-def poses(name: str, value: ArrayLike, dim: int) -> Array:
-    """Return poses from outside as poses in space, one a column.
-
-    Args:
-        name: of the argument.
-        value: shape (7,) or (7, N) where `dim` is 3, (3,) or (3, N) where it is 2.
-        dim: 2 or 3.
-
-    Returns:
-        Shape (7, N), contiguous.
-
-    Raises:
-        ValueError: for another shape, a NaN, a position beyond `FARTHEST`, or a quaternion that is
-            not of unit length.
-    """
-    rows = {2: 3, 3: 7}[dim]
-    given = vector(name, value, (rows,), (rows, None)).reshape(rows, -1)
-    if np.any(np.abs(given[:dim]) > FARTHEST):
-        allowed = f"positions within {FARTHEST:g} m, as a distance is a root of squares"
-        raise invalid(name, float(np.abs(given[:dim]).max()), allowed)
-    if dim == 2:
-        # A turn about z as a quaternion: cosine and sine of half the angle.
-        zero, half = np.zeros_like(given[0]), given[2] / 2
-        return np.stack((given[0], given[1], zero, np.cos(half), zero, zero, np.sin(half)))
-    turned = unit_quaternion(given[3:], f"{name}[3:]")
-    return np.concatenate((given[:3], normalise(turned)))
 
 
 def bounds(shape: Shape, pose: ArrayLike) -> Array:

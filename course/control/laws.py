@@ -30,7 +30,7 @@ from course.kinematics import (
     tip,
 )
 from course.kinematics import bias as chain_bias
-from course.rigid_body.spatial import DOWNWARDS
+from course.kinematics.dynamics import DOWNWARDS
 
 Array = NDArray[np.float64]
 Arm = Chain | TwoLink

@@ -17,10 +17,10 @@ from course.compiled import MATRIX, VECTOR, loop
 from course.control.joint import Record
 from course.control.laws import Arm, computed_torque, feedforward, gain, like, pd, pd_gravity
 from course.kinematics import TwoLink, forward_dynamics
+from course.kinematics.dynamics import DOWNWARDS
 from course.kinematics.motion import CUBE
 from course.kinematics.two_link import TORQUES
 from course.kinematics.two_link import acceleration as two_link_acceleration
-from course.rigid_body.spatial import DOWNWARDS
 
 Array = NDArray[np.float64]
 

@@ -162,14 +162,15 @@ def polling_makes_fresh(result):
 
 
 @claim(
-    "If a stage with one worker is slower than its input, its results are youngest if it starts "
+    "With one worker, a stage that is slower than its input has the youngest results if it starts "
     "again as soon as it is free, with the newest input.",
     "That input has already waited, {wait_ms:.0f} ms on average in this chapter's chain. It is "
     "better to skip the inputs that come while the stage is busy, and to start with the next one, "
     "which is fresh. Averaged over all phases, a planner that starts again as soon as it is free "
     "makes the mean age {free_ms:.0f} ms, and keeps {free_cores:.1f} cores busy. A planner that "
     "skips makes it {skip_ms:.0f} ms with {skip_cores:.1f} cores. If inputs come regularly and all "
-    "executions take equally long, skipping was never older at {ratios:.0f} ratios of the two times.",
+    "executions take equally long, skipping was never older at {ratios:.0f} ratios of the two "
+    "times.",
 )
 def start_when_free(result):
     from dataclasses import replace
@@ -280,8 +281,8 @@ def long_run_mean(result):
         right(slow, 0.02),
         inside=apart,
         outside=locked + crawling,
-        only_if="no small number of reader periods equals a whole number of producer periods, or "
-        "comes so near one that the phase hardly moves during the run",
+        only_if="the phase between the two clocks takes many values during the run: no small "
+        "number of reader periods may be a whole number of producer periods, or nearly one",
     )
     result.correction_holds(
         np.ptp(low) < 1e-9,
@@ -292,10 +293,11 @@ def long_run_mean(result):
 
 
 @claim(
-    "Two computers with quartz clocks of their own, set to the same rate, run in step.",
-    "The two clocks differ slightly. With a difference of {ppm:.0f} parts in a million the "
-    "age at reading is a sawtooth as high as a period, {high_ms:.1f} ms at {rate_hz:.0f} Hz. One "
-    "tooth takes {formula}, here {beat_s:.0f} s, so a short test on the bench does not show it.",
+    "The clocks of two computers keep the same phase if both are set to the same rate.",
+    "Each computer has a quartz of its own, and the two differ slightly. With a difference "
+    "of {ppm:.0f} parts in a million the age at reading is a sawtooth as high as a period, "
+    "{high_ms:.1f} ms at {rate_hz:.0f} Hz. One tooth takes {formula}, here "
+    "{beat_s:.0f} s, so a short test on the bench does not show it.",
     ask=(
         "Two clocks with period T differ by the relative amount r. After what time has their "
         "phase gone round once?",

@@ -92,7 +92,7 @@ def trials_each(
 
     On the same scenes, `together` is the share of them that both solve.
     """
-    from course.sim_to_real import trials
+    from course.measure.success import trials
 
     return trials(first_share, second_share, power=power, together=together)
 

@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import invalid
-from course.contact.shapes import Shape, poses
+from course.contact.shapes import Shape
 from course.kinematics import Chain
 from course.libraries import import_error
 from course.oracles import pinocchio as pinocchio_arm
+from course.rigid_body.spatial import poses
 
 Array = NDArray[np.float64]
 

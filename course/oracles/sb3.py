@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.check import count, invalid, one_of
-from course.learning.ppo import Settings
 from course.libraries import import_error, one_thread
 
 if TYPE_CHECKING:
@@ -133,9 +132,7 @@ class Curve(NamedTuple):
     scores: NDArray[np.float64]
 
 
-def ppo(
-    envs: Any, settings: Settings, judge: Any, *, steps: int, seed: int, every: int = 1
-) -> Curve:
+def ppo(envs: Any, settings: Any, judge: Any, *, steps: int, seed: int, every: int = 1) -> Curve:
     """Return the library's PPO with the settings of ours.
 
     Same networks, same starts, same normalisers.
@@ -146,7 +143,7 @@ def ppo(
 
     Args:
         envs: see `vec_env`.
-        settings: of `course.learning.ppo`.
+        settings: `course.learning.ppo.Settings`, or an object with its fields.
         judge: function (policy) -> score, where policy(observations (n, d)) are mean actions.
         steps: of all environments together.
         seed: of weights, environments and all that is drawn.

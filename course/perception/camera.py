@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, one_of, positive, vector
 from course.compiled import MATRIX, VECTOR, compiled, loop
-from course.contact.shapes import poses as checked_poses
 from course.kinematics.chain import compose
 from course.rigid_body.quaternion import to_matrix
+from course.rigid_body.spatial import poses as checked_poses
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.int64]

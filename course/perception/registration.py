@@ -23,13 +23,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, invalid, one_of, vector
 from course.compiled import MATRIX, VECTOR, compiled, loop
-from course.contact.shapes import poses as checked_poses
 from course.perception import camera
 from course.perception.camera import CYLINDER, PLANE, SPHERE, STILL, Shapes, Solids, numbers
 from course.perception.linear import eigen, times_transposed
 from course.perception.rigid import rotation
 from course.perception.tree import NO_CLOUD, Cloud, nearest_row
 from course.rigid_body.quaternion import exp, from_matrix, to_matrix
+from course.rigid_body.spatial import poses as checked_poses
 
 Array = NDArray[np.float64]
 

@@ -33,6 +33,7 @@ from course.kinematics.chain import PARENT, PLACE, SLIDES, WIDTH
 from course.kinematics.motion import axis_of, cross3, place, point_of, scaled, three
 from course.planning.worlds import CLEARANCE, FLOOR, LEAST, World, state_free
 from course.rigid_body.quaternion import from_matrix, to_matrix
+from course.rigid_body.spatial import poses
 
 Array = NDArray[np.float64]
 
@@ -380,7 +381,7 @@ def obstacle_rows(obstacles: Sequence[tuple[Shape, ArrayLike]]) -> Array:
         one_of("shape", shape.name, ("sphere", "capsule", "box"))
         if shape.dim != 3:
             raise invalid("shape.dim", shape.dim, "3")
-        pose = shapes.poses("pose", at, 3)[:, 0]
+        pose = poses("pose", at, 3)[:, 0]
         R = to_matrix(pose[3:])
         row[KIND] = {"sphere": POINT, "capsule": SEGMENT, "box": BOX}[shape.name]
         row[CENTRE:HALF], row[RADIUS], row[BALL] = pose[:3], shape.radius, shape.size

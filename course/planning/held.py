@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, invalid, one_of
 from course.compiled import MATRIX, compiled
-from course.contact import shapes
 from course.contact.shapes import Shape
 from course.kinematics.chain import PARENT, WIDTH
 from course.planning.capsules import (
@@ -37,6 +36,7 @@ from course.planning.capsules import (
 )
 from course.planning.worlds import World
 from course.rigid_body.quaternion import to_matrix
+from course.rigid_body.spatial import poses
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def holding(
     """
     body, last = _capsules(world)
     n = world.dim
-    pose = shapes.poses("pose", pose, 3)[:, 0]
+    pose = poses("pose", pose, 3)[:, 0]
     turn = to_matrix(pose[3:])
     capsules = [
         (n, pose[:3] + turn @ a, pose[:3] + turn @ b, radius)

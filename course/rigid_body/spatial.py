@@ -13,9 +13,38 @@ from numpy.typing import ArrayLike
 
 from course.check import invalid, one_of, positive, vector
 from course.rigid_body.integrators import INTEGRATORS, STANDARD_GRAVITY, Array, compiled_parts
-from course.rigid_body.quaternion import conjugate, rotate, unit_quaternion
+from course.rigid_body.quaternion import conjugate, normalise, rotate, unit_quaternion
 
 DOWNWARDS = (0.0, 0.0, -STANDARD_GRAVITY)  # m/s^2
+FARTHEST = 1e150  # m; the square of a number ten thousand times as large is no float any more
+
+
+def poses(name: str, value: ArrayLike, dim: int) -> Array:
+    """Return poses from outside as poses in space, one a column.
+
+    Args:
+        name: of the argument.
+        value: shape (7,) or (7, N) where `dim` is 3, (3,) or (3, N) where it is 2.
+        dim: 2 or 3.
+
+    Returns:
+        Shape (7, N), contiguous.
+
+    Raises:
+        ValueError: for another shape, a NaN, a position beyond `FARTHEST`, or a quaternion that is
+            not of unit length.
+    """
+    rows = {2: 3, 3: 7}[dim]
+    given = vector(name, value, (rows,), (rows, None)).reshape(rows, -1)
+    if np.any(np.abs(given[:dim]) > FARTHEST):
+        allowed = f"positions within {FARTHEST:g} m, as a distance is a root of squares"
+        raise invalid(name, float(np.abs(given[:dim]).max()), allowed)
+    if dim == 2:
+        # A turn about z as a quaternion: cosine and sine of half the angle.
+        zero, half = np.zeros_like(given[0]), given[2] / 2
+        return np.stack((given[0], given[1], zero, np.cos(half), zero, zero, np.sin(half)))
+    turned = unit_quaternion(given[3:], f"{name}[3:]")
+    return np.concatenate((given[:3], normalise(turned)))
 
 
 @register_jitable

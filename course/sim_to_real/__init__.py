@@ -62,7 +62,6 @@ from course.sim_to_real.transfer import (
     reached,
     subsets,
     transfer_bound,
-    trials,
 )
 from course.sim_to_real.tune import (
     Automatic,
@@ -113,7 +112,6 @@ __all__ = [
     "subsets",
     "tasks",
     "transfer_bound",
-    "trials",
     "tune",
     "validate",
     "value_iteration",

@@ -1,4 +1,4 @@
-"""What the gap is made of, what mending a part of it does, and how many trials it takes to see.
+"""What the gap is made of, what mending a part of it does, and a bound of what transfers.
 
 A mended parameter is one that the simulator takes over from the real arm. Whether that helps
 depends on what else is mended: errors cancel. So what counts is all subsets, and an attribution
@@ -97,71 +97,6 @@ def hurting(value: Mapping[Subset, float]) -> list[tuple[Subset, str, float]]:
         for part in sorted(max(value, key=len) - some)
     ]
     return sorted((row for row in result if row[2] < 0.0), key=lambda row: row[2])
-
-
-# --- how many trials ------------------------------------------------------------------------------
-
-
-def trials(
-    first: float,
-    second: float,
-    *,
-    together: float | None = None,
-    power: float = 0.8,
-    level: float = 0.05,
-) -> int:
-    """Return how many trials of each policy it takes to tell two success rates apart.
-
-    If each policy has trials of its own, this is the normal approximation with the pooled variance
-    (Fleiss, Levin and Paik, Statistical Methods for Rates and Proportions, 2003, eq. 4.14). If both
-    run the same trials in pairs, it is McNemar's test (eq. 13.17 there): only the discordant trials
-    count, in which one policy succeeds and the other fails.
-
-    Both formulas are normal approximations without a correction for continuity, so an exact test
-    needs more trials, above all where the result is small. For the rates 0 and 1 the result is 2,
-    but with 2 trials each Fisher's exact test can't reach a p-value below 1/3; at the level 0.05 it
-    takes 4. For 0.2 and 0.8 the result is 10, and Fisher's test detects the difference with a
-    probability of 0.64 instead of 0.8; for 0.5 and 0.8 it is 39, with 0.73.
-
-    Args:
-        first: one success rate, from 0 to 1.
-        second: the other success rate, not equal.
-        together: share of the paired trials in which both succeed; None for trials of their own.
-        power: probability of detecting the difference, from 0.5 to 1 - 1e-9.
-        level: two-sided significance level, the probability of claiming a difference where there is
-            none, from 1e-9 to 0.5.
-
-    Returns:
-        The number of trials of each policy; in paired trials, the number of pairs.
-
-    Raises:
-        ValueError: for equal rates, for a number out of its range, and for a share of common
-            successes that the two rates don't allow.
-    """
-    from scipy.special import ndtri
-
-    p1, p2 = finite("first", first, 0.0, 1.0), finite("second", second, 0.0, 1.0)
-    if p1 == p2:
-        raise invalid("second", second, f"a rate other than the first, {first}")
-    # Normal quantiles of the significance level (two-sided) and of the power.
-    z_level = float(ndtri(1.0 - 0.5 * finite("level", level, 1e-9, 0.5)))
-    z_power = float(ndtri(finite("power", power, 0.5, 1.0 - 1e-9)))
-    difference = abs(p1 - p2)
-    # Variances of the difference in one trial: if the rates are equal, and if they are as given.
-    if together is None:
-        # Two independent proportions (Fleiss, Levin and Paik, 2003).
-        pooled = 0.5 * (p1 + p2)
-        variance_if_equal = 2.0 * pooled * (1.0 - pooled)
-        variance = p1 * (1.0 - p1) + p2 * (1.0 - p2)
-    else:
-        # Paired proportions (McNemar, 1947). The rates bound the share of common successes, up to
-        # the rounding of their sum.
-        low, high = max(0.0, p1 + p2 - 1.0), min(p1, p2)
-        both = finite("together", together, low - 1e-12, high + 1e-12)
-        discordant = p1 + p2 - 2.0 * both
-        variance_if_equal, variance = discordant, max(discordant - difference**2, 0.0)
-    numerator = z_level * math.sqrt(variance_if_equal) + z_power * math.sqrt(variance)
-    return math.ceil((numerator / difference) ** 2)
 
 
 # --- a bound --------------------------------------------------------------------------------------

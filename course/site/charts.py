@@ -17,7 +17,6 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from course import charts
-from course.measure import colours, data, figure, labels
 from course.site.notebooks import ROOT
 
 CACHE = ROOT / "build" / "charts"
@@ -30,8 +29,8 @@ def _drawn_with() -> bytes:
 
     state = hashlib.sha256(matplotlib.__version__.encode())
     # The code that draws belongs to the name, so that a change of it draws all pictures again.
-    for path in (__file__, figure.__file__, colours.__file__, labels.__file__, data.__file__):
-        state.update(Path(path).read_bytes())
+    for path in (Path(__file__), *charts.DRAWN_BY):
+        state.update(path.read_bytes())
     return state.digest()
 
 
@@ -58,7 +57,7 @@ def svg(name: str) -> str:
     # Without a salt of its own each file would have other ids. A title whose height is given is not
     # moved over labels at the top, which no chart has: to look for them takes a tenth of the time.
     with mpl.rc_context({"svg.fonttype": "path", "svg.hashsalt": name, "axes.titley": 1.0}):
-        drawn = figure.draw(charts.stored(name), narrow=True, figure=Figure(layout="constrained"))
+        drawn = charts.narrow_figure(name, Figure(layout="constrained"))
         drawn.set_layout_engine("none")  # it has been laid out; a second time costs as much again
         buffer = io.StringIO()
         # `savefig` would draw everything once before, only to know what it covers.
@@ -88,7 +87,7 @@ def narrow(name: str) -> str:
         # Pictures that were drawn from older data or code are removed.
         for old in CACHE.glob(f"{name}-{'[0-9a-f]' * 16}.svg"):
             old.unlink(missing_ok=True)
-        figure.write(path, svg(name))
+        charts.write(path, svg(name))
     return path.read_text(encoding="utf-8")
 
 

@@ -179,7 +179,7 @@ table(
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
-# by $0.3 \cdot 172.4 = 52$ mm. So the gripper closes where the part was, 52 mm behind it.
+# by $0.3 \cdot 172.4 = 52$ mm. So the gripper closes 52 mm behind the part.
 #
 # Two clocks do not start at the same moment. The shift between their ticks is their **phase**. Independent clocks
 # **drift**: no clock keeps its rate exactly, so the phase changes slowly and takes all values while the robot works.
@@ -204,8 +204,8 @@ table(
 #
 # Two stages meet at each arrow: the **producer**, which writes results, and the **reader**, which takes them. Each has
 # a period of its own. If the data are too old, many people first make the reader faster: it *polls* more often, which
-# means that it looks more often for a new result. Think of a letter box that is filled once a day. You may look into it
-# once an hour.
+# means that it looks more often for a new result. Think of a letter box that is filled once a day. You look into it
+# once an hour. Are the letters fresher then?
 
 # %%
 show("polling_makes_fresh")
@@ -225,14 +225,15 @@ show("polling_makes_fresh")
 # command that uses a picture taken after the event. The event first waits for the next picture. At each arrow the
 # result then waits until the *reader* starts, on average for half of the reader's interval.
 #
-# So data age counts the intervals of the producers, and reaction time counts those of the readers. Write both sums down
-# for the whole chain. Data age: perception, planner, and the joint loop for its command in force. Reaction time: the
-# camera, which starts perception, then the planner and the joint loop as readers. These are the same three intervals,
-# and the execution times are in both sums. So both means are equal.
+# So data age counts the intervals of the producers, and reaction time counts those of the readers. For the whole chain,
+# data age counts the intervals of perception, of the planner, and of the joint loop, whose command is in force.
+# Reaction time counts the interval of the camera, and those of the planner and of the joint loop, which read. The
+# camera and perception have the same interval. So both sums have the same three intervals and the same execution times,
+# and both means are equal.
 #
-# Are the two times also spread in the same way? To test this, let the execution times vary from run to run, which is
-# called **jitter**, and let some results get lost. With jitter, one of two parallel workers can overtake the other. The
-# simulation then drops the late result of the older picture.
+# Do both times also have the same distribution, which means that each value is equally frequent in both? To test this,
+# let the execution times vary from run to run, which is called **jitter**, and let some results get lost. With jitter,
+# one of two parallel workers can overtake the other. The simulation then drops the late result of the older picture.
 
 # %%
 show("reaction_is_age")
@@ -270,9 +271,9 @@ show("start_when_free")
 # %% [markdown]
 # Every change costs computing. **Utilisation** is the share of a core, one processor of the computer, that a stage
 # keeps busy: execution time divided by interval. With several workers it can be above 1. The table lists what each
-# change of one stage saves by the formula of section 1, and how many more cores it needs. The change that saves most
-# per core comes first. Changes that break a hard deadline are not listed. For example, a joint loop that starts when a
-# plan arrives would be silent for a tenth of a second.
+# change of one stage saves, computed with the formula of section 1, and how many more cores it needs. The change that
+# saves most per core comes first. Changes that break a hard deadline are not listed. For example, a joint loop that
+# starts when a plan arrives would be silent for a tenth of a second.
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -296,9 +297,9 @@ table(
 # prediction is right if the velocity stays constant. If the part accelerates by $a$, an error of $\tfrac12 a A^2$
 # remains.
 #
-# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age. The prediction
-# then has an additional error, because the true age is sometimes larger and sometimes smaller: the speed times the
-# standard deviation of the age.
+# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, but the true age
+# is sometimes larger and sometimes smaller. So the prediction has an additional error. Its standard deviation is the
+# speed times the standard deviation of the age.
 #
 # If a control loop uses old data, it can become unstable. Let the arm swing at $f$ Hz. During the delay $A$ the arm
 # goes through $f A$ cycles of its swing. So the answer of the loop comes $f A$ cycles late. As an angle, this **phase
@@ -523,13 +524,13 @@ plt.show()
 show("deep_queue")
 
 # %% [markdown]
-# What happens in overload if the queue has no limit? Let a sample come every $T$, and let each need the longer time
-# $C$. The stage is always busy, so a result comes every $C$. But the sample behind it is only $T$ newer than the one
-# before. So from result to result the age grows by $C - T$, as long as the robot runs.
+# What happens in overload if the queue has no limit? Suppose that a sample comes every $T$ and needs the time $C$, and
+# that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind it is only
+# $T$ newer than the one before. So from result to result the age grows by $C - T$, as long as the robot runs.
 #
-# The chart above shows both kinds of queue. Lower right: a queue without a limit. The age begins to grow at the dotted
-# line, marked *full*, where $C = T$. Lower left: a queue with a limit. A reader at 9.7 Hz is slower than the camera, so
-# the queue is full. A reader at 33 Hz is faster, so the queue is nearly empty.
+# The chart above shows both kinds of queue. Lower right: a queue without a limit. To the right of the dotted line,
+# marked *full*, $C$ is longer than $T$ and the age grows. Lower left: a queue with a limit. A reader at 9.7 Hz is
+# slower than the camera, so the queue is full. A reader at 33 Hz is faster, so the queue is nearly empty.
 #
 # So a stage in overload needs one of the rules of section 2. Each of them has a cost. In the table a camera stage of 5
 # ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each:
@@ -573,7 +574,8 @@ show("jitter_leaves_the_mean")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used for
-# the first time, log the age of its picture. Plot these ages over ten minutes: one point for each plan.
+# the first time, log the age of its picture. Plot these ages over ten minutes: one point for each plan. Each line names
+# what you can see there, and then the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
 # * The age rises slowly and falls at once, again and again: clocks that drift.

@@ -725,9 +725,10 @@ predict("heavy_on_light")
 # <details><summary>Why this is Coulomb's law: three cases</summary>
 #
 # If $p$ lies inside the cone, the step must change nothing: $\tilde u = 0$, so the contact sticks. If $p$ lies on the
-# cone's surface, $\tilde u$ must be perpendicular to the surface there. Then $u_t$ points straight against $p_t$, and
-# $\tilde u_n = \mu\lVert u_t\rVert$; the added term is exactly this, so $u_n = 0$. If $p = 0$, it stays zero for
-# $\tilde u_n \ge \mu\lVert u_t\rVert$, which says $u_n \ge 0$: the contact opens.
+# cone's surface, $\tilde u$ is zero, and the contact just sticks, or it is perpendicular to the surface there. Then
+# $u_t$ points straight against $p_t$, and $\tilde u_n = \mu\lVert u_t\rVert$; the added term is exactly this, so
+# $u_n = 0$. If $p = 0$, it stays zero for $\tilde u_n \ge \mu\lVert u_t\rVert$, which says $u_n \ge 0$: the contact
+# opens.
 #
 # </details>
 #
@@ -1248,10 +1249,18 @@ TradeOff(mine)
 #
 # All models take steps of 2 ms; *good* means an error within the scene's tolerance. The *compiled loop* is the
 # course's sweep, compiled and started warm. *Discrete* is a MuJoCo integrator that is implicit in positions and
-# velocities. `python -m course.charts contact_table` measures it again.
+# velocities. Compare times only among compiled programs (MuJoCo, the compiled loop), or only among the course's other
+# models, in NumPy. `python -m course.charts contact_table` measures it again.
 # %% tags=["hide-code"]
 rows = [line for line in read("contact_table").splitlines() if line[:8].strip() in charts.QUESTIONS]
-retained = ("penalty", "exact", "true cone (N", "MuJoCo Newton, elliptic ", "MuJoCo Newton, hard")
+retained = (
+    "penalty",
+    "exact",
+    "true cone (N",
+    "sweeps, comp",
+    "MuJoCo Newton, elliptic ",
+    "MuJoCo Newton, hard",
+)
 figures(
     read("contact_table"),
     "scene",
@@ -1262,8 +1271,7 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
 # The penalty's stiffness is chosen for the tolerance of each scene. Where this makes $\omega h$ of the lightest body
-# too large, it fails. Compare times only among compiled programs (MuJoCo, the compiled loop), or only among the
-# course's other models, in NumPy.
+# too large, it fails. Sweeps that start warm carry the heavy body (the compiled loop); ten from zero do not.
 #
 # <details><summary>What the columns for time and iterations count</summary>
 #
@@ -1299,8 +1307,7 @@ more_claims("coal_is_the_truth")
 #   one.
 # * **Learning in thousands of worlds:** measure the throughput; this chapter does not.
 # * **Small stacks, exact standstill, large mass ratios without tuning:** the rigid law, solved with Newton's method or
-#   pivots. Sweeps are fine if light bodies stand on heavy ones and
-#   stacks are low.
+#   pivots. Sweeps are fine if they start warm, or if light bodies stand on heavy ones and stacks are low.
 # * **A few compliant contacts, no very light body, no solver at hand:** a penalty, with a step well below its limit
 #   and a depth you accept.
 # * **Games:** one sweep in each of several sub-steps, or ten sweeps with a warm start if mass ratios are small.

@@ -941,6 +941,7 @@ for ax, order in zip(axes, (orders[0], orders[-1]), strict=True):
     ax.set_theta_direction(-1)
     _ = ax.set(ylim=(0.0, 1.0), yticks=[], title=f"own code, area {area(five[order]):.3f}")
     ax.set_xticks(turn[:5], [list(AXES)[k] for k in order], fontsize=8)
+    ax.tick_params(axis="x", pad=12)
 plt.show()
 
 # %% [markdown]

@@ -354,5 +354,9 @@ def test_a_long_text_stops_after_each_screen(place: Place) -> None:
         read = terminal.seen
         terminal.type("\n")
     terminal.until("-- Enter for more --")
+    # What is typed too early is neither taken for the next answer nor lost without a word.
+    terminal.type("probe 1\n")
+    terminal.until("was not used: type it again at the next prompt")
+    terminal.until("-- Enter for more --")
     terminal.end("ctrl-c")
     assert "Stopped." in terminal.text

@@ -7,7 +7,7 @@ from course import charts
 
 def test_what_lowers_and_what_lifts_success() -> None:
     gap, width = charts.stored("success_over_gap")
-    assert gap["no range"].y[-1] < gap["range 0.4"].y[-1] < 0.7 < gap["identified"].y[-1]
+    assert gap["no range"].y[-1] < gap["range 0.4"].y[-1] < 0.7 < gap["true parameters"].y[-1]
     assert max(gap["no range"].y) < min(gap["range 1"].y[:4])
     assert min(width["simulator's own arm"].y) > 0.99
     twin = width["MuJoCo's twin"]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from course.measure.success import paired
+from course.measure.success import paired, trials
 from course.sim_to_real import plants, real, rollouts, tasks
 from course.sim_to_real.transfer import (
     KINDS,
@@ -19,7 +19,6 @@ from course.sim_to_real.transfer import (
     reached,
     subsets,
     transfer_bound,
-    trials,
 )
 from tests.budget import examples
 

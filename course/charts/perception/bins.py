@@ -124,7 +124,11 @@ def small_parts(
     for stage in STAGES:
         y = [float(np.median([run[stage] for run in row])) for row in runs["as in a tutorial"]]
         message = ", ".join(f"{1e3 * s:g} mm {n:.0f}" for s, n in zip(sizes, y, strict=True))
-        retained.series.append(Series(stage, 1e3 * np.array(sizes), y, note=f"{stage}: {message}"))
+        # A triangle already means that no point is left.
+        marker = "X" if stage == "clustered" else None
+        retained.series.append(
+            Series(stage, 1e3 * np.array(sizes), y, marker=marker, note=f"{stage}: {message}")
+        )
     yield retained
     best = Panel("The smallest cube found", "side of the cube [mm]")
     least = []

@@ -146,7 +146,7 @@ def global_registration(
         panel = Panel(
             f"Median error, {title}",
             "processor time of a pose [s]",
-            "error at 50 mm [m]",
+            "error of a point at 50 mm [m]",
             scale="log",
             lines=[("y", 2e-3, "2 mm")],
             footer=machine(libraries=("open3d",)),
@@ -168,7 +168,6 @@ def global_registration(
                     [float(np.median(one[:, 1])) for one in made],
                     style="-" if label == "locate" else "--",
                     hollow=label != "locate",
-                    tags=[f"{share:.0%}" for share in shares],
                     note=f"{name}, {label}: {settings}",
                 )
             )

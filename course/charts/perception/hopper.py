@@ -39,7 +39,7 @@ def hopper_errors(logs: int = 200, samples: int = 300) -> Iterator[Panel]:
     consistency = Panel(
         "Normalised squared error",
         "time [s]",
-        "median of the logs",
+        "median of the runs",
         scale="log y",
         lines=[("y", 1.386, "consistent")],
     )

@@ -70,7 +70,7 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
             end.append(math.degrees(math.atan2(fit.R[1, 0], fit.R[0, 0])))
         # The first turn from which ICP ends in another of the equal poses.
         edge = float(degrees[np.argmax(np.abs(end) > 90.0 / n)])
-        message = f"{n} sides: starts from {edge:.1f} degrees do not reach the right pose"
+        message = f"{n} sides: starts from {edge:.1f} degrees do not reach the marked pose"
         home.series.append(Series(f"{n} sides", degrees, end, style="", note=message))
     pose = compose(TABLE[:, None], np.array([[0, 0, 0.03, 1, 0, 0, 0]]).T)[:, 0]
     pose = turned_by(pose, 0, 0, 0, 0, 0, 0.5)
@@ -162,6 +162,7 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
         "Shared noise: the spread grows with the window",
         "width of the matching window [pixels]",
         "spread of the pose / spread with independent pixels",
+        theory="width of the window",
     )
     # Noise that is shared within a window: its effective number of pixels is smaller.
     ratios = np.array([laid_again(BOX, 0.5, 0.7, w, True, runs)[1] for w in windows])
@@ -213,8 +214,8 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
                 reach = float(np.hypot(turned[0], 0.08 * turned[1]))
                 result.setdefault("quarter turn", []).append((reach, fit.residual, through))
     text = (
-        (1, "The residual reveals only the quarter turn", "residual [m]"),
-        (2, "See-through reveals some cut-off ones, too", "see-through share"),
+        (1, "The residual clearly reveals only the quarter turn", "residual [m]"),
+        (2, "See-through also reveals some of the cut-off ones", "see-through share"),
     )
     for column, title, label in text:
         panel = Panel(

@@ -410,7 +410,11 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
     panels = []
     lost = "lost or crashed"
     for title, kinds, parts in (
-        ("Models that cannot exist", ("impossible",), ("refused or warned", "swallowed or crashed")),
+        (
+            "Models that cannot exist",
+            ("impossible",),
+            ("refused or warned", "swallowed or crashed"),
+        ),
         ("Files that break the format", ("broken",), ("refused or warned", "swallowed or crashed")),
         ("Features", ("feature",), ("kept", lost)),
     ):

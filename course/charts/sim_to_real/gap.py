@@ -54,7 +54,7 @@ def success_over_gap(n: int = 1000, observed: int = 256) -> Iterator[Panel]:
                 note=f"{label}: {message}",
             )
         )
-    for label, kind in (("identified", "known"), ("identified, range 0.4", "both")):
+    for label, kind in (("true parameters", "known"), ("true, range 0.4", "both")):
         rates = [
             float(rollouts(real(g, LATE), record[kind][k, 0], posed).rate)
             for k, g in enumerate(GRID)
@@ -253,15 +253,23 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
     shares = sim_to_real.attribution(value)
     panel = Panel(
         "Value of correcting a parameter, by its turn",
-        "0: as the first, 1: average of all orders, 2: as the last",
+        "when the parameter is corrected",
         "change of the success rate",
+        xlim=(-0.4, 2.4),
         ticks=(0, 1, 2),
+        tick_names=("as the first", "average", "as the last"),
         lines=[("y", 0.0, "")],
     )
     for part in ORDER:
         message = ", ".join(f"{change:+.2f}" for change in shares[part])
         panel.series.append(
-            Series(part, (0, 1, 2), shares[part], note=f"{part}: alone, average, last {message}")
+            Series(
+                part,
+                (0, 1, 2),
+                shares[part],
+                style="",
+                note=f"{part}: alone, average, last {message}",
+            )
         )
     yield panel
 
@@ -352,7 +360,7 @@ def late_commands(n: int = 200, points: int = 31, observed: int = 64) -> Iterato
             ),
         ],
     )
-    panel = Panel("MuJoCo's own delay fails where ours does", "delay [ms]", "success")
+    panel = Panel("Success against the delay, ours and MuJoCo's", "delay [ms]", "success")
     some, ms = tasks(observed, SEEN), range(0, 33, 4)
     for label, k in (("no range", 0), ("range 1", 10)):
         sets = recorded()["range"][k, 0]

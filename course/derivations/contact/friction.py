@@ -239,9 +239,18 @@ def pyramid_slips(result):
     result.statement_holds(
         slips(0.0),
         only_if="the load is above the cone's divided by |cos(t)| + |sin(t)|, with t its angle to "
-        "an edge",
-        inside=[slips(angle, 1.001 * share(angle)) for angle in between],
-        outside=[slips(angle, 0.999 * share(angle)) for angle in between],
+        "an edge, and not above the cone's own",
+        # Above the cone's own load the object slips with any friction law: not the pyramid's doing.
+        inside=[
+            slips(angle, load) and not slips(angle, load, "coulomb")
+            for angle in between
+            for load in (1.001 * share(angle), 0.999)
+        ],
+        outside=[
+            slips(angle, load) and not slips(angle, load, "coulomb")
+            for angle in between
+            for load in (0.999 * share(angle), 1.001)
+        ],
     )
     t = np.radians(degrees)
     result.correction_holds(

@@ -431,7 +431,7 @@ def refsafe_keeps_it_stable(result):
     result.statement = f"In theory {soft_limit(low):.4f}, with refsafe {measured:.4f} T."
     result.statement_holds(
         calm(low, 1.0, True),
-        only_if="the damping ratio is 1/sqrt(8) or more, and larger still where a body touches at "
+        only_if="the damping ratio is above 1/sqrt(8), and larger still where a body touches at "
         "several points or its impedance is low",
         inside=[calm(z, s * soft_limit(z), True) for z, s in zip(high, shares, strict=True)]
         + [moves(rests, n) < 1e-3 for n in (1, 3)]

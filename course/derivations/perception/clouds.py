@@ -18,8 +18,8 @@ SYMBOLS = {
     "A flat part that faces the camera has about a sixteenth of the pixels if it is half as wide "
     "and high, and twice as far away.",
     "A square of side a that faces the camera has (f a / z)^2 pixels, give or take a row and a "
-    "column. One of {side_mm:.0f} mm at {far:.0f} m has {pixels:.0f} pixels of an image that is "
-    "{wide:.0f} pixels wide, and {near:.0f} at half of that distance. If it is tilted in the "
+    "column. With a focal length of {focal:.0f} pixels, one of {side_mm:.0f} mm at {far:.0f} m has "
+    "{pixels:.0f} pixels, and {near:.0f} at half of that distance. If it is tilted in the "
     "middle of the image, multiply by the cosine of the tilt. Elsewhere it shows more or less of "
     "itself.",
 )
@@ -27,6 +27,7 @@ def small_parts_have_few_pixels(result):
     from course.perception import Camera, render, shape
 
     eye = Camera.symmetric(int(result.input("wide", 640)), 480, 1.0)
+    result.measure("focal", eye.fx)
 
     def counted(side, z, tilt=0.0, y=0.0):
         turn = np.cos(tilt / 2), np.sin(tilt / 2), 0, 0

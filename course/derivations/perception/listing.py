@@ -255,10 +255,10 @@ def pipeline_keeps_up(result):
     "{turn_deg} degrees leave enough for fingers that are {narrow:.0f} mm wide, but not for "
     "{wide:.0f} mm.",
     ask=(
-        "Two parallel fingers close on a part of width W. Along the part, the fingers are b wide, "
-        "and the part is longer than b. The part is turned by t, and at the middle of the fingers "
-        "its middle line lies e to the side. To clear the part, each finger must start farther "
-        "from the middle than W/2. By how much?",
+        "Two parallel fingers are about to close on a part of width W. Each finger is b wide, and "
+        "the part is longer than b. But the part is turned by the angle t, and half-way between "
+        "the fingers its middle line is off by e. To clear the part, each finger must start "
+        "farther from the gripper's middle than W/2. How much farther?",
         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)",
         {
             "e": "A turned part is wider between the fingers.",

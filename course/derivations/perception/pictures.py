@@ -16,7 +16,7 @@ SYMBOLS = {
 
 
 @claim(
-    'One number on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise at all '
+    'One entry on a data sheet, such as "1 to 3 mm", describes a depth camera\'s noise at all '
     "distances.",
     "The noise is {formula}, which depends on the distance: a sensor with a focal length of "
     "{focal:.0f} pixels, a baseline of {base_mm:.0f} mm and a tenth of a pixel of noise has "

@@ -40,7 +40,7 @@ def after_mending(part, gap, delay, seeds=(0, 1, 2)):
 @claim(
     "Measuring a parameter and setting it beats randomising it.",
     "At gap 1, counted on other tasks than in the chart, gains tuned on the true parameters "
-    "succeed in {known:.0%} of the reaches, gains of the widest range in {wide:.0%}, gains tuned "
+    "succeed in {known:.0%} of the reaches, gains of range 1 in {wide:.0%}, gains tuned "
     "without randomisation in {none:.0%}, and gains tuned with only the true delay in {one:.0%}. "
     "At gap {near} the true parameters give {known_near:.1%} and randomising {wide_near:.1%}: "
     "there randomisation is as good and needs no robot.",
@@ -114,7 +114,7 @@ def mended_parameter(result):
 def trials_to_tell(result):
     import sympy
 
-    from course.sim_to_real import trials
+    from course.measure.success import trials
 
     z, p, d, n = sympy.symbols("z p d n", positive=True)
     # Two-sample test: the variance of a difference of two rates is 2 p (1 - p) / n.
@@ -137,8 +137,8 @@ def trials_to_tell(result):
 @claim(
     "A delayed command makes the arm swing more and more.",
     "With joint 1 locked, the margin of joint 2 is "
-    "{margin_ms:.1f} ms with gains tuned without delay, and {ranged_ms:.1f} ms with those of the "
-    "widest range. When joint 1 is free it recoils, joint 2 feels a smaller inertia, and the arm "
+    "{margin_ms:.1f} ms with gains tuned without delay, and {ranged_ms:.1f} ms with those of "
+    "range 1. When joint 1 is free it recoils, joint 2 feels a smaller inertia, and the arm "
     "starts to oscillate at {both_ms:.1f} ms with the elbow at {elbow} rad, and at {folded_ms:.1f} "
     "ms at {more} rad. Dry friction stops a small oscillation.",
 )
@@ -185,10 +185,10 @@ def fitted(seed=0, **changed):
 
 
 @claim(
-    "Every fitted parameter is wrong by less than twice the half-width of the fit's 95 % "
-    "confidence interval.",
+    "Except by rare chance, a fitted parameter is wrong by less than twice the half-width of the "
+    "fit's 95 % confidence interval.",
     "The interval is computed from the slopes and assumes that the model is right and the noise "
-    "white. Even then about one parameter in {one_in:,.0f} lies outside by chance. With {friction} "
+    "white. Then only about one parameter in {one_in:,.0f} lies outside by chance. With {friction} "
     "N m of dry friction in the arm and none in the model the worst parameter is {wrong:.1%} "
     "wrong, although the fit claims {claimed:.2%}.",
 )
@@ -539,9 +539,10 @@ def camera_off(result):
 
 @claim(
     "Several differences together cost the sum of what each costs alone.",
-    "At gap 1 the load costs {load:.0%} of the reaches and the motor {motor:.1%}; together they "
-    "cost {pair:.0%}. At gap {near} with {late_ms:.0f} ms the load costs {light:.0%} and the delay "
-    "{delay:.0%}; together they cost {both:.0%}, because a heavier arm tolerates a later command.",
+    "On one set of tasks at gap 1 the load costs {load:.0%} of the reaches and the motor "
+    "{motor:.1%}; together they cost {pair:.0%}. At gap {near} with {late_ms:.0f} ms the load "
+    "costs {light:.0%} and the delay {delay:.0%}; together they cost {both:.0%}, because a heavier "
+    "arm tolerates a later command.",
 )
 def losses_add(result):
     from course.sim_to_real import mended, real, recorded, rollouts, tasks

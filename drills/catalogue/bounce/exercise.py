@@ -14,7 +14,14 @@ from drills.attempt import Attempt
 from drills.case_judge import WHOLE, Answer, Case, coarse, judge_of, largest_error
 from drills.chart import chart_of
 from drills.chart_plan import Plan
-from drills.exercise import Exercise, Slip, coarse_slips, slips, value_slips
+from drills.exercise import (
+    Exercise,
+    Slip,
+    coarse_slips,
+    slips,
+    value_slips,
+    worked_answer,
+)
 from drills.grade_report import Shown
 from drills.reasons import Reason
 
@@ -23,7 +30,7 @@ CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights 
 
 def cases(rng: np.random.Generator) -> list[Case]:
     """Return cases that end in flight, on the floor, after one impact or after many."""
-    from solutions.rigid_body import bounce_step
+    bounce_step = worked_answer("bounce")
 
     def between(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
@@ -218,7 +225,7 @@ def dropped(attempt: Attempt) -> Plan:
 
 def flight(figure: Any, shown: Shown) -> None:
     """Plot the height over the step; where it ends, and where the answer says so."""
-    from solutions.rigid_body import bounce_step
+    bounce_step = worked_answer("bounce")
 
     y, v, dt, e, gravity = (*shown.args, 9.81)[:5]
     axes = picture.plane(figure, "time [s]", "height [m]")

@@ -19,7 +19,7 @@ SETPOINT = 0.5  # rad
 
 def sampled(attempt: Attempt) -> Plan:
     """Return the same loop, sampled ever faster, against the loop in continuous time."""
-    from course.drills import PID, closed_loop
+    from course.control import PID, closed_loop
     from course.oracles.mujoco.joint import MotorJoint
 
     inertia, damping, tau, every, looks, speed = 0.05, 0.1, 0.02, 0.04, 30, 8.0

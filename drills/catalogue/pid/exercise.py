@@ -614,7 +614,7 @@ def _plant(rng: np.random.Generator, speed: float, side: float = 0.0) -> Plant:
 
 
 def _loops(attempt: Attempt) -> None:
-    from course.drills import ExactJoint, closed_loop
+    from course.control import ExactJoint, closed_loop
 
     for dt, speed in attempt.rng.permutation(RATES).tolist():
         plant = _plant(attempt.rng, speed)
@@ -671,7 +671,7 @@ def _settled(
 
 
 def _jam(attempt: Attempt, side: float) -> None:
-    from course.drills import closed_loop
+    from course.control import closed_loop
     from course.oracles.mujoco.joint import MotorJoint
 
     dt, speed = JAM_RATE
@@ -715,7 +715,7 @@ def _jam(attempt: Attempt, side: float) -> None:
 
 def _reference_controller(numbers: Numbers) -> Any:
     """Return the worked answer's controller."""
-    from course.drills import PID
+    from course.control import PID
 
     return PID(*numbers.arguments())
 
