@@ -159,6 +159,10 @@ def test_a_disagreement_is_not_folded(monkeypatch):
 @pytest.mark.parametrize("topic", TOPICS)
 def test_the_file_of_a_chapter_is_whole(topic):
     assert len(cards.vocabulary(topic)) == len(set(map(str.lower, cards.vocabulary(topic))))
+    # Another word is none of the chapter's own terms, and leads to one of them.
+    names = set(map(str.lower, cards.vocabulary(topic)))
+    assert not names & {word.lower() for word in cards.synonyms(topic)}
+    assert {term.lower() for term in cards.synonyms(topic).values()} <= names
     answerable = {item.id for item in derivations.claims() if item.formula}
     assert len(cards.gate(topic)) >= 3 and set(cards.gate(topic)) <= answerable
     labels = []
