@@ -395,8 +395,11 @@ predict("out_of_the_box")
 # To compare engines rather than their defaults, all engines must simulate the same thing. The list of fair settings
 # does two things. First, it removes what an engine changes in the scene: it adds air resistance, motors, or inertias
 # that are not in the file, combines friction coefficients by a rule of its own, or restarts a failed run (`autoreset`).
+#
 # MuJoCo also changes the **friction cone**, the set of contact forces that friction allows. By Coulomb's law it is
-# round. MuJoCo's default is a **pyramid** inside it, because flat sides are easier to compute with. Second, the list
+# round. MuJoCo's default is a **pyramid** inside it, because flat sides are easier to compute with.
+#
+# Second, the list
 # sets how stiff a contact is, since no scene says so. In MuJoCo these are the settings `impratio`, `solref` and
 # `solimp`. In Drake it is the stiffness of a contact **patch**, the area on which two bodies touch (section 2).
 #
@@ -703,11 +706,10 @@ print_figures(
 #
 # </details>
 #
-# Here are seven jobs with their needs. Most needs are limits on the numbers of the two charts above, all at 1 ms;
+# Here are seven jobs with their needs. Most needs are limits on the numbers of the two charts, all at 1 ms;
 # another step can change a pick. Two more facts are not in the charts: the share of faulty models that an engine
 # rejects or warns about (*faults reported*, section 7), and whether `make lab`, which opens this course, installs it.
-# (RL is reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's simulator Isaac
-# Sim.)
+# (RL is reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's Isaac Sim.)
 
 # %%
 facts = jobs.facts()
@@ -729,7 +731,7 @@ table(("Job", "Needs", "Pick", "Why"), rows)
 # Three jobs have an answer, each time MuJoCo. (*RL training, for speed* compares the cost of a single world on a CPU.
 # Many worlds on a GPU were not measured.) For *Manipulation research*, a tighter limit on the largest error of *brake*
 # would rule out MuJoCo, because its block hops. PyBullet already fails the grasp, so the cheapest of the others is
-# Drake. Four jobs have no answer. They need something that was not measured here, so the table only names
+# Drake. Four jobs have no answer. They need something that was not measured, so the table only names
 # documentation.
 #
 # <div class="alert alert-block alert-success">
@@ -755,7 +757,7 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Many tools need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it stores a model, and how
+# Many tools need an NVIDIA GPU and can't run here. Know what each one is *for*, how it stores a model, and how
 # it solves contact.
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse (force times step)
@@ -1133,7 +1135,9 @@ print_figures(
 # Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. (Drake's
 # best scheme here is of order three, and PyBullet has Euler only.) On the arm, Euler costs over three times as much as
 # RK4. On this short chain, both cost about the same; on the chain of 2 s, Euler needs a step five times shorter, and
-# RK4 wins. The tolerance of the short tumble is loose, so Euler with a long step is enough. With contact, a cheap step
+# RK4 wins. The tolerance of the short tumble is loose, so Euler with a long step is enough.
+#
+# With contact, a cheap step
 # wins. Our solver is exact on the tower, but its step costs over a hundred times as much, because it runs in Python.
 # (Without contact our loops are compiled.)
 #
@@ -1385,7 +1389,9 @@ for name, share in least.items():
 # PyBullet has no threshold at 1 ms: the part counts as held at some squeezes, and is dropped at a larger one. *Held*
 # says little here. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second (section 3). The
 # reason is that PyBullet's sweeps end with most of the force on one corner of a finger. This satisfies Coulomb's law,
-# since four corners can share a load in many ways. But the part swings about that corner. At 2 ms and more, PyBullet
+# since four corners can share a load in many ways. But the part swings about that corner.
+#
+# At 2 ms and more, PyBullet
 # has a threshold, too. As shipped, it drops the part at every squeeze, because default motors hold the fingers back.
 #
 # <details><summary>PyBullet as shipped</summary>
@@ -1508,7 +1514,9 @@ more_claims("limit_is_a_wall")
 # The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
 # library for robot dynamics. A wide blue bar counts the files that a reader refused or warned about. The narrow orange
 # bar counts those that it swallowed or that made it crash. Repaired files are in neither bar. (The claim below counts
-# them as swallowed.) The panel of broken formats includes two files that URDF allows: a link without `inertial`, and
+# them as swallowed.)
+#
+# The panel of broken formats includes two files that URDF allows: a link without `inertial`, and
 # one with zero inertia. We count them as faults because here the link moves. The lower panel is about valid files:
 # which features does a reader keep, and which does it lose?
 #
