@@ -48,6 +48,11 @@ def test_formulas_are_found_and_units_left_alone(text, set_):
     assert tex(text) == (text if set_ is None else set_)
 
 
+def test_a_chapter_calls_its_step_by_one_name():
+    assert tex("kp < 2 J/dt", "control") == r"kp $\lt 2 J/dt$"
+    assert tex("kp < 2 J/dt", "rigid_body") == tex("kp < 2 J/dt") == r"kp $\lt 2 J/h$"
+
+
 def test_every_corrected_statement_can_be_set():
     for item in derivations.claims():
         result = tex(item.corrected)
