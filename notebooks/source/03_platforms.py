@@ -154,7 +154,7 @@ Image(film.getvalue(), format="png")
 # separately along two fixed directions on the floor, the **axes of the contact**, because this is easier to compute.
 # The block is launched at 22.5 degrees to one of them. The fingers press with 1.02 times the smallest force that can
 # hold the part. The heights of Drake's and PyBullet's blocks were not recorded. In a similar run they hardly left the
-# floor (section 3), so they are drawn on it. The thin lines are the paths of the blocks' lower edges.
+# floor, so they are drawn on it. The thin lines are the paths of the blocks' lower edges.
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher with
 # the stiff contacts used here. **Towers sag**: a soft contact yields under load, so the cubes overlap. **Parts creep**:
@@ -254,8 +254,9 @@ for key, (what, truth) in KNOWN.items():
 table(("Scene", "What happens", "Truth", "Lasts", "Tolerance"), rows)
 
 # %% [markdown]
-# A *tight reference* is a run of an accurate integrator from chapter 1. Its error is far below all errors that this
-# page compares. These durations are those of section 3. Errors grow during a motion, so compare two of them only if the
+# A *closed form* is an exact formula. A *tight reference* is a run of an accurate integrator from chapter 1; its error
+# is far below all errors that this page compares. An error in mrad is an angle: of the body, or of the joint that is
+# furthest off. These durations are those of section 3. Errors grow during a motion, so compare two of them only if the
 # durations are equal. The simulation, the cards and section 6 have other durations, which are given there.
 #
 # Some scenes have variants. *Brake* is launched along an axis of the contact (0 degrees), or at 22.5 degrees to it.
@@ -386,7 +387,7 @@ show("halving_halves")
 # Description Format), the XML file in which robots are exchanged. It describes links, joints, masses and shapes, and it
 # can limit the range of a joint, and give the joint damping and friction. It says nothing about time stepping, contact
 # softness or air resistance, and little about motors. **MJCF**, MuJoCo's own XML format, can say these things, but most
-# files leave some of them open. Whatever the file leaves open, the simulator's authors have chosen for you.
+# files leave some of them open. The simulator's authors have chosen the rest for you.
 
 # %%
 predict("out_of_the_box")
@@ -1160,10 +1161,10 @@ print_figures(
 )
 
 # %% [markdown]
-# The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python. A step then takes
-# less time than with one call for each step. For these three, the panel shows the share that 100 steps per call save.
-# On small chains this is about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. On
-# a small scene, a measured rate therefore says little about how fast the engine moves bodies.
+# The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python, which saves time.
+# For these three, the panel shows which share of the time 100 steps per call save. On small chains this is about half
+# or more, and in our compiled loop nearly all. PyBullet makes one step per call. On a small scene, a measured rate
+# therefore says little about how fast the engine moves bodies.
 #
 # <details><summary>How PyBullet's curve was measured</summary>
 #
@@ -1316,9 +1317,12 @@ predict("part_that_sinks")
 # The creep speed follows from two effects. First, a soft contact yields to the load $f_t$ along its surface: in MuJoCo,
 # the sliding speeds up by $R_t f_t$ per second. The factor $R_t$ [1/kg] is the **compliance** of the contact, its
 # softness. Second, the contact damps the sliding: at the speed $v$, it slows down by $b\,v$ per second. The damping
-# rate $b$ [1/s] follows from `solref`. In steady creep the two effects cancel, so $v = R_t\,f_t/b$. A harder contact
+# rate $b$ [1/s] follows from `solref`. In steady creep the two effects cancel, so $v = R_t\,f_t/b$.
+#
+# A harder contact
 # has a smaller compliance. (Its hardness, set by `solimp`, is called the **impedance** $d$.) Lighter bodies have a
-# larger compliance, and the option `impratio` divides it.
+# larger compliance, and the option `impratio` divides it. The chart also shows
+# **noslip** with 3 iterations, a second pass after the solver that reduces the remaining sliding.
 #
 # ![Creep of a block and a part against impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
@@ -1333,7 +1337,6 @@ print_figures(
 )
 
 # %% [markdown]
-# **Noslip** is a second pass after the solver that reduces the remaining sliding; the chart runs it with 3 iterations.
 # For the elliptic cone, the law agrees with the simulation to many digits over a factor of 300 in `impratio`. (The
 # chart has MuJoCo's default `solref` and `solimp` and presses with 6 N. The fair grasp of section 3 is stiffer and
 # creeps more slowly. Our code doesn't creep.)
@@ -1381,10 +1384,10 @@ for name, share in least.items():
 # stricter. There, a part that creeps by a millimetre in half a second isn't held, so MuJoCo as shipped passes here and
 # fails there.
 #
-# At 1 ms, MuJoCo and Drake have a threshold: a force above which the part is always held. So has our code at 8 ms. Our
-# code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold down to 0.98 of it. There the part sinks
-# by 12 mm in half a second, the patches tilt, and the reported forces leave the cone by 2 %. The part counts as held
-# only because it sinks evenly.
+# At 1 ms, MuJoCo and Drake have a threshold: the part is held at every squeeze above it. So has our code, which ran at
+# 8 ms only. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold down to 0.98 of it. There
+# the part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave the cone by 2 %. The part
+# counts as held only because it sinks evenly.
 #
 # PyBullet has no threshold at 1 ms: the part counts as held at some squeezes, and is dropped at a larger one. *Held*
 # says little here. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second (section 3). The
