@@ -19,11 +19,14 @@ predict("perfect_eye")
 simulation("pipeline")
 
 # %% [markdown]
-# Each arrow is what making one stage ideal takes away from the final error. The panel says
-# *perceive* for perception, *move* for physics and *picture* for a camera image. *Tip to target* is the distance now.
-# *Largest stable dt* holds for the posture in which the first plan ends. The other values describe the whole run.
-# (Section 1 explains the age, section 2 *cured*, section 7 the stable dt and *energy from nowhere*.) The range behind
-# *successes* is where the true rate plausibly lies.
+# The panel counts five **stages**: *perceive* (perception finds the target in camera images), *age* (how old that
+# result is), *plan*, *control* and *move* (physics, the motion itself). If one of them were perfect, a part of the
+# final error would disappear. Its arrow shows this part.
+#
+# A *picture* is a camera image. *Tip to target* is the distance at the time shown: large at the start of a run, small
+# at its end. *Largest stable dt* is the largest stable physics step for the posture at the end of the first plan. The
+# range behind *successes* is where the true success rate plausibly lies. Section 1 explains the age, section 2 *cured*,
+# section 7 stable steps and *energy from nowhere*.
 #
 # **After this chapter you can**
 #
@@ -36,15 +39,14 @@ simulation("pipeline")
 #
 # ## How this chapter works
 #
-# Each section explains an idea, asks you a question about it, and shows the answer. A card with a common claim offers
-# three verdicts: *true*, *false*, and *only under a condition*. Choose the third if the claim needs a condition that
-# it does not state. Measured numbers come from a cell on this page, or from a check that you can run yourself with
-# `python -m course.derivations 11`. Derivations and further claims are folded away.
+# A card with a common claim offers three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
+# the claim needs a condition that it does not state. Measured numbers come from a cell on this page, or from a check:
+# `python -m course.derivations 11` runs them all. Derivations and further claims are folded away.
 #
-# **The task.** A planar arm with two links has to bring its tip to a slowly moving target without touching any of the
-# discs in its way. A run lasts 4 s. It succeeds if the tip then is within 20 mm of the target, half the opening of a
-# gripper. We leave out the third dimension, elastic joints, the hand, and contact. Camera images appear only where a
-# library replaces perception (section 3) and in section 6. These exercises wait in section 8:
+# **The task.** A planar arm with two links has to bring its tip to a slowly moving target without touching
+# any disc. A run lasts 4 s. It succeeds if the tip is then at most 20 mm from the target, half the opening of a
+# gripper. We leave out the third dimension, elastic joints, the hand, and contact. Camera images appear only in
+# sections 3 and 6. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -101,9 +103,9 @@ scenario, settings = Scenario(), Settings()
 # ### From a target to a torque
 #
 # A robot that reaches for something repeats four stages. **Perception** estimates where the target is. **Planning**
-# finds a collision-free path and gives it a timing. **Control** compares the arm with that path and computes torques.
-# **Physics**, in reality or in a simulator, turns torques into motion. Two loops lead back: the joint angles to
-# control, and the motion to the camera.
+# finds a collision-free path and decides how fast to follow it. **Control** compares the arm with that path and
+# computes torques. **Physics** turns torques into motion. Two loops lead back: control measures the joint angles, and
+# the camera sees the motion.
 
 # %% tags=["hide-code"]
 boxes = {
@@ -141,19 +143,21 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# * *Perception* here is the **stand-in** of chapter 7: a model with two parameters instead of rendered images. Each
-#   frame reports the true position plus a constant **bias** and a fresh random **noise**. A Kalman filter smooths the
-#   reports, but does not predict the target to the present.
-# * *Planning* is RRT-Connect from chapter 5, followed by shortcuts and a timing.
-# * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$. Here $r$ is the reference angle of a
-#   joint, $q$ its actual angle. The joint's own friction adds $-c\,\dot q$.
-# * *Physics* integrates the arm with semi-implicit Euler steps.
+# * *Perception* here is the **stand-in** of chapter 7: a model with two parameters instead of rendered images. For each
+#   camera image, called a *frame*, it reports the true position plus an error. The **bias** is the part of the error
+#   that is the same in every frame. The **noise** is random and new in each frame. A Kalman filter smooths the reports,
+#   but does not predict where the target is now.
+# * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet, followed by shortcuts and
+#   a timing.
+# * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$, with the gains $k_p$ and $k_d$ (in
+#   charts: Kp, Kd). Here $\tau$ is the torque of a joint, $r$ its reference angle and $q$ its actual angle. The joint's
+#   own friction adds $-c\,\dot q$.
+# * *Physics* takes semi-implicit Euler steps (section 7).
 #
-# The four stages do not take turns. One scheduler with a resolution of a microsecond calls each of them at its own
-# rate, and each has its own random-number generator. A message, such as the estimate of the target, carries five
-# fields: the value, its covariance, the coordinate frame, the **stamp of capture** (when the image was taken), and the
-# time of arrival. Copy the coordinate frame and the stamp of capture into every message that you send. A later stage
-# cannot recover them.
+# The four stages do not take turns: each runs at its own rate and has its own random-number generator. A message
+# carries five fields: the value, its covariance (how uncertain it is), the coordinate frame, the **stamp of capture**
+# (when the image was taken), and the time of arrival. Copy the coordinate frame and the stamp of capture into every
+# message that you send, because a later stage cannot recover them.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -179,25 +183,23 @@ table(
 )
 
 # %% [markdown]
-# The first frame arrives after the camera's processing time, and the planner starts at once. The planner starts
-# again when the estimated goal has moved by more than the **replanning distance** of 100 mm. Noise causes that in some
-# runs, so the number of plans depends on the seed.
+# The planner starts when the first frame arrives. It starts again whenever the estimated target is more than 100 mm
+# away from the goal of the current plan, the **replanning distance**.
 #
 # ### Time: how old is the data that the arm acts on?
 #
-# Suppose a part moves along a belt at 100 mm/s, and the camera needs 100 ms for each image. The arm aims at where the
-# part *was*. **Latency** is the time that one stage takes, here those 100 ms. The **age** of the data is the time from
-# taking the image to acting on it: all latencies plus all waiting on the way to the motor. A result arrives one latency
-# $L$ after its image and then serves until the next one arrives, one period $T$ later. If nothing predicts the target's
+# Suppose a part moves along a belt at 100 mm/s, and the camera needs 100 ms to process an image. The arm aims at where
+# the part *was*. **Latency** is the time that one stage takes, here 100 ms. The **age** of the data is the time from
+# taking the image to acting on it: all latencies plus all waiting on the way. A result arrives one latency $L$ after
+# its image was taken. It is used until the next result arrives, one period $T$ later. If nothing predicts the target's
 # motion, the arm aims behind the target by
 #
 # $$
 # \text{error} = \text{speed} \times \text{age}, \qquad \text{age between } L \text{ and } L + T .
 # $$
 #
-# **A worked example.** A camera with $L$ = 100 ms and $T$ = 20 ms: the age rises from 100 to 120 ms and falls back. At
-# 100 mm/s the arm aims 10 to 12 mm behind the target. The controller's period adds up to 2 ms, which the table below
-# includes.
+# **A worked example.** With $L$ = 100 ms and $T$ = 20 ms, the age rises from 100 to 120 ms and falls back. At 100 mm/s
+# the arm aims 10 to 12 mm behind the target. Waiting for the controller adds up to 2 ms.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.2), layout="constrained")
@@ -213,11 +215,12 @@ _ = axis.set(xlabel="time [s]", ylabel="age of the data [ms]", ylim=(0, 180), xl
 plt.show()
 
 # %% [markdown]
-# The dotted lines are images in processing: several are under way at the same time. The solid line is the age of the
-# newest result, here with a period of 60 ms so that the teeth can be seen. The next table shows what a shorter latency
-# or period gains for this chapter's target, which moves at 10 mm/s, if the clocks of camera and control are not
-# aligned. The *spread* is the standard deviation of the age. It is not **jitter**, which means that a period or a
-# latency is irregular: here both are constant.
+# Each dotted line is the age of one image while it is processed. Several images are processed at the same time. The
+# solid line is the age of the newest result. Here the period is 60 ms, so that you can see the teeth.
+#
+# The next table is for this chapter's target, which moves at 10 mm/s. It shows what a shorter latency or a shorter
+# period would gain. The clocks of camera and controller are not aligned. The *spread* is the standard deviation of the
+# age. Do not confuse it with **jitter**, a period or a latency that varies. Here both are constant.
 
 # %% tags=["hide-code"]
 speed = 1e3 * np.hypot(*scenario.velocity)  # mm/s
@@ -241,17 +244,19 @@ table(
 )
 
 # %% [markdown]
-# Halving the latency pays most. The period of the camera matters little here because it is much shorter than the
-# latency. Planning time is not in this sum. Between plans, the controller moves the end of its path to the newest
-# estimate, so it need not wait for the planner. If every command waited for a new plan, planning time would count in
-# full.
+# Halving the latency helps most. The camera's period matters little here because it is much shorter than the latency.
+# Planning time is not in this sum: between plans, the controller moves the end of the path to the newest estimate,
+# without waiting for the planner. If each command had to wait for a new plan, the whole planning time would count.
 #
 # An **overrun** is a frame whose processing takes longer than the camera's period. In this chapter that is every frame
-# (100 ms against 20 ms). There are four ways to handle it. A *pipelined* camera has several processors, and the next
-# frame goes to one that is free. The other three have a single processor. A camera that *blocks* takes its next image
-# as soon as the processor is free. With *drop*, images keep their fixed times, and those that find the processor busy
-# are lost. A *queue* stores all frames and processes them in order. In the chart, a frame arrives every 100 ms and
-# takes 250 ms.
+# (100 ms against 20 ms). There are four ways to handle it:
+#
+# * *Pipelined*: there are several processors, and the next frame goes to one that is free.
+# * *Block*: one processor. The camera takes its next image when the processor is free.
+# * *Drop*: one processor. Images are taken at fixed times. An image is lost if the processor is busy at that time.
+# * *Queue*: one processor. Images are taken at fixed times, stored, and processed in order.
+#
+# In the chart, the camera's period is 100 ms, and a frame takes 250 ms.
 
 # %% tags=["hide-code"]
 late = replace(settings, latency=0.25, frame=0.1)
@@ -270,11 +275,11 @@ _ = axis.legend(fontsize=8, ncols=4)
 plt.show()
 
 # %% [markdown]
-# The queue drops nothing, and that is its problem: each new frame waits behind all earlier ones, so the age grows
-# without limit. So its mean depends on the window, here 1 s to 4 s. The other three stay bounded (the queue's line soon
-# leaves the chart). With one processor, blocking gives fresher data than dropping *on average*, because the next image
-# is taken when the processor is free. If $L$ is a multiple of $T$, both are equally fresh. At one instant, such as the
-# end of this run, it may be the other way round.
+# The queue loses no image, and that is its problem. Each new image waits behind all earlier ones, so the age grows
+# without limit. Its mean depends on the seconds that we average, here 1 s to 4 s. The queue's line soon leaves the
+# chart. The other three ages stay bounded. With one processor, *block* gives fresher data *on average* than *drop*,
+# because it takes the next image when the processor is free. If $L$ is a multiple of $T$, both are equally fresh. At a
+# single moment, *drop* may be fresher than *block*, as at the end of this run.
 
 # %%
 more_claims("every_stage_its_clock")
@@ -284,15 +289,15 @@ more_claims("every_stage_its_clock")
 #
 # ### Predict each stage's error
 #
-# An **error budget** lists what each stage adds to the final error. It comes from two sources: a prediction from
-# formulas, and an experiment. If they disagree by more than noise explains, a cause is missing from the list, or a
-# formula is used where it does not hold.
+# An **error budget** lists what each stage adds to the final error. We find these numbers in two ways: with formulas,
+# and with an experiment. If the two differ by more than chance explains, a cause is missing from the list, or a formula
+# does not apply.
 #
 # We start with the arm. A PD law that brakes the joint's own speed resists every motion, also the desired one. Let the
-# reference move at a constant rate $v$, and let $e$ be the steady distance by which the joint stays behind. The torques
-# balance: the $k_p$ term pulls forward with $k_p\,e$ like a spring, while damping and friction pull back with $k_d\,v$
-# and $c\,v$. Solve for $e$. The answer in the cell below is wrong on purpose<span class="kernel-only">; correct
-# it</span>.
+# reference angle grow at a constant rate $v$. After a while the joint follows at the same rate, a constant angle $e$
+# behind the reference. Now the torques balance. The $k_p$ term pulls forward like a spring, with $k_p\,e$. Damping and
+# friction pull back, with $k_d\,v$ and $c\,v$. Solve for $e$. The answer in the cell below is wrong on purpose<span
+# class="kernel-only">; correct it</span>.
 
 # %%
 answer("lag_of_the_arm", "kd*v/kp")
@@ -301,21 +306,20 @@ answer("lag_of_the_arm", "kd*v/kp")
 show("lag_of_the_arm")
 
 # %% [markdown]
-# Here are the other formulas of the budget.
+# Here are the other causes in the budget.
 #
-# * **Bias** reaches the tip unchanged. Here it is constant, so no filter of this camera's frames can see it: they all
-#   have the same error.
+# * **Bias** reaches the tip unchanged. It is the same in every frame, so averaging frames does not remove it.
 # * **Noise** is reduced by the filter first, then by the slow arm. The filter's **noise gain** is the variance of its
-#   output divided by the variance of one frame. While the filter is still learning the target's speed, it also lags a
-#   little. A well damped arm is a **low pass**: it follows slow changes and averages out those that are faster than its
-#   time constant $(k_d + c)/k_p$.
-# * **Age** costs speed times age, as above. A run of 4 s ends just when a new frame arrives, so it is judged at an age
-#   of 120 ms.
-# * **A tilted table** makes the arm sag. The arm moves in a horizontal plane, so gravity normally does not load its
-#   joints. On a tilted table it does, and at rest only the $k_p$ term balances the load: a joint gives way by the
-#   torque of gravity divided by $k_p$.
-# * **The physics step** costs nothing once the arm is at rest. During the motion its error is proportional to the step,
-#   if the step is small.
+#   output divided by the variance of one frame. At first the filter does not know the target's speed, so its output is
+#   also a little behind the target. A well damped arm is a **low pass**: it follows slow changes of the estimate. It
+#   averages out changes that are faster than its time constant $(k_d + c)/k_p$.
+# * **Age** costs speed times age. A run ends at 4 s, just before a new result is used. So the final error belongs to an
+#   age of 120 ms.
+# * **A tilted table** makes the arm sag. On a level table gravity does not load the joints, because the arm moves in a
+#   horizontal plane. On a tilted table it does. At rest only the $k_p$ term carries this load, so a joint gives way by
+#   the torque of gravity divided by $k_p$.
+# * **The physics step** adds an error during the motion. If the step is small, this error is proportional to it. Once
+#   the arm is at rest, the error is gone.
 #
 # **A worked example.** With $k_p$ = 25, $k_d$ = 8 and $c$ = 0.2 (in N m and rad), a joint that follows 0.05 rad/s stays
 # behind by 8.2 · 0.05 / 25 = 0.016 rad. At the end of a link of half a metre that is 8 mm.
@@ -329,33 +333,31 @@ more_claims("filter_calms", "sag_without_kd")
 # %% [markdown]
 # ### Means add up as vectors
 #
-# The second source is an experiment: repeat the same run with the same random numbers, but with one stage **ideal**.
+# Now the experiment. We repeat the same run with the same random numbers, but with one stage **ideal**:
 #
 # * Ideal *perception* has no noise and no bias, so the filter follows each frame at once.
-# * With ideal *age*, every image arrives at once, none is lost, and the estimate is carried to the present.
+# * With ideal *age*, every image arrives at once and none is lost. Between images, the target's position is predicted.
 # * Ideal *planning* takes no time. It plans three times with different random numbers and returns the fastest path.
 # * With ideal *control*, the arm is exactly at its reference. An ideal *arm* has ideal control and physics.
 # * Ideal *physics* takes steps of a quarter of a millisecond.
 #
-# The real final error minus the ideal one is that stage's contribution. The opposite experiment makes all other stages
-# ideal. For small errors, both experiments give the stage the same mean error, but not
-# the same squared error. If an
-# ideal stage turns a failure into a success, we say that it *cures* the run. In code, `repair(settings, "age")` makes
-# the age ideal.
+# A stage's contribution is the final error of the real run minus that of the run with this stage ideal. A second
+# experiment does the opposite: only this stage is real, and all others are ideal. If the errors are small, both
+# experiments give the same mean error for a stage. Their squared errors differ; the part on shares below shows why. If
+# an ideal stage turns a failure into a success, we say that it *cures* the run.
 #
-# Two kinds of error have to be kept apart. A *mean* error is the same in every run and has a direction. A *random*
-# error is different in every run. Random errors of mean zero that are independent of each other add up by their
-# squares: 3 mm and 4 mm make 5 mm. Mean errors add up as vectors: 3 mm to the left and 4 mm to the right make 1 mm to
-# the right.
+# There are two kinds of error. A *mean* error is the same in every run and has a direction. A *random* error is
+# different in every run. Independent random errors with mean zero add up by their squares: 3 mm and 4 mm make 5 mm.
+# Mean errors add up as vectors: 3 mm to the left and 4 mm to the right make 1 mm to the right.
 
 # %%
 predict("how_parts_add")
 
 # %% [markdown]
-# The next picture draws the mean errors of three stages tip to tail, for a camera with little noise whose bias of 5 mm
-# points ahead of the moving target (the default bias is smaller). Both other errors point back along the motion. Each
-# arrow starts where the one before ends, moved a little to the side so that you can see all three. The picture adds up
-# errors of single stages; the cards below measure the stages together, which differs by about a tenth of a millimetre.
+# The picture shows the three mean errors as arrows. Each arrow starts where the one before ends, moved a little to the
+# side so that you can see all three. The camera has little noise, and its bias of 5 mm points ahead of the moving
+# target. The other two errors point back. The picture adds up errors of single stages. The cards measure all stages
+# together, so their numbers differ by about a tenth of a millimetre.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -393,8 +395,8 @@ axes[1].legend(handles=axes[0].get_legend_handles_labels()[0], fontsize=7, loc="
 plt.show()
 
 # %% [markdown]
-# On the left, the bias of the camera cancels most of the lag. On the right, perception is ideal, and the tip ends much
-# further away.
+# On the left, the bias of the camera cancels most of the other two errors. On the right, perception is ideal, and the
+# tip ends much further away.
 
 # %%
 show("signed_parts_add_up")
@@ -405,34 +407,35 @@ show("mending_makes_worse")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Mean errors add as vectors, and variances of independent errors add. The root mean square (rms)
-# mixes the two: if mean errors are not perpendicular to each other, the squared errors of single stages in general do
-# not add up to the squared total. When you perfect one stage, an error that it had been cancelling becomes visible.
-# So a budget in per cent hides what you need most: the direction of each error.
+# **Key insight.** Mean errors add as vectors, and variances of independent errors add. The root mean square (rms) mixes
+# the two. So the squared errors of single stages usually do not add up to the squared total; they do if the mean errors
+# are perpendicular to each other. When you perfect one stage, an error that it had been cancelling becomes visible. A
+# budget in per cent hides what you need most: the direction of each error.
 #
 # </div>
 #
 # ### Shares that add up: Shapley's value
 #
-# In a squared error, "the share of a stage" depends on which other stages are still real. Take two stages, a bias of +4
-# mm and a lag of -3 mm. Together they give 1 mm, squared 1 mm². Remove the bias first: the squared error goes from 1 to
-# 9, so the bias contributed 1 - 9 = -8 mm². Remove the lag first (1 to 16) and then the bias: 16 to 0, so it
-# contributed +16 mm². Which one is right?
+# In a squared error, "the share of a stage" depends on which other stages are still real. Take two stages: a bias of +4
+# mm and a lag of -3 mm. Together they give 1 mm, squared 1 mm². Fix the bias first. The squared error changes from 1 to
+# 9, so the bias contributed 1 - 9 = -8 mm². Now fix the lag first (1 becomes 16), then the bias: 16 becomes 0, so the
+# bias contributed +16 mm². Which number is right?
 #
-# **Shapley's value** takes the average over all orders in which the stages could be fixed. Here the bias gets (-8 +
-# 16)/2 = +4 mm², and the lag (-15 + 9)/2 = -3 mm². The two add up to the whole, 1 mm². A negative share is no mistake:
-# on average over the orders, making the lag real *reduces* the squared error, because it cancels part of the bias.
+# **Shapley's value** takes the average over all orders in which the stages can be fixed. Here the bias gets (-8 + 16)/2
+# = +4 mm², and the lag (-15 + 9)/2 = -3 mm². The two add up to the whole, 1 mm². A negative share is no mistake. It
+# means that fixing this stage *increases* the squared error on average, because its error cancels part of another one.
 #
-# We attribute the error to five causes: the four stages, and the age of the data between them. In code and in the
-# tables all five are called stages. Real planning changes the final error in very few runs, so the chart leaves
-# planning ideal. Four causes remain, which means 16 combinations of real and ideal.
+# We attribute the error to five causes: the four stages, and the age of the data between them. Code and tables call all
+# five stages. Real planning changes the final error in very few runs, so planning is ideal in the chart. Four causes
+# remain, which means 16 combinations of real and ideal.
 #
 # ![Mean errors tip to tail, all sets of real stages, and three parts of the square](../docs/charts/error_budget.png)
 #
-# The first panel chains the mean errors, beginning at the target (0, 0); each line ends where the next one starts. The
-# second compares all 16 combinations with the formulas; those with and without physics lie on each other. The third
-# shows each stage's squared error alone, its Shapley share, and what you save by making only this stage ideal (orange:
-# age). In the table, *alone* is an rms.
+# The first panel chains the mean errors: the line of perception begins at the target (0, 0), and each further line
+# begins where the one before ends. The second panel has a point for each of the 16 combinations: its measured rms error
+# against the predicted one. Physics adds nothing here, so points with and without it coincide. The third panel shows
+# each stage's squared error alone, its Shapley share, and what you save by making only this stage ideal. In the table,
+# *alone* is the rms error if only this stage is real.
 
 # %% tags=["hide-code"]
 rows = []
@@ -465,25 +468,27 @@ assert abs(other.mean() - expected**2) < 2 * doubt
 Markdown(
     f"In the first panel, the end of the chain and the error with all stages real (*together*) "
     f"differ by ({gap_x:.2f}, {gap_y:.2f}) mm. The standard error of this difference is "
-    f"({chance[0]:.2f}, {chance[1]:.2f}) mm, so noise can explain it. The thin black cross around "
+    f"({chance[0]:.2f}, {chance[1]:.2f}) mm, so chance can explain it. The thin black cross around "
     "the triangle shows two standard errors.\n\n"
-    f"Perception's arrow is not the bias alone, which is ({bias_x:.1f}, {bias_y:.1f}) mm here. "
-    "By formula, the filter, which is still learning the target's speed, lags by "
+    f"The line of perception is shorter than the bias of ({bias_x:.1f}, {bias_y:.1f}) mm. The "
+    "filter does not know the target's speed exactly yet. By formula this adds "
     f"({mean_x - bias_x:.1f}, {mean_y - bias_y:.1f}) mm, against the direction of the bias.\n\n"
     f"For perception, the predicted and the measured mean square differ by {unexplained:.0f} mm². "
     f"With 1,000 other seeds we measure {other.mean():.0f} ± {doubt:.0f} mm² (one standard error); the "
-    f"formula says {expected**2:.0f} mm². So the gap was chance. But it is larger than the shares of age "
-    f"and control together, {lags:.0f} mm²: with the chart's 150 runs, a missing cause of that size would "
-    "go unnoticed."
+    f"formula says {expected**2:.0f} mm². So the difference was chance. But it is larger than the shares "
+    f"of age and control together, {lags:.0f} mm². The chart has only 150 runs. With so few, you would "
+    "not notice that a cause as large as these two is missing."
 )
 
 # %% [markdown]
-# Perception dominates because this chapter's noise is large, 50 mm in each frame. Close to a part it is a few
-# millimetres, and then the camera's bias and the lag of the arm lead the list.
+# Perception dominates because this chapter's noise is large, 50 mm in each frame. If the noise is only a few
+# millimetres, the camera's bias and the lag of the arm matter most.
 #
-# Not on the list at all: a constant offset between the clocks of camera and controller, a hand-eye calibration that
-# depends on the position, static friction, backlash, the delay of the motors. Our formulas hold only for a PD law and
-# a pipelined camera; for any other setting the function behind *predicted* raises an error.
+# A real robot has more causes, which are not in our list: clocks of camera and controller that differ by a constant
+# time; an error of the camera's pose on the robot (hand-eye calibration) that changes with the position; friction that
+# holds a joint at rest (static friction); play in the gears (backlash); motors that react late. Our formulas are true
+# only for a PD law and a pipelined camera. For any other setting, the function that predicts the error rejects the
+# input.
 
 # %%
 more_claims("root_sum_square")
@@ -491,16 +496,18 @@ more_claims("root_sum_square")
 # %% [markdown]
 # ### How many runs does a comparison need?
 #
-# You change the filter, run the robot ten times before and ten times after, and the success rate rises from 8 to 9. Is
-# the filter better? Ten runs cannot say: the two results differ by a single run. Even a hundred runs of each may be too
-# few; the fold-out below has the numbers.
+# You change the filter. Of ten runs before, 8 succeed; of ten runs after, 9 succeed. Is the filter better? Ten runs
+# cannot say: the two results differ by a single run. Even a hundred runs of each may be too few; the fold-out below has
+# the numbers.
 #
-# In a simulator you can remove most of that uncertainty. Give both variants the same seeds: the same noise in the same
-# frames. The part of the noise's effect that both share then cancels when you subtract. These are
-# **common random numbers**. They work only if each stage has its own random-number generator. With one generator for
-# all, a stage that draws one number fewer shifts the numbers of every stage after it, and the two variants no longer
-# face the same noise. With common and with separate seeds, the measured difference is right on average. With common
-# seeds you usually need fewer runs to see it.
+# In a simulator you can remove most of that uncertainty. Run both variants with the same seeds, so that both face the
+# same noise in the same frames. The part of the noise's effect that both share cancels when you subtract the results.
+# These are **common random numbers**. They work only if each stage has its own random-number generator. If one
+# generator serves all stages and one stage draws one number fewer, every later stage gets other numbers. Then the two
+# variants no longer face the same noise.
+#
+# The measured difference is right on average with common seeds and with separate seeds. With common seeds you usually
+# need fewer runs to see it.
 
 # %%
 show("same_seeds")
@@ -511,13 +518,13 @@ more_claims("ninety_or_ninety_five")
 # %% [markdown]
 # ## 3 · Design: contracts at the interfaces
 #
-# To find where a failure began, you need to know what each stage owes to the next. A **contract** is a promise at an
-# interface that can be checked after a run, from its log, without knowing the cause of a failure. One of ours also
-# needs the true target.
+# An interface is where one stage hands data to the next. To find where a failure began, you need to know what the
+# stages promise each other there. A **contract** is such a promise. You can check it in the log of a run, without
+# knowing the cause of a failure. One of ours also needs the true target.
 
 # %% tags=["hide-code"]
 promises = (
-    ("perception → planning", "frame, unit;\nerror fits bias\nand covariance"),
+    ("perception → planning", "coordinate frame, unit;\nerror fits bias\nand covariance"),
     ("planning → control", "starts at the arm,\nends at the goal;\nclearance; in time"),
     ("control → physics", "torque is that of\nthe law and\nwithin its limits"),
 )
@@ -531,6 +538,7 @@ for k, name in enumerate(("Perception", "Planning", "Control", "Physics")):
         title, text = promises[k - 1]
         _ = axis.text(2 * k - 1, 0.75, text, ha="center", va="center", fontsize=8)
 _ = axis.annotate("", (0.0, -0.25), (6.0, -0.25), arrowprops=back)
+_ = axis.annotate("", (4.0, -0.25), (6.0, -0.25), arrowprops=back)
 label = "physics → control and perception: joint speeds within limits, no energy from nowhere"
 _ = axis.text(3, -1.6, label, ha="center", fontsize=8, color="#c62828")
 label = (
@@ -542,25 +550,28 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Two details matter. The clearance of a path is measured again from the path itself, because a faulty planner could
-# report a wrong one. And the first contract compares each frame's report with the true target, which only a simulator
-# knows. The limits (which age, which torque, how many standard deviations) belong to whoever owns the interface. Ours
-# are constants in `course/pipeline/blame.py`.
+# Each arrow lists what the stage at its beginning promises to the stage at its end. The clearance of a path is its
+# distance from the nearest disc. We measure it again from the path itself, because a faulty planner could report a
+# wrong one. The first contract compares each frame's report with the true target, which only a simulator knows. The
+# owner of an interface sets the limits: which age, which torque, how many standard deviations. Ours are constants in
+# `course/pipeline/blame.py`.
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *"The robot isn't working." What is your first question?* Which interface is broken. A perfect
-# planner fails behind a noisy estimate, and so does a perfect controller behind a late plan. Ask for the log of what
-# crossed each interface: value, covariance, frame, two time stamps. Start with the broken contract that is nearest to
-# the camera: everything after it may look wrong for the same reason. But the arm's motion also feeds back to the
-# camera. If the times in the log show that the arm's contract broke first, start there. Fix it and read again.
+# **Interview tip.** *"The robot isn't working." What is your first question?* Ask which interface is broken. A perfect
+# planner fails if the estimate is noisy, and a perfect controller fails if the plan is late. Ask for the log of what
+# crossed each interface: value, covariance, coordinate frame, two time stamps. Start with the broken contract that is
+# nearest to the camera, because it may be the reason why everything after it looks wrong. There is one exception. The
+# camera also sees the arm's motion. If the times in the log show that the arm's contract broke first, start there. Fix
+# it and read the log again.
 #
 # </div>
 #
 # ### Are the interfaces good?
 #
 # A good interface lets you replace one stage without touching the others. So we replace each stage by a real library.
-# The chart compares each of them, and all together, with our own stages on the same seeds.
+# The chart compares each of them, and all together, with our own stages on the same seeds. In the rows *Open3D
+# perceives*, *MuJoCo's rays* and *all of them*, both sides use rendered images.
 #
 # ![Success, error and time with a library in each stage, compared with ours](../docs/charts/swap_matrix.png)
 
@@ -597,30 +608,31 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# No difference in success was found, and none in error is certain: for Open3D and for all libraries together, the
-# interval only just contains zero. For the rows with images this says little: with their 20 runs, the success rate
-# could be anywhere in the interval in the table. MuJoCo's rays give the same images as our camera, so the errors agree
+# We found no difference in success. No difference in error is certain either: for Open3D and for all libraries
+# together, the interval only just contains zero. The three rows with images have only 20 runs. Their true success rate
+# may lie anywhere in the interval of the table. MuJoCo's rays give the same images as our camera, so the errors agree
 # exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre. So
-# on this task both programs interpret the exchanged data alike. One mistake stays hidden: the table is level, so a
-# wrong sign of gravity has no effect.
+# on this task both libraries interpret the data as we do. One mistake would stay hidden: the table is level, so a wrong
+# sign of gravity has no effect.
 #
-# Our own run is compiled as a whole. A library that moves or commands the arm is called from Python at every step. The
-# last row of the *time* panel shows what that costs: our own motion, called in the same way, takes about as long as
-# MuJoCo's. The rows with images consist of few, long calls, so their ratios do compare the libraries with our stages.
+# Our own run is compiled to machine code as a whole. A library that moves or commands the arm is called from Python at
+# every step, and these calls take time. The last row of the *time* panel shows how much: there Python calls our own
+# motion at every step, and the run takes about as long as with MuJoCo's. In the rows with images, most of the time is
+# rendering. So there the ratios do compare the libraries with our stages.
 #
 # ## 4 · Code
 #
-# A **replay** is the failed run again, with the same seed, but with some stages ideal. The function below finds the
-# stage to blame. It tries single stages first, beginning with those that broke a contract. If no single stage makes the
-# run succeed, it tries pairs. Section 7 uses and tests it.
+# A **replay** repeats a failed run with the same seed, but with some stages ideal. The function below finds the stage
+# to blame. It tries single stages first, beginning with those that broke a contract. If no single stage makes the run
+# succeed, it tries pairs. Section 7 uses and tests it.
 
 # %%
 Markdown(f"```python\n{inspect.getsource(blame)}```")
 
 # %% [markdown]
 # A pipeline should also reject bad input with a message that names it, and it should name a stage that misbehaves. The
-# first five messages are errors for impossible tasks or settings. The last three are runs with a perception stage that
-# returns a number which is not finite, a wrong coordinate frame, and a time stamp in the future.
+# first five messages are errors for impossible tasks or settings. The last three come from runs with a faulty
+# perception stage. It returns a number that is not finite, a wrong coordinate frame, or a time stamp in the future.
 
 # %% tags=["hide-code"]
 for attempt in (
@@ -653,25 +665,25 @@ for stages in (spoiled(np.nan), spoiled(frame="camera"), spoiled(ahead=500_000))
 # ## 5 · The simulation in full
 #
 # Five sliders belong to stages: the noise of perception, the planner's step, $k_p$, $k_d$, and the physics step.
-# Latency and target speed change the situation. The menu *Ideal stage* replaces one stage by an ideal one. You can
-# drag the target while the arm is on its way.
+# Latency and target speed change the task. The menu *Ideal stage* replaces one stage by an ideal one. You can drag the
+# target while the arm is on its way.
 #
-# Go through the presets and predict each one before you look. Start with *Stale camera*: would a better camera help, or
-# a faster one? Drag its latency down, then its noise, and compare.
+# Go through the presets and predict each one before you look. Start with *Stale camera*, where the target moves at 60
+# mm/s. Would a better camera help, or a faster one? Drag its latency down, then its noise, and compare.
 
 # %%
 simulation("pipeline", "Stale camera")
 
 # %% [markdown]
 # Less noise changes almost nothing there, because the target has moved on by the time each image is processed. With a
-# shorter latency the tip ends much closer to the target. The arrows of *age* and *control* lie on each other and
-# leave the panel: age and lag both leave the tip behind along the motion. Still, ideal control alone does not cure
-# the run, because the age by itself costs more than the tolerance.
+# shorter latency the tip ends much closer to the target. The arrows of *age* and *control* lie on each other and leave
+# the panel, because both errors leave the tip behind along the motion. Still, ideal control alone does not cure the
+# run. At 60 mm/s, an age of 0.6 s alone costs 36 mm, and the tolerance is 20 mm.
 #
 # ### What to break
 #
 # The table lists five ways to break the pipeline. Each is a preset of the simulation. The last column is what we
-# measured or, for control and physics, computed.
+# measured, or what we computed for control and physics.
 
 # %% tags=["hide-code"]
 bent = record.plans[-1].value.goal  # the posture of the reach
@@ -692,13 +704,15 @@ broken_rows = {
     "Planning": (
         "planner step at its minimum",
         "thousands of collision checks; a late and crooked path",
-        f"a wait of {wait:.0f} ms, and {paid:.0%} of 12 runs succeed ({least:.0%} to {most:.0%})",
+        f"a wait of {wait:.0f} ms, and {paid:.0%} of 12 runs succeed (95 % interval "
+        f"{least:.0%} to {most:.0%})",
     ),
     "Control": (
         "Kp very high, Kd zero",
         "the arm overshoots and rings",
         f"formulas at Kp = 150: {ring.overshoot[0]:.0%} overshoot, {ring.ring[0]:.1f} s of "
-        "ringing (until 2 % are left), longer than the run; a higher Kp does not shorten it",
+        "ringing (until 2 % of the swing are left), longer than the run; a higher Kp does not "
+        "shorten it",
     ),
     "Physics": (
         "physics step at its maximum",
@@ -709,9 +723,9 @@ broken_rows = {
     "Everything": (
         "all sliders at extremes",
         "nothing works",
-        f"with contracts, {by_contracts:.1f} runs find the sliders that must be reset; resetting "
-        f"one slider after another takes {by_sliders:.1f}. Both include the failed run; that is no "
-        "clear difference",
+        "runs until one succeeds, the failed run counted: "
+        f"{by_contracts:.1f} if you reset the slider whose contract broke first and try again, "
+        f"{by_sliders:.1f} if you reset the sliders in any order; no clear difference",
     ),
 }
 table(
@@ -728,11 +742,11 @@ more_claims("contracts_before_sliders")
 # Rendering a camera image takes far longer than adding noise to a position. When is the cheap model good enough? And
 # how small should the physics step be?
 #
-# The left panel below shows the error of the motion against computing time, for our physics and for MuJoCo's, at
-# several steps. The reference is a run at half the smallest step. The other two panels show what a run costs with
-# rendered images and with the two-parameter model. Compare only the times there: the runs with images use another
-# control law and another filter, and each point is the rms of only four runs. Times of a few milliseconds are
-# uncertain.
+# The left panel shows the error of the motion against computing time, for our physics and for MuJoCo's, at several
+# steps. The reference for each is a run at half its smallest step. The other two panels show what a run costs with
+# rendered images and with the two-parameter model. Compare only the times there. The runs with images use another
+# control law and another filter, and each of their points comes from only four runs. So we cannot say whether their
+# error really depends on the image size. Times of a few milliseconds are uncertain.
 #
 # ![Error against computing time, for physics and for perception, and speed of a run](../docs/charts/pipeline_speed.png)
 
@@ -745,15 +759,17 @@ table(
 )
 
 # %% [markdown]
-# Between 4 and 1 ms, halving the step reduces the error during the motion to about a half, as it should for a
-# first-order method. At 8 ms, close to the stability limit, the error is not yet proportional to the step. The last
-# reduction looks too strong, because the reference itself has an error. The dashed curve is our own motion, called
-# from Python at every step as MuJoCo is: most of the distance from the solid curve is the price of these calls.
+# Between 4 and 1 ms, halving the step about halves the error, as expected for a first-order method. At 8 ms, close to
+# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls by more than half, because the
+# reference has an error too: it differs from the exact motion in the same direction. The dashed curve is our own
+# motion, called from Python at every step, as MuJoCo is. Most of the distance from the solid curve is the price of
+# these calls.
 #
-# Are two parameters enough? We measured bias and noise on rendered images and then ran the pipeline both ways. The
-# chart compares the distributions of the final error along the target's motion and across it, now with equal
-# settings. Horizontal: quantiles with two parameters. Vertical: with images. Both axes subtract the same median.
-# Points on the diagonal mean equal distributions; a flatter line means less spread with images.
+# Are two parameters enough? We measured bias and noise on rendered images. Then we ran the pipeline both ways, now with
+# equal settings. The chart compares the final errors along the target's motion and across it. Each point is a
+# **quantile**, the value below which a certain share of the runs lies. Its horizontal position is the quantile with two
+# parameters, its vertical position the same quantile with images. From both we subtract the median of the runs with two
+# parameters. Points on the diagonal mean equal distributions; a flatter line means less spread with images.
 #
 # ![Quantiles of the final error with images against those with two parameters](../docs/charts/two_numbers.png)
 
@@ -778,25 +794,25 @@ table(head, *rows)
 
 # %% [markdown]
 # The spread is the standard deviation of the final error along the motion. A small $p$ means that equal spreads are
-# implausible. The chart has 40 runs with images and 400 with two parameters. The last column is about the *mean* error:
-# the smallest shift between the two versions that a Kolmogorov-Smirnov test with these runs would find with a
-# probability of 80 %, if both had the spread of the first column. Smaller shifts may go unnoticed.
+# implausible. The chart has 40 runs with images and 400 with two parameters. With these runs, a test would detect a
+# shift of the size in the last column four times in five. (It is the Kolmogorov-Smirnov test, which compares two
+# distributions.) Smaller shifts may go unnoticed.
 #
-# With measured noise the test found no difference between the two versions. The extreme quantiles leave the diagonal by
-# up to two tenths of a millimetre, but they rest on few runs. With the covariance that the camera *states*, the
-# simulated spread is too large, because the camera states more noise than it has. So render images to calibrate the two
-# parameters, then simulate without images.
+# With measured noise the tests found no difference between the two versions. The outermost quantiles leave the diagonal
+# by up to two tenths of a millimetre, but they rest on few runs. Now take the noise that the camera *states* in the
+# covariance of its messages. Then the simulated spread is too large, because the camera states more noise than it has.
+# So render images to calibrate the two parameters, then simulate without images.
 #
-# *What to pick.* For a reach within 20 mm like this one (one scene, one camera, one target): two parameters, and a
-# physics step with a margin to the stability limit in every posture on the way (for example, half of it). Images
-# cost from about a hundred to over a thousand times as much, depending on resolution and frame rate.
+# *What to pick.* For a reach within 20 mm like this one (one scene, one camera, one target), two parameters are enough.
+# Choose a physics step well below the stability limit of every posture on the way, for example half of it. Images cost
+# from about a hundred to over a thousand times as much, depending on resolution and frame rate.
 #
 # ## 7 · Debug: where it fails
 #
 # ### Noise, and who reacts to it
 #
 # Suppose you switch the filter off. The arm itself would smooth the noise, since it is a low pass. But the planner also
-# reads the estimate: it plans again whenever the goal has moved by more than the replanning distance, here 100 mm.
+# reads the estimate. It makes a new plan whenever the goal has moved by more than the replanning distance, here 100 mm.
 
 # %%
 predict("raw_estimate")
@@ -804,22 +820,24 @@ predict("raw_estimate")
 # %% [markdown]
 # ![Success, plans and error against noise; last plan against the planner's step](../docs/charts/noise_and_filter.png)
 #
-# Without the filter, success collapses (top left) once many frames jump by more than the replanning distance. With
-# the filter it falls slowly. If the planner ran only once, most runs would still end within the tolerance, except at
-# the largest noise (the dashed prediction). Replanning is what fails.
+# Without the filter, success collapses (top left; the bands are 95 % intervals) once many frames jump by more than the
+# replanning distance. With the filter it falls slowly. The dashed line at the bottom left predicts the error of a
+# planner that runs only once. Then most runs would still end within the tolerance, except at the largest noise. So the
+# failures come from replanning.
 #
-# The share of frames that jump too far has a closed form. A plan's goal and a later frame both carry noise $s$ on each
-# axis, so their difference has the variance $2 s^2$ on each axis. It is longer than $r$ with the probability
-# $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 % for the first frame after a plan. Over all frames the share is
-# smaller: a plan whose goal happens to lie near the true target lasts longer, so more frames are compared with it.
+# How often does a frame jump too far? The plan's goal comes from one frame. A later frame has its own noise. Both have
+# noise $s$ on each axis, so their difference has the variance $2 s^2$ on each axis. The difference is longer than $r$
+# with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 %, and this is also the share over a whole run.
+# New goals tend to be bad, because only a frame far from the old goal starts a plan. But plans with a good goal last
+# longer, and the two effects cancel.
 
 # %%
 show("raw_estimate_replans")
 
 # %% [markdown]
 # The panel at the bottom right shows a planner whose tree grows in tiny steps. It needs more collision checks, so the
-# plan comes late. A faster check fixes that. The paths are also worse: many more corners are left after all shortcuts
-# (the first claim below). A faster check does not change that.
+# plan comes late. A faster check fixes that. The paths are also worse: after all shortcuts they still have more
+# corners. A faster check does not change that.
 
 # %%
 more_claims("planner_step", "high_gain_overshoots")
@@ -827,10 +845,10 @@ more_claims("planner_step", "high_gain_overshoots")
 # %% [markdown]
 # ### Clearance, and a disc that is not where the camera saw it
 #
-# A planner keeps a clearance $b$ from each disc. If the camera's error for a disc is normal with standard deviation
-# $s$, a straight path touches if the real disc lies more than $b$ closer to the path than the camera saw it. For $b = 2
-# s$ that happens in 2.3 % of the cases. A path that bends *around* the disc is close to it on more sides, and touches
-# more often.
+# A planner keeps a path at a clearance $b$ from each disc. But the camera does not see a disc exactly where it is.
+# Suppose its error is normal with standard deviation $s$ on each axis. A straight path touches the disc if the real
+# disc lies more than $b$ closer to the path than the camera saw it. For $b = 2 s$ that happens in 2.3 % of the cases. A
+# path that bends *around* the disc is close to it on more sides, so it touches more often.
 
 # %% tags=["hide-code"]
 rng_drawing = np.random.default_rng(1)
@@ -863,7 +881,7 @@ for axis, bent_path in zip(axes, (False, True), strict=True):
 plt.show()
 
 # %% [markdown]
-# Black: the disc as the planner sees it. Grey: where it may really be. Red: those positions in which it touches the
+# Black: the disc as the planner sees it. Grey: where it may really be. Red: the real positions in which it touches the
 # path. Blue: a path at a clearance of two standard deviations.
 
 # %%
@@ -872,20 +890,20 @@ more_claims("clearance_and_noise")
 # %% [markdown]
 # ### The physics step depends on the posture
 #
-# Your simulation runs for hours without trouble; then the arm stretches, and it starts to rattle. Gains and step are
-# the same. What has changed is the inertia that the gains work on.
+# Your simulation runs for hours without trouble. Then the arm stretches, and it starts to rattle. Gains and step are
+# the same as before. Only the inertia that the torques must move has changed.
 #
-# Near a posture, the arm under a PD law with equal gains and friction in all joints is a set of **modes**, independent
-# oscillators $\ddot x = -k\,x - d\,\dot x$. Each mode has an inverse inertia $m$, an eigenvalue of the inverse inertia
-# matrix. Then $k = k_p\,m$ and $d = (k_d + c)\,m$. The mode with the largest $m$ sets the limit: it is the easiest to
-# accelerate.
+# Look at small motions near one posture, with equal gains and friction in all joints. The arm then behaves like
+# independent oscillators, its **modes**: $\ddot x = -k\,x - d\,\dot x$. Each mode has a number $m$, an eigenvalue of
+# the *inverse* inertia matrix. So a large $m$ means a small inertia. Stiffness and damping of the mode are $k = k_p\,m$
+# and $d = (k_d + c)\,m$. The mode with the largest $m$ is the easiest to accelerate, and it sets the limit.
 
 # %%
 predict("one_step_two_postures")
 
 # %% [markdown]
-# A semi-implicit Euler step takes the acceleration from the old state, updates the velocity, and then the position with
-# the new velocity. The largest stable step $h$ solves $k h^2 + 2 d h = 4$:
+# A semi-implicit Euler step computes the acceleration from the old state, then the new velocity, and with it the new
+# position. The largest stable step $h$ solves $k h^2 + 2 d h = 4$:
 #
 # $$
 # h < \frac{\sqrt{d^2 + 4k} - d}{k} .
@@ -899,10 +917,10 @@ predict("one_step_two_postures")
 show("damping_and_step")
 
 # %% [markdown]
-# With no damping the limit is $2/\sqrt k$. With much damping it approaches $2/d$, which explains why *more* damping
-# makes the simulation *less* stable here: the damping torque is held for a whole step, and over a long step it reverses
-# the velocity and makes it larger than before. If the damping is computed from the velocity at the end of the step, it
-# does not lower the limit.
+# With no damping the limit is $2/\sqrt k$. With much damping it approaches $2/d$. So *more* damping makes the
+# simulation *less* stable here. The reason: the damping torque stays the same for a whole step. Over a long step it
+# reverses the velocity and makes it larger than before. If the damping is computed from the velocity at the end of the
+# step, it does not lower the limit.
 #
 # ![Map of stable steps, limits of the arm itself, and what success and energy show](../docs/charts/step_map.png)
 
@@ -915,18 +933,22 @@ for line in read("step_map").splitlines():
 nearly = 2.9  # rad; the posture that the card and the claim call nearly folded
 limit = 1e3 * theory.step_limit(scenario.arm, (0.3, nearly), settings.kp, settings.kd)
 rows.insert(-1, [f"{np.degrees(nearly):.0f}° (nearly folded)", f"{limit:.2f}"])
+elbows = np.linspace(0.0, np.pi, 361)
+largest = [theory.step_limit(scenario.arm, (0.3, x), settings.kp, settings.kd) for x in elbows]
+best = int(np.argmax(largest))
+assert 3.5 < largest[best] / largest[0] < 4.5  # the text below says so
+rows.insert(2, [f"{np.degrees(elbows[best]):.0f}° (largest step)", f"{1e3 * largest[best]:.2f}"])
 table(["angle of the elbow", "largest stable step [ms]"], *rows)
 
 # %% [markdown]
-# Stretched, the arm allows less than a third of the step that it allows with a bent elbow. (In the map, orange means
-# that a deviation grows from step to step: its factor is above 1, so log10 of it above 0.)
+# Stretched, the arm allows only about a quarter of the step that it allows at the best angle of the elbow. In the map,
+# orange means that a deviation grows from step to step. The colour is the logarithm of its growth factor.
 #
-# How do you notice an unstable step? In the chart, all runs up to 1.6 times the stability limit still succeed, because
-# the motors' largest torque keeps the growing oscillation small, and the tip still arrives. The energy shows it. Count
-# the $k_p$ term as a spring. On a level table, with a fixed reference and torques that follow the law exactly, the
-# energy of arm plus spring can only fall. **Energy from nowhere** is the rise that is left after subtracting the work
-# of a moving reference and of torques that differ from the law (a motor at its limit). The physics step's slider ends
-# at 20 ms.
+# How do you notice an unstable step? In the chart, all runs up to 1.6 times the stability limit still succeed. The
+# motors have a largest torque, which keeps the oscillation small, so the tip still arrives. But the energy shows the
+# problem. Treat the $k_p$ term as a spring. On a level table, the energy of arm and spring together can rise for two
+# reasons only: the reference moves, or a torque differs from the law (a motor at its limit). **Energy from nowhere** is
+# a rise that neither of them explains. The physics step's slider ends at 20 ms.
 
 # %%
 show("largest_step")
@@ -937,26 +959,26 @@ more_claims("step_by_posture")
 # %% [markdown]
 # ### Look and move: how much to correct at once
 #
-# **Look and move** is the simplest visual feedback. The camera measures the remaining error of the tip, and the hand
-# moves by a fraction $g$ of it; then again. With fresh images, any gain between 0 and 2 converges, and $g = 1$ corrects
-# the whole error at once. Why would you choose less?
+# **Look and move** is the simplest visual feedback. The camera measures the remaining error of the tip. The hand moves
+# by a fraction $g$ of it, the **gain**. Then both repeat. With fresh images, the error settles at zero for any gain
+# between 0 and 2, and $g = 1$ corrects it all at once. Why would you choose less?
 #
-# There are two reasons. Each image has noise, and with $g = 1$ all of it goes into the position. And an image that is
-# $n$ frames old shows an error that the hand has partly corrected since. Correct it again in full, and you overshoot.
-# With $e_j$ for the error at frame $j$:
+# There are two reasons. Each image has noise, and with $g = 1$ all of it goes into the position. And an image may be
+# $n$ frames old. Since then, the hand has corrected part of the error that it shows. If the hand corrects this error
+# again in full, it goes too far. With $e_j$ for the error at frame $j$:
 #
 # $$
-# e_{j+1} = e_j - g\, e_{j-n}, \qquad \text{which settles only for } g < 2\sin\frac{\pi}{2\,(2n + 1)} .
+# e_{j+1} = e_j - g\, e_{j-n}, \qquad \text{which settles only for } 0 < g < 2\sin\frac{\pi}{2\,(2n + 1)} .
 # $$
 #
-# **A worked example.** With $n = 0$ the limit is 2. With one late frame it is $2\sin(30°) = 1$, with two $2\sin(18°) =
-# 0.62$.
+# **A worked example.** With fresh images ($n = 0$) the limit is 2. With one late frame it is $2\sin(30°) = 1$, with two
+# $2\sin(18°) = 0.62$.
 #
 # ![Largest gain against the frames of delay, and noise against the gain](../docs/charts/look_and_move.png)
 #
-# The right panel shows the noise that reaches the position. The horizontal axis is the gain divided by that loop's
-# limit. With delay the limit is lower, so the same point on the axis is a smaller gain and passes less noise. At
-# *equal* gain, delay passes more.
+# The right panel shows the noise that reaches the position. Its horizontal axis is the gain divided by the largest gain
+# for that delay. So the same point on the axis means a smaller gain if the delay is longer, and less noise. At the
+# *same* gain, a longer delay lets more noise through.
 
 # %%
 show("look_and_move_limit")
@@ -1001,11 +1023,11 @@ least = procedure.minimal(failed.scenario, lambda s: not run(s, message, seed=2)
 print(f"minimal: {len(least.discs)} discs, target at {1e3 * np.hypot(*least.velocity):.0f} mm/s")
 
 # %% [markdown]
-# Now we test the procedure. Ten different faults are injected, 20 runs each, and the procedure does not know which. A
-# **confusion matrix** counts which stage it names for each fault (lower panels). For comparison, we use what many
-# people do: blame the stage with the largest error at the end. This rule compares two distances, tip to reference and
-# reference to target. It blames the arm (counted as control) if the first is larger, else perception. In the chart it
-# is called *last error*.
+# Now we test the procedure. We inject ten different faults, with 20 failed runs of each, and the procedure does not
+# know which. A **confusion matrix** counts which stage it names for each fault (lower panels). For comparison we take a
+# common rule: blame the stage with the largest error at the end. It compares two distances: from the tip to the
+# reference, and from the reference to the target. If the first is larger, it blames the arm, which we count as control.
+# Otherwise it blames perception. The chart calls this rule *last error*.
 #
 # ![Which stage each method names, by fault, and the replays that it needs](../docs/charts/whose_fault.png)
 
@@ -1028,28 +1050,27 @@ wrong = ", ".join(f"{each - n:.0f} of *{one.name}*" for one, n in hits.items() i
 Markdown(f"Replays alone were wrong in these runs: {wrong}. What they named there is not shown.")
 
 # %% [markdown]
-# The intervals look wide for 200 runs. But the 20 runs of one fault nearly all end alike, so there are about ten
-# independent cases, not 200. The cards count one run of each fault, so their shares differ slightly. The rule of the
-# largest error at the end has only two answers, so it can be right for four of the ten faults at most. It is, in
-# nearly all of their runs. It cannot name age, planning or physics, and blames perception for most of them.
+# The intervals are wide, because the 20 runs of one fault nearly all end alike: there are only about ten independent
+# cases. The rule of the largest error has only two answers, so it can be right for at most four of the ten faults. It
+# cannot name age, planning or physics, and blames perception for most of those faults.
 #
 # Two things in this table do not exist on a robot. The contract of perception compares each image with the *true*
-# target. And a replay repeats the same noise with an *ideal* stage. Without the true target the contracts miss the
-# three faults of perception among the ten, though they still name the others. So the score to expect of this diagnosis
-# on a robot is that of the row *contracts without the true target*, which takes no replay.
+# target. And a replay repeats the same noise with an *ideal* stage. Without the true target, the contracts miss the
+# three faults of perception and still name the other seven. So only the row *contracts without the true target* is
+# possible on a robot. Its score depends on the faults that we chose: with more faults of perception it would be lower.
 #
-# On hardware you are left with three things: the contracts that need only the log; a second, better measurement of the
-# target, if only in a test cell; and recorded inputs of one stage, run through that stage again.
+# Three things remain on hardware: the contracts that need only the log; a second, better measurement of the target; and
+# recorded inputs of one stage, run through that stage again.
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
 # also cures a physics step that is too large. Replays try perception, age, planning, physics and control, in this
-# order. So here they name physics; with control before physics they would name control.
+# order. So here they name physics, but only because of this order.
 
 # %%
 more_claims("last_error_blames")
 
 # %% [markdown]
-# How often does a *good* run, one that reaches its target, break a contract? That is a **false alarm**.
+# A **false alarm** is a broken contract in a *good* run, one that reaches its target.
 
 # %% tags=["hide-code"]
 raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
@@ -1066,12 +1087,17 @@ for name, some in {
 # %% [markdown]
 # ### Noise of the same variance that is not white and Gaussian
 #
-# The limits of perception's contract count standard deviations, as if the noise were Gaussian and independent from
-# frame to frame. Real detectors differ in three ways. With **heavy tails**, a few frames are far off, as after a
-# mismatch; we take Student's t with 3 degrees of freedom. With **correlation in time**, neighbouring frames err
-# alike, as under a slowly moving shadow. Our model is an **AR(1) process**: each error is $\varphi$ = 0.9 times the
-# last one plus a fresh random part. Both are scaled to the old variance. With **occlusion**, the arm covers the line
-# of sight from the camera to the target, and the frame contains no measurement.
+# Perception's contract has two limits. The error of a single frame may be at most six standard deviations. The mean
+# error of a run, without the bias, may be at most five standard errors. Both limits assume noise that is Gaussian and
+# independent from frame to frame (*white*). Real detectors differ in three ways:
+#
+# * **Heavy tails**: a few frames are far off, for example after a wrong match. We use Student's t with 3
+#   degrees of freedom, where large errors are frequent.
+# * **Correlation in time**: neighbouring frames have similar errors, as under a slowly moving shadow. Our model is an
+#   **AR(1) process**: each error is $\varphi$ = 0.9 times the last one plus a fresh random part.
+# * **Occlusion**: the arm hides the target from the camera, so the frame contains no measurement.
+#
+# In the first two cases the variance of a frame is the same as before.
 
 # %% tags=["hide-code"]
 laws = {
@@ -1118,16 +1144,16 @@ axes[1].legend(fontsize=8, loc="upper right")
 plt.show()
 
 # %% [markdown]
-# Left: each error is drawn around its own grey zero line; the limit at six is not drawn. Right: near the target, the
+# Left: each curve is drawn around its own grey zero line. The limit at six is not drawn. Right: near the target, the
 # tip itself covers the line of sight.
 #
-# These runs have no injected fault. We count the alarms in all of them, also in failed ones. No stage is at
-# fault, so every alarm comes from the noise.
+# These runs have no injected fault, so every alarm comes from the noise. We count alarms in all runs, also in failed
+# ones.
 #
-# Two rates have a closed form. A run has $n$ frames with two coordinates each; an alarm is raised if any of these
-# $2n$ numbers is more than six standard deviations off. If one number exceeds it with the probability $p$, the rate
-# is $1 - (1 - p)^{2n}$. The limit on the mean is five standard errors of *independent* frames. Correlation multiplies
-# the variance of the mean by about $(1 + \varphi)/(1 - \varphi)$, here 19.
+# For two kinds of alarm there is a formula. First, alarms of single frames. A run has $n$ frames with two coordinates
+# each. There is an alarm if any of these $2n$ numbers is more than six standard deviations off. If that has the
+# probability $p$ for one number, the rate is $1 - (1 - p)^{2n}$. Second, alarms of the mean. The limit assumes
+# independent frames. Correlation multiplies the variance of the mean by about $(1 + \varphi)/(1 - \varphi)$, here 19.
 
 # %% tags=["hide-code"]
 several, rows = len(tested["occluded"]), []
@@ -1155,11 +1181,11 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# Single outliers hardly reach the tip, because filter and arm average over many frames. Correlated noise passes
-# filter and arm, and most runs miss. Heavy tails and correlated noise both raise alarms, about as often as the
-# formulas say. Occlusion does the opposite: runs fail, and no contract is broken, because the contracts check that
-# frames *arrive*, not that they show the target. So measure the false-alarm rate on good runs with the real camera
-# before you fix a limit, and add a contract for the age of the last *measurement*.
+# Single outliers hardly reach the tip, because filter and arm average over many frames. Averaging removes little of
+# correlated noise, so most of these runs miss. Heavy tails and correlated noise both raise alarms, about as often as
+# the formulas say. Occlusion does the opposite: runs fail, and no contract is broken. The contracts check that frames
+# *arrive*, not that they show the target. So measure the false-alarm rate on good runs with the real camera before you
+# set a limit. And add a contract for the age of the last *measurement*.
 
 # %%
 more_claims("same_variance_same_alarms")
@@ -1167,9 +1193,10 @@ more_claims("same_variance_same_alarms")
 # %% [markdown]
 # ### A test by its author proves little
 #
-# We wrote the contracts knowing those ten faults. A fairer test uses faults for which the contracts were not written,
-# though we chose these as well. Here are seven, with five failed runs each: the first broken contract, the stage that
-# the procedure named, the single ideal stages that would have cured the run, and the mean number of replays.
+# We knew the ten faults when we wrote the contracts. A fairer test uses faults for which the contracts were not
+# written, though we chose these as well. Here are seven, with five failed runs each. The columns show the first broken
+# contract, the stage that the procedure named, the single ideal stages that would have cured the run, and the mean
+# number of replays.
 
 # %% tags=["hide-code"]
 lag_case = (replace(CASE[0], velocity=(-0.04, 0.03)), replace(CASE[1], kd=12.0))
@@ -1215,12 +1242,12 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# A filter that is too stiff, a late motor and a slow motor break no contract at all. The contract on torque does not
-# see them: it checks the torque after the motor's limit; the motor's delay and lag come later. Only the replays find
-# these faults, and no other single ideal stage would have cured those runs. With a frame every 1.6 s, ideal perception
-# cures the run as well: here the broken contract prevents the wrong verdict. An eighth fault, which is not in the
-# table, beat the procedure: with a planner that started again at every frame, no single stage and no pair cured the
-# run.
+# A filter that is too stiff, a late motor and a slow motor break no contract. The contract on torque checks what is
+# sent to the motor; the motor's delay and lag come after that. Only the replays find these faults, and no other single
+# ideal stage would have cured those runs. With a frame every 1.6 s, ideal perception also cures the run. Replays alone
+# would therefore blame perception; the broken contract prevents this wrong verdict. An eighth fault, which is not in
+# the table, defeated the procedure: a planner that started again at every frame. No single stage and no pair cured
+# those runs.
 
 # %%
 show("one_repair_cures")
@@ -1231,9 +1258,10 @@ show("one_repair_cures")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Every component passes its own test, and the whole misses.* Look at what no component test covers:
-# the time stamp (is it the arrival?), the coordinate frame (is its rotation matrix transposed?), the covariance (metres
-# or pixels?), the reference after a new plan. Test with a target at rest, then with a moving one. For an error that
-# appears only with motion, look first at age and lag. For one that turns with the camera, look first at calibration.
+# the time stamp (is it that of the arrival?), the coordinate frame (is its rotation matrix transposed?), the covariance
+# (metres or pixels?), the reference after a new plan (does it jump?). Test with a target at rest, then with a moving
+# one. If an error appears only with motion, look first at age and lag. If it turns with the camera, look first at
+# calibration.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1246,8 +1274,8 @@ show("one_repair_cures")
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *A repair made it worse.* Do not undo it yet. Look for the error that it used to cancel: one or
-# more stages whose mean error points the other way. Fix all of them, then compare again on the same seeds.
+# **Debugging tip.** *A repair made it worse.* Do not undo it yet. It removed an error that had cancelled another one.
+# Look for stages whose mean error points the other way. Fix all of them, then compare again on the same seeds.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1267,10 +1295,10 @@ show("one_repair_cures")
 #
 # ### Adversarial: a reward of minus one a step
 #
-# The last two parts of this section leave the arm; *adversarial* means a question that invites a wrong answer. An agent
-# gets -1 per step until it reaches its goal, so it should hurry. Somebody then reduces the time step from 10 ms to 1
-# ms. The **discount** $\gamma$ is the factor by which a reward counts less for each step that it comes later. The agent
-# may also end the task early for a fee.
+# The last two parts of this section leave the arm. *Adversarial* means that the question invites a wrong answer. An
+# agent gets a reward of -1 per step until it reaches its goal, so it should hurry. Somebody then reduces the time step
+# from 10 ms to 1 ms. The **discount** $\gamma$ is the factor by which a reward counts less for each step that it comes
+# later. The agent may also end the task early for a fee.
 
 # %%
 predict("minus_one_a_step")
@@ -1279,8 +1307,9 @@ predict("minus_one_a_step")
 path = Way()
 step_costs = -path.cost * path.horizon * np.expm1(-0.01 / path.horizon)
 Markdown(
-    f"A walker needs {path.seconds:g} s to the goal. A second costs {path.cost:g} points, "
-    f"spread evenly and discounted: a step of 10 ms then costs {step_costs:.3f}, not 1. The goal pays {path.goal:g}. "
+    f"A walker needs {path.seconds:g} s to the goal. A second costs {path.cost:g} points, spread "
+    "evenly over time. What comes later in a step is discounted a little, so a step of 10 ms costs "
+    f"{step_costs:.3f}, not 1. The goal pays {path.goal:g}. "
     f"*Running* is twice as fast and costs {path.effort:g} points more per second. "
     f"It leads to {path.fall:g} fall per second on average, and a fall costs "
     f"{-path.hurt:g} and ends the task. *Giving up* costs {-path.fee:g}. The discount has a time "
@@ -1309,18 +1338,18 @@ rows += [
 table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, best, v in rows))
 
 # %% [markdown]
-# The rules follow from asking what should stay the same per *second*. A discount with the time constant $H$ is $\gamma
-# = e^{-\Delta t/H}$, so a tenth of the step takes the tenth root of $\gamma$. Scale a cost of time roughly in
-# proportion to the step. Exactly: the discounted sum over the new steps must equal what the old step paid. A reward for
-# metres travelled needs no change, because a short step covers less distance. A reward paid once, for reaching the
-# goal, stays. A limit on the number of steps becomes a limit in seconds.
+# The rules follow from one question: what should stay the same per *second*? A discount with the time constant $H$ is
+# $\gamma = e^{-\Delta t/H}$ for a step $\Delta t$. So a tenth of the step takes the tenth root of $\gamma$. A cost of
+# time is roughly proportional to the step. The exact rule: the discounted sum over the new steps must equal what the
+# old step paid. A reward for metres travelled needs no change, because a short step covers less distance. A reward that
+# is paid once, for reaching the goal, stays. A limit on the number of steps becomes a limit in seconds.
 #
-# In the last row reward and discount are converted, but the limit was left at 30 steps: 0.03 s, so the goal is never
-# reached, and walking until the end costs less than the fee.
+# In the last row, reward and discount are converted, but the limit is still 30 steps. That is now 0.03 s, so the walker
+# never reaches the goal. Walking until then costs less than the fee for giving up.
 #
-# One problem remains: a short step changes little, so a learner needs more data to see which action is better. You can
-# also hold each action for ten short steps. The next claim is about the walker above, whose motion does not depend on
-# the step.
+# One problem remains: in a short step an action changes little, so a learner needs more data to see which action is
+# better. One remedy is to hold each action for ten short steps. The next claim is about the walker above, whose motion
+# does not depend on the step.
 
 # %%
 show("repeated_actions")
@@ -1332,10 +1361,10 @@ show("repeated_actions")
 predict("meshes_on_the_gpu")
 
 # %% [markdown]
-# Measure the stages separately before you explain anything. The cell drops one kind of shape after another into a
-# walled square in MuJoCo. (*Hull 200* is a convex body with 200 vertices. *Constraint rows* are the equations that the
-# contact solver has to solve.) The chart splits the time of a step into collision detection, contact solver and the
-# rest. Other programs disturb a timing, so each part is the smallest of several. The time of a step with spheres is 1.
+# Measure collision detection and contact solver separately before you explain anything. The cell drops one kind of
+# shape after another into a walled square in MuJoCo. (*Hull 200* is a convex body with 200 vertices. *Constraint rows*
+# are the equations that the contact solver has to solve.) The chart splits the time of a step into three parts. Other
+# programs disturb the timing, so we measure several times and show the smallest. The time of a step with spheres is 1.
 
 # %% tags=["hide-code"]
 from course.oracles.mujoco.heap import Heap
@@ -1382,17 +1411,20 @@ axes[0].legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# The **narrow phase** is the part of collision detection that finds the contacts of a pair. It is expensive for
-# hulls, because it searches their vertices. Boxes are expensive in the *solver*: a face that lies on another gives
-# several contacts, and each contact several rows. So different bottlenecks can hide behind the same slow frame rate.
-# On this core the largest factor stays far below the twenty of the question; we have not explained the rest.
+# The **narrow phase** is the part of collision detection that finds the contacts of a pair. It is expensive for hulls,
+# because it searches their vertices. Boxes are expensive in the *solver*: a face that lies on another has several
+# contacts, and each contact has several rows. So the same low speed can have different causes. On this core, the
+# largest factor is far below the twenty of the question. We have not explained the rest.
 #
-# Nothing was measured on a GPU here. Counts of contacts may carry over from a CPU to a GPU; times never do. The
-# documentation names two effects. *MJX* (MuJoCo 3.7, 2026; our charts use a later version): its JAX version tests
-# every candidate axis of two hulls, which "suffers in both runtime and memory" for large meshes. The documentation
-# recommends fewer than about 32 vertices if two convex meshes collide, and at most about 200 if a mesh meets a
-# primitive. *Isaac Lab* (2024): the buffers of PhysX cannot grow on a GPU, so contacts are sized in advance for the
-# worst case.
+# We measured nothing on a GPU. Numbers of contacts may carry over from a CPU to a GPU; times never do. The
+# documentation of two simulators names further causes.
+#
+# * *MJX* runs MuJoCo on a GPU (documentation of MuJoCo 3.7, 2026; our charts use a later version). Its JAX
+#   implementation tests every direction that could separate two hulls. This method "suffers in both runtime and memory"
+#   for large meshes. The documentation recommends fewer than about 32 vertices if two convex meshes collide, and at
+#   most about 200 if a mesh meets a simple shape such as a sphere.
+# * *Isaac Lab* (2024) uses the engine PhysX. On a GPU its buffers cannot grow, so you must choose their size in
+#   advance, for the largest number of contacts.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("mesh_cost")
@@ -1400,9 +1432,7 @@ more_claims("mesh_cost")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Graded exercises. `check` runs your cell on fresh cases, and says what is wrong and, where possible, why.
-#
-# ### Latency and throughput of a pipeline
+# `check` runs your cell on fresh cases. It says what is wrong and, where possible, why.
 #
 # A warm-up: two numbers that are often confused.
 
@@ -1420,9 +1450,6 @@ def throughput(stages, workers):
 
 check(throughput)
 
-# %% [markdown]
-# ### Shares of an error
-
 # %%
 card("error_budget")
 
@@ -1438,9 +1465,6 @@ def error_budget(errors):
 
 check(error_budget)
 
-# %% [markdown]
-# ### An estimate carried to the present
-
 # %%
 card("to_the_present")
 
@@ -1453,9 +1477,6 @@ def to_the_present(states, covariances, captured, arrived, now, noise):
 
 
 check(to_the_present)
-
-# %% [markdown]
-# ### The largest stable step of a whole arm
 
 # %%
 card("step_limit")
@@ -1470,9 +1491,6 @@ def step_limit(inertia, elbow, kp, kd, damping):
 
 check(step_limit)
 
-# %% [markdown]
-# ### Correct from a late image
-
 # %%
 card("visual_gain")
 
@@ -1485,9 +1503,6 @@ def visual_gain(gain, delay):
 
 
 check(visual_gain)
-
-# %% [markdown]
-# ### Which stage was it?
 
 # %%
 card("which_stage")
@@ -1504,9 +1519,6 @@ def which_stage(record, limits, errors, tolerance):
 
 check(which_stage)
 
-# %% [markdown]
-# ### The same task at another step
-
 # %%
 card("rescale_step")
 
@@ -1521,9 +1533,7 @@ def rescale_step(rewards, once, gamma, steps, dt, new):
 check(rescale_step)
 
 # %% [markdown]
-# ### Silent-bug hunt
-#
-# This function succeeds now and then. Its author tested it with a lucky case.
+# A function that succeeds now and then. Its author tested it with a lucky case.
 
 # %%
 card("reach_target")
@@ -1565,7 +1575,7 @@ check(reach_target)
 # %% [markdown]
 # ### Two formulas: the noise of look and move, a discount in seconds
 #
-# Any equivalent form is right. <span class="kernel-only">Change the texts.</span>
+# Any equivalent form is right. <span class="kernel-only">Replace the texts by your formulas.</span>
 
 # %%
 answer("look_and_move_noise", "g^2")
@@ -1585,19 +1595,22 @@ your_robot(11)
 # ## 9 · Frontier: the rare failure
 #
 # To measure a failure rate of five in ten thousand by plain sampling, you need very many runs. *Black-box validation*
-# treats pipeline and world as a function from disturbances to success, and searches for a failure, the most likely
-# failure, or its probability (Corso et al., *A survey of algorithms for black-box safety validation of cyber-physical
-# systems*, JAIR 72, 2021; arXiv 2005.02979). We try the third.
+# treats the pipeline and its world as a function: disturbances go in, success or failure comes out. It searches for a
+# failure, for the most likely failure, or for the probability of failure (Corso et al., *A survey of algorithms for
+# black-box safety validation of cyber-physical systems*, JAIR 72, 2021; arXiv 2005.02979). We try the third.
 #
 # **Importance sampling** draws the disturbances from another distribution, the *proposal*, which produces failures
-# often. Each run then gets the weight $w = p/q$: its true probability density divided by that of the proposal. Count
-# a success as 0 and a failure as its weight: the mean over all runs estimates the rate of failures. The
-# **cross-entropy method** finds a proposal: score how near each run came to failing, fit a normal distribution to the
-# tenth with the worst scores, sample from it, and repeat. The **effective number** $(\sum w)^2/\sum w^2$, summed over
-# the failures only, measures precision: the rate is as precise as with this many failures of equal weight.
+# often. Each run then gets a weight $w = p/q$. Here $p$ is the probability density of its disturbances in reality, and
+# $q$ that in the proposal. Count a success as 0 and a failure as its weight: the mean over all runs estimates the
+# failure rate.
+#
+# The **cross-entropy method** finds a proposal. Score how near each run came to failing. Fit a normal distribution to
+# the worst tenth of the runs, sample from it, and repeat. The **effective number** is $(\sum w)^2/\sum w^2$, summed
+# over the failures. It measures precision: the estimate is as precise as with this many failures of equal weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
-# normal around 3.3 instead. Half of the runs now fail, and each of these failures has a weight far below 1.
+# normal distribution around 3.3 instead. Half of the runs now fail, and each of these failures has a weight far below
+# 1.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.7), layout="constrained")
@@ -1621,14 +1634,14 @@ for axis, (title, proposals, sides) in zip(
             line = x + k * a * np.cos(turn), y + k * b * np.sin(turn)
             _ = axis.plot(*line, color="#3949ab", lw=1.6)
     _ = axis.set(xlim=(-5.5, 5.5), ylim=(-3.5, 3.5), aspect="equal", xticks=[], yticks=[])
-    _ = axis.set(xlabel="one disturbance", ylabel="another")
+    _ = axis.set(xlabel="first disturbance", ylabel="second")
     _ = axis.set_title(title, fontsize=9)
 plt.show()
 
 # %% [markdown]
 # Grey: the real disturbances, in circles of one, two and three standard deviations. Red: disturbances that make the run
-# fail. Blue: the proposal. In the middle, it misses most of the failure region; on the right, a whole region. In both
-# cases every sample that *was* drawn looks fine.
+# fail. Blue: the proposal, at one and two standard deviations. In the middle, it misses most of the failure region; on
+# the right, a whole region. In both cases every sample that *was* drawn looks fine.
 
 # %%
 predict("trusted_rare_rate")
@@ -1638,32 +1651,36 @@ predict("trusted_rare_rate")
 
 # %% tags=["hide-code"]
 rows = []
-for key, name in {"narrow proposal": "as fitted", "width at least 1": "width at least 1"}.items():
+for key, name in {
+    "narrow proposal": "narrow (as fitted)",
+    "width at least 1": "width at least 1",
+}.items():
     _, scatter, stated, low, *_ = numbers("rare_failure", f"{key}: ")
     rows.append([name, f"{scatter:.1e}", f"{stated:.1e}", f"{low:.0f} %"])
 table(["proposal", "actual scatter", "reported error", "too low by three reported errors"], *rows)
 
 # %% [markdown]
-# With the fitted proposal the answers scatter much more than the reported error says, and some repeats are far too
-# low. (The card below makes fewer repeats than the chart, so compare shares.) The effective number did not warn here.
-# Among repeats with the fitted proposal it is on average even *larger* where the answer is wrong, because the weights
-# that were drawn agree with each other. Repeats with other seeds that *disagree* reveal the problem.
+# The *narrow proposal* of the chart is the one that the method fitted. Its answers scatter much more than the reported
+# error says, and some are far too low. The effective number gives no warning. In repeats that are far too low it is on
+# average even *larger*, because the weights in such a repeat are all similar. Repeats with other seeds reveal the
+# problem, because their answers *disagree*.
 #
 # Repeats that agree prove nothing yet. Suppose 70 % of the failures lie in one region and 30 % in another, further
 # away. If every repeat finds only the larger region, all of them agree, with small errors, and all are 30 % too low. So
-# add plain samples, enough to expect ten failures: they visit each region in proportion to its probability. Ten
-# failures give the rate only to about a third, so comparing the rates would not show the missing 30 %. But look at the
-# failures themselves. The probability that all ten come from the larger region is $0.7^{10}$, only 3 %.
+# add plain samples, enough to expect ten failures: they visit each region in proportion to its probability. From ten
+# failures you know the rate only to about a third, so it would not show the missing 30 %. But look at the failures
+# themselves. The probability that all ten come from the larger region is $0.7^{10}$, only 3 %.
 
 # %%
 show("rare_and_sure")
 
 # %% [markdown]
-# If the failures lie in one direction only, it helps to keep the width of the proposal at least as large as that of the
-# real disturbances. A **defensive mixture**, which draws a tenth of the runs from the original distribution, did not
-# help here. With two failure regions neither the width nor the mixture helps: a tenth of 2,500 runs rarely contains any
-# failure. Now the arm, with six disturbances: bias and target velocity (two components each), latency, tilt. (There are
-# no discs and little noise.)
+# If there is one failure region, one remedy helps: keep the width of the proposal at least as large as that of the real
+# disturbances. With two regions that is not enough. A **defensive mixture** draws a tenth of the runs from the original
+# distribution. It helps little here, because a tenth of 2,500 runs rarely contains any failure.
+#
+# Now the arm, with six disturbances: bias and target velocity (two components each), latency, and tilt of the table.
+# There are no discs and little noise.
 
 # %% tags=["hide-code"]
 scene, quiet = Scenario(discs=()), Settings(noise=0.01)
@@ -1691,13 +1708,13 @@ for name, width in (("as fitted", 0.0), ("width at least 1", 1.0)):
 table(["proposal", "seed", "failure rate", "95 % interval", "effective number"], *rows)
 
 # %% [markdown]
-# The intervals of the fitted proposal contradict each other. Their effective numbers are small, but the lowest rate
-# has the largest one: the warning is weakest where it is needed most. With a width of at least 1, the estimates still
-# differ by almost a factor of two. So this table suggests an order of magnitude and no more. Run some tens of
-# thousands of plain samples, at milliseconds each, before you report a number.
+# The intervals of the fitted proposal contradict each other. Its effective numbers are small, but the lowest rate has
+# the largest one: the warning is weakest where you need it most. With a width of at least 1, the estimates still differ
+# by almost a factor of two. So trust only the order of magnitude. Before you report a number, run some tens of
+# thousands of plain samples.
 #
-# And if a sample contains no failure at all? Then the estimate is 0 with a reported error of 0. Wilson's interval, a
-# confidence interval for a success rate, says what such a sample leaves open:
+# If a sample contains no failure at all, the estimate is 0, with a reported error of 0. Wilson's interval, a confidence
+# interval for a success rate, says which failure rates are still plausible:
 
 # %%
 for runs in (100, 1000, 10_000):
@@ -1707,9 +1724,9 @@ for runs in (100, 1000, 10_000):
 # %% [markdown]
 # ### Tune it end to end?
 #
-# You can tune the filter and the gains *together*, by random search on the final error. Or you can tune them *one after
-# the other*: the filter with an ideal arm, then the gains with ideal perception. Both get the same number of runs, and
-# are judged on new seeds and on another target.
+# You can tune the filter and the gains *together*: try random settings, and take the one with the smallest final error.
+# Or you can tune them *one after the other*: the filter with an ideal arm, then the gains with ideal perception. Both
+# methods get the same number of runs. We judge them on new seeds and on another target.
 
 # %% tags=["hide-code"]
 rng, seeds = np.random.default_rng(4), range(12)
@@ -1756,15 +1773,15 @@ head = ["rms error [mm] (95 % interval of the change)", "seeds used for tuning",
 table([*head, "another target"], *rows)
 
 # %% [markdown]
-# On new seeds, the gain on the twelve tuning seeds is not found: tuning fitted their noise. On another target, both
-# methods gain about a millimetre.
+# On new seeds the improvement is gone: the tuning fitted the noise of its twelve seeds. On another target, both methods
+# reduce the error by about a millimetre.
 #
 # ### One policy instead of three stages
 #
-# Suppose a learned policy replaces perception, planning and control. Estimate, path and reference then no longer
-# exist, and their contracts disappear with them. Four checks remain at its edges: time stamps of the inputs, torques
-# entering the motors against commanded ones, speeds and energy of the motion, and its clearance, from the arm's own
-# model. Which of the ten faults do they detect?
+# Suppose a learned policy replaces perception, planning and control. Estimate, path and reference no longer exist, and
+# neither do their contracts. Four checks remain, on what enters the policy and what leaves it: the time stamps of the
+# images; the torque that enters the motors against the commanded torque; speeds and energy of the motion; and the
+# distance to the discs. Which of the ten faults do they detect?
 
 # %% tags=["hide-code"]
 edges, near, measured = ("age", "control", "move"), 0.02, Counter()  # m of clearance
@@ -1781,9 +1798,9 @@ for one in FAULTS:
     failed = [r for r in (injected(one, seed)() for seed in range(12)) if not r.success]
     measured[one.name] = sum(noticed(r) for r in failed) / max(len(failed), 1)
 found = ", ".join(name for name, share in measured.items() if share > 0.5)
-print(textwrap.fill(f"seen at the edges: {found}", 96))
+print(textwrap.fill(f"detected: {found}", 96))
 blind = ", ".join(name for name, share in measured.items() if share <= 0.5)
-print(textwrap.fill(f"not seen: {blind}", 96))
+print(textwrap.fill(f"not detected: {blind}", 96))
 
 # %% [markdown]
 # Ask the policy for one more output: its estimate of the target position, with an uncertainty. A second measurement of

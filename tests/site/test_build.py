@@ -306,6 +306,8 @@ def test_every_claim_card_question_word_and_chart_is_there(site: Path) -> None:
     for chapter in CHAPTERS:
         for term in cards.vocabulary(chapter.topic):
             assert term in words
+        for word, term in cards.synonyms(chapter.topic).items():
+            assert f"{word}: see {term}, chapter {chapter.number}" in words
     alts = {image["alt"] for image in soup(site / "charts.html").select("article img")}
     assert alts == {path.stem for path in (ROOT / "docs" / "charts").glob("*.png")}
 

@@ -340,10 +340,23 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         lines=[("y", 1e4 * SHARE, "truth")],
         footer=machine(0.0),
     )
-    price = Panel("Scatter of the answers", "runs", "standard error", scale="log")
+    # Names beside the points: leaders to the margin would look like curves.
+    price = Panel(
+        "Scatter of the answers",
+        "runs",
+        "standard error",
+        scale="log",
+        ylim=(1.2e-5, 7e-4),
+        legend=False,
+    )
     others = [
         Series(
-            "plain", ladder, spread, style="", theory=lambda n: math.sqrt(SHARE * (1.0 - SHARE) / n)
+            "plain",
+            ladder,
+            spread,
+            style="",
+            theory=lambda n: math.sqrt(SHARE * (1.0 - SHARE) / n),
+            tags=("", "plain (line: theory)"),
         )
     ]
     alarm = Panel(
@@ -351,7 +364,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         "reported errors from the truth",
         "effective number",
         xlim=(-15.0, 5.0),
-        lines=[("x", -3.0, "too low and sure")],
+        lines=[("x", -3.0, "left: too low and sure")],
     )
     width = Panel(
         "Narrow proposals miss failures",
@@ -375,6 +388,7 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
                 [runs],
                 [true],
                 style="",
+                tags=(f"{name}, true",),
                 note=f"{name}: {runs} runs, answers "
                 f"scatter by {true:.2g}, {np.median(error):.2g} stated; {100 * sure:.0f} % too "
                 f"low by 3 stated errors, within 2 {100 * met:.0f} %; plain sampling takes "
@@ -382,7 +396,8 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
             )
         )
         stated = float(np.median(error))
-        others.append(Series(f"{name}, reported", [runs], [stated], style="", hollow=True))
+        label = f"{name}, reported"
+        others.append(Series(label, [runs], [stated], style="", hollow=True, tags=(label,)))
         some = deviation < -3.0
         count = np.array([one.effective for one in result])
         if some.any():

@@ -31,7 +31,9 @@ def vectors(result: Budget) -> Panel:
     at, report = np.zeros(2), np.zeros(2)
     for part in result.parts:
         mean, chance = result.mean(result.only(part))
-        path, guess = 1e3 * np.stack((at, at + mean), axis=1), result.moments[result.only(part)][0]
+        # A line of three points: its name stands beside the second.
+        path = 1e3 * np.stack((at, at + 0.25 * mean, at + mean), axis=1)
+        guess = result.moments[result.only(part)][0]
         words = ", ".join("({:+.2f} {:+.2f})".format(*(1e3 * x)) for x in (mean, chance, guess))
         panel.series.append(
             Series(
@@ -39,7 +41,8 @@ def vectors(result: Budget) -> Panel:
                 path[0],
                 path[1],
                 # A stage that adds nothing has no name in the picture.
-                tags=("", NAMES[part] if np.hypot(*mean) > 1e-5 else ""),
+                tags=("", NAMES[part] if np.hypot(*mean) > 1e-5 else "", ""),
+                marker="",
                 note=f"{part} alone, mean, +-, predicted: {words}",
             )
         )
@@ -63,8 +66,8 @@ def vectors(result: Budget) -> Panel:
             [1e3 * report[1]],
             "theory",
             style="",
-            marker="P",
-            tags=("plus: predicted",),
+            marker="s",
+            tags=("square: predicted",),
             note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * report)),
         ),
     ]
@@ -106,6 +109,8 @@ def owned(result: Budget) -> Panel:
         "mean squared error [mm$^2$]",
         rows=("if only this stage is real", "Shapley's share", "saved if only it is ideal"),
         ylim=(-2.7, 0.4),
+        # Names beside the points: a leader to the margin would look like an error bar.
+        legend=False,
     )
     shares, value = result.shares(), attribution(result.squares())
     for lane, (part, (share, low, high)) in enumerate(shares.items()):
@@ -127,6 +132,7 @@ def owned(result: Budget) -> Panel:
                 across=True,
                 low=ends[0],
                 high=ends[1],
+                tags=(NAMES[part],),
                 note=message,
             )
         )

@@ -16,8 +16,9 @@ SYMBOLS = {
 
 
 @claim(
-    "90 of 100 runs worked, then 95 of 100: the change helped.",
-    "{worked:.0f} of {n:.0f} fits any rate between {low:.0%} and {high:.0%}. To detect this "
+    "90 of 100 runs worked, then 95 of 100: this shows that the change helped.",
+    "The change may have helped, or this was chance. {worked:.0f} of {n:.0f} fits any rate between "
+    "{low:.0%} and {high:.0%}. To detect this "
     "difference four times in five takes {own:.0f} runs of each. On the same seeds it takes "
     "{same:.0f}, if every run that worked before still works.",
     source="E. B. Wilson, 1927; Fleiss, Levin and Paik, Statistical methods for rates, 2003",

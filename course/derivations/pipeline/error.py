@@ -296,8 +296,8 @@ def root_sum_square(result):
 
 
 @claim(
-    "To first order, the mean error of the pipeline is the vector sum of the mean errors of "
-    "its stages.",
+    "As long as the errors of the stages are small, the mean error of the pipeline is nearly the "
+    "vector sum of their mean errors.",
     "The sum of the vectors agrees with the measured total to {gap:.2f} mm. The lengths of the"
     " vectors add up to {lengths:.1f} mm, while the total is {whole:.1f} mm: lengths and "
     "squares do not add up.",
@@ -324,8 +324,8 @@ def signed_parts_add_up(result):
     "Making one stage ideal cannot make the error of the tip larger.",
     "It can, if errors cancel. With all stages real, the tip is {whole:.1f} mm off. With ideal"
     " perception it is {eye:.1f} mm, with an arm without lag {arm:.1f} mm, with both "
-    "{both:.1f} mm. There are {orders:.0f} orders in which to fix the three stages. The number"
-    " of orders without a setback on the way is {safe:.0f}.",
+    "{both:.1f} mm. The three stages can be fixed in {orders:.0f} orders. The number of orders in "
+    "which the error never grows on the way is {safe:.0f}.",
 )
 def mending_makes_worse(result):
     from itertools import permutations
