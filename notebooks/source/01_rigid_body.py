@@ -304,8 +304,8 @@ print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
 # other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 in units of $10^{-3}$ kg m². The root is
 # $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor 2.72 every
-# $1/5.3 = 0.19$ s. If the spin starts one degree off the middle axis, the brick's middle axis has turned by 90 degrees
-# after about one second, and by 180 after two.
+# $1/5.3 = 0.19$ s. If the spin starts one degree off, the middle axis has turned by 90 degrees after about one second,
+# and by 180 after two.
 #
 # <details><summary>Derive it: the rate of growth</summary>
 #
@@ -329,7 +329,7 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # spin, there is already a large $L$, nearly along the axis. At every instant the torque adds a small sideways piece to
 # it, so the axis turns sideways.
 #
-# This slow circling is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is
+# This is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is
 # about $mgl/L$ for a fast spin. If you release the top spinning but not yet circling, it also nods (**nutation**). In
 # the simulation, the blue line is the path of its axis.
 # %%
@@ -900,7 +900,7 @@ more_claims(
 # **Restitution** $e$ is the speed after an impact divided by the speed before, both measured perpendicular to the
 # floor. With $e = 1$ a bounce should cost no energy. Programs often use a simple rule: if a ball is below the floor at
 # the end of a step, put it on the floor and reverse its velocity. The drawing shows what this does. During the step the
-# ball falls to the depth $d$ below the floor. Putting it back lifts it by $d$, and this adds the energy $mgd$.
+# ball falls to the depth $d$ below the floor. Putting it back adds the energy $mgd$.
 #
 # The remedy is to find the **time of impact** inside the step, to reverse the velocity there, and to continue with the
 # rest of the step:
