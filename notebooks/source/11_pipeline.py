@@ -20,8 +20,8 @@ simulation("pipeline")
 
 # %% [markdown]
 # The panel counts five **stages**: *perceive* (perception finds the target in camera images), *age* (how old that
-# result is), *plan*, *control* and *move* (physics, the motion itself). If one of them were perfect, the
-# final error would change. Its arrow shows this change.
+# result is), *plan*, *control* and *move* (physics, the motion itself). If one of them were perfect, the final error
+# would change. Its arrow shows this change.
 #
 # A *picture* is a camera image. *Tip to target* is the distance at the time shown: large at the start of a run, small
 # at its end. *Largest stable dt* is the largest stable physics step for the posture at the end of the first plan. The
@@ -147,8 +147,8 @@ plt.show()
 #   camera image, called a *frame*, it reports the true position plus an error. The **bias** is the part of the error
 #   that is the same in every frame. The **noise** is random and new in each frame. A Kalman filter smooths the reports.
 #   Its result is for the time of the image, not for now.
-# * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet. Then shortcuts make
-#   the path shorter, and it gets a speed at every point.
+# * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet. Then the path is
+#   shortened and gets a speed.
 # * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$, with the gains $k_p$ and $k_d$ (in
 #   charts: Kp, Kd). Here $\tau$ is the torque of a joint, $r$ its reference angle and $q$ its actual angle. The joint's
 #   own friction adds $-c\,\dot q$.
@@ -157,7 +157,7 @@ plt.show()
 # The four stages do not take turns: each runs at its own rate and has its own random-number generator. A message
 # carries five fields: the value, its covariance (how uncertain it is), the coordinate frame, the **stamp of capture**
 # (when the image was taken), and the time of arrival. Copy the coordinate frame and the stamp of capture into every
-# message that you send, because a later stage cannot recover them.
+# message: a later stage cannot recover them.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -610,12 +610,12 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# We found no difference in success. We cannot be sure of any difference in error either. For Open3D and for all
-# libraries together it is close: the interval only just contains zero. The three rows with images have only 20 runs.
-# Their true success rate may lie anywhere in the interval of the table. MuJoCo's rays give the same images as our
-# camera, so the errors agree exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes
-# by less than a micrometre. So on this task both libraries interpret the data as we do. One mistake would stay hidden:
-# the table is level, so a wrong sign of gravity has no effect.
+# We found no difference in success, and no certain difference in error. For Open3D and all libraries together it is
+# close: the interval only just contains zero. The three rows with images have only 20 runs. Their true success rate
+# may lie anywhere in the table's interval. MuJoCo's rays give the same images as our camera, so the errors agree
+# exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre.
+# So on this task both libraries interpret the data as we do. One mistake would stay hidden: the table is level, so a
+# wrong sign of gravity has no effect.
 #
 # Our own run is compiled to machine code as a whole. A library that moves or commands the arm is called from Python at
 # every step, and these calls take time. The last row of the *time* panel shows how much: there Python calls our own
@@ -762,11 +762,10 @@ table(
 
 # %% [markdown]
 # Between 4 and 1 ms, halving the step about halves the error, as expected for a first-order method. At 8 ms, close to
-# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls by more than half. The reason is
-# the reference: it has an error in the same direction, which hides a part of every error. At the smallest step it hides
-# the largest part. The dashed curve is our own
-# motion, called from Python at every step, as MuJoCo is. Most of the distance from the solid curve is the price of
-# these calls.
+# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls by more than half. The reason is the
+# reference: it has an error in the same direction, which hides a part of every error. At the smallest step it hides
+# the largest part. The dashed curve is our own motion, called from Python at every step, as MuJoCo is. Most of the
+# distance from the solid curve is the price of these calls.
 #
 # Are two parameters enough? We measured bias and noise on rendered images. Then we ran the pipeline both ways, now with
 # equal settings. The chart compares the final errors along the target's motion and across it. Each point is a
@@ -979,8 +978,8 @@ more_claims("step_by_posture")
 #
 # ![Largest gain against the frames of delay, and noise against the gain](../docs/charts/look_and_move.png)
 #
-# The right panel shows the noise that reaches the position. Its horizontal axis is the gain divided by the largest gain
-# for that delay. At the same point on this axis, a longer delay means a smaller gain, and so less noise. At the
+# The right panel shows the noise that reaches the position. Its horizontal axis is the gain divided by the largest
+# gain for that delay. At the same point on this axis, a longer delay means a smaller gain, and so less noise. At the
 # *same* gain, a longer delay lets more noise through.
 
 # %%
@@ -1067,14 +1066,13 @@ Markdown(f"Replays alone were wrong in these runs: {wrong}. What they named ther
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
 # also cures a physics step that is too large. Replays try perception, age, planning, physics and control, in this
-# order. So here they name physics, but only because of this order.
+# order. So they name physics only because of this order.
 
 # %%
 more_claims("last_error_blames")
 
 # %% [markdown]
-# A **false alarm** is a broken contract in a *good* run, one that reaches its target. Other broken contracts are just
-# called alarms.
+# A broken contract is an *alarm*. In a *good* run, which reaches its target, it is a **false alarm**.
 
 # %% tags=["hide-code"]
 raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
@@ -1612,8 +1610,8 @@ your_robot(11)
 #
 # The **cross-entropy method** finds a proposal. Score how near each run came to failing. Fit a normal distribution to
 # the worst tenth of the runs, sample from it, and repeat. The **effective number** is $(\sum w)^2/\sum w^2$, summed
-# over the failures. It measures precision. If it is 50, the estimate is as precise as one from 50 failures that
-# all have the same weight.
+# over the failures. It measures precision. If it is 50, the estimate is as precise as one from 50 failures that all
+# have the same weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
 # normal distribution around 3.3 instead. Half of the runs now fail, and each of these failures has a weight far below
@@ -1668,10 +1666,9 @@ table(["proposal", "actual scatter", "reported error", "too low by three reporte
 
 # %% [markdown]
 # The test on the card had fewer repeats than this one. The *narrow proposal* of the chart is the one that the method
-# fitted. Its answers scatter much more than the reported
-# error says, and some are far too low. The effective number gives no warning. In repeats that are far too low it is on
-# average even *larger*, because the weights in such a repeat are all similar. Repeats with other seeds reveal the
-# problem, because their answers *disagree*.
+# fitted. Its answers scatter much more than the reported error says, and some are far too low. The effective number
+# gives no warning. In repeats that are far too low it is on average even *larger*, because the weights in such a
+# repeat are all similar. Repeats with other seeds reveal the problem, because their answers *disagree*.
 #
 # Repeats that agree prove nothing yet. Suppose 70 % of the failures lie in one region and 30 % in another, further
 # away. If every repeat finds only the larger region, all of them agree, with small errors, and all are 30 % too low. So
