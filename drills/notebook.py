@@ -272,9 +272,10 @@ class RobotButton(Shown):
 
 
 _ROBOT_TEXT = {
-    8: "Put it into your robot. This chapter fills no slot. It adds the flag --twin: with it, your "
-    "robot's arm differs from the model in its programs by a gap of 0.25. (This arm is not the "
-    "MuJoCo twin of section 3.) The button plays your robot with the exact arm and with that one.",
+    8: "Put it into your robot. This chapter adds no part to your robot. It adds the flag --twin: "
+    "with it, the arm that your robot drives differs from its model by a gap of 0.25. (This arm is "
+    "not the MuJoCo twin of section 3.) The button plays your robot with the exact arm and with "
+    "that one.",
     9: "Put it into your robot. None of this chapter's exercises is a part of it. But you can run "
     "any of its parts from a file of yours, such as a trained policy in place of the controller: "
     "drills robot run --own control=FILE.py. The button compares your whole robot with the "

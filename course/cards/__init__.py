@@ -13,6 +13,7 @@ and vocabulary of a chapter stand in `TOPIC.toml` beside this file, so that a ce
 answer away:
 
     vocabulary = ["inertia tensor", ...]    # each in bold where the chapter defines it
+    synonyms = [["moment of inertia", "inertia tensor"], ...]  # a word, and the term it leads to
     checkpoint = ["verlet_frequency", ...]  # claims whose formulas are not on the chapter's page
 
     [[estimate]]                            # numbers to estimate: see `course.cards.draws`
@@ -32,7 +33,7 @@ from pathlib import Path
 from course import CHAPTERS
 from course.cards.draws import Gate, checkpoint
 from course.cards.files import FOLDER, gate, read
-from course.check import invalid
+from course.check import invalid, one_of
 from course.derivations.markup import Answer, Shown, card, figures, folded, tex
 from course.interview import LEVELS, filled, questions, typed_numbers
 
@@ -52,6 +53,7 @@ __all__ = [
     "placed_in",
     "predict",
     "predictions",
+    "synonyms",
     "tex",
     "unplaced",
     "vocabulary",
@@ -108,6 +110,18 @@ def vocabulary(topic: str) -> list[str]:
         ValueError: for a topic that has no file.
     """
     return list(read(topic)["vocabulary"])
+
+
+def synonyms(topic: str) -> dict[str, str]:
+    """Return other words that a reader may search for, each with the term that explains it.
+
+    Raises:
+        ValueError: for a topic that has no file, or a term that is not in its vocabulary.
+    """
+    return {
+        word: one_of(f"synonym of {word}", term, vocabulary(topic))
+        for word, term in read(topic).get("synonyms", ())
+    }
 
 
 @functools.cache

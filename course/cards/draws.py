@@ -100,7 +100,7 @@ class Formula:
         requested = formula(self.claim)
         symbols = [f"`{name}`: {one.meaning}" for name, one in requested.symbols.items()]
         meaning = f" ({'; '.join(symbols)})" if symbols else ""
-        return f"**Formula.** {tex(requested.question)}{meaning}"
+        return f"**Formula.** {tex(requested.question, _claim(self.claim).topic)}{meaning}"
 
     def grade(self, text: str) -> Graded:
         """Return whether a formula as text is right."""
@@ -114,7 +114,8 @@ class Formula:
         from course.derivations import formula
 
         requested = formula(self.claim)
-        wrong = [Answer(_code(slip), False, f"**No.** {tex(why)}")
+        topic = _claim(self.claim).topic
+        wrong = [Answer(_code(slip), False, f"**No.** {tex(why, topic)}")
                  for slip, why in requested.slips.items()]  # fmt: skip
         right = Answer(_code(requested.expression), True, "**Right.**")
         return sorted([right, *wrong], key=lambda answer: rank(0, answer.label))
@@ -144,7 +145,7 @@ class Verdict:
 
     def ask(self) -> str:
         """Return the claim as it is commonly made, Markdown."""
-        return f"**Claim.** “{tex(_claim(self.claim).claim)}”"
+        return f"**Claim.** “{tex(_claim(self.claim).claim, _claim(self.claim).topic)}”"
 
     def grade(self, text: str) -> Graded:
         """Return whether a verdict is right: `true`, `false` or `only if`."""
@@ -274,12 +275,13 @@ def _explanation(id: str) -> str:
     from course.derivations import Block, recorded
 
     block = Block(recorded(id, _claim(id).file))
-    return f"{tex(block.verdict)} {tex(block.outcome.corrected)}"
+    topic = block.outcome.claim.topic
+    return f"{tex(block.verdict, topic)} {tex(block.outcome.corrected, topic)}"
 
 
 def _behind(id: str) -> str:
     """Return the claim that a formula or a figure belongs to, and its explanation; Markdown."""
-    return f"It belongs to the claim “{tex(_claim(id).claim)}” {_explanation(id)}"
+    return f"It belongs to the claim “{tex(_claim(id).claim, _claim(id).topic)}” {_explanation(id)}"
 
 
 def rank(seed: int, key: str) -> int:

@@ -218,6 +218,11 @@ class Claim:
         if unknown := sorted(set(self.needs) - set(NEEDS)):
             raise ValueError(f"needs must be among {', '.join(NEEDS)}, got {unknown[0]!r}")
 
+    @property
+    def topic(self) -> str:
+        """The name of its chapter's topic, such as "rigid_body"."""
+        return self.file.partition(".")[0]
+
     def entry(self, result: Result) -> dict[str, Any]:
         """Return what goes on record."""
         return {
@@ -549,8 +554,12 @@ class Block:
     def _why(self) -> str:
         """Return the verdict, the correction and how it was settled, as Markdown."""
         outcome = self.outcome
-        verdict, corrected = markup.tex(self.verdict), markup.tex(outcome.corrected)
-        settled = [markup.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
+        topic = outcome.claim.topic
+        verdict, corrected = (markup.tex(x, topic) for x in (self.verdict, outcome.corrected))
+        settled = [
+            markup.tex(outcome.finding.statement, topic),
+            *(f"`{x}`" for x in self._figures()),
+        ]
         if outcome.claim.source:
             settled.append(f"*{outcome.claim.source}*")
         how = markup.folded("How it was settled", "  \n".join(filter(None, settled)))
@@ -558,8 +567,8 @@ class Block:
 
     def _card(self, answers: Sequence[markup.Answer], head: str = "", after: str = "") -> str:
         claim = self.outcome.claim
-        topic = claim.file.partition(".")[0]
-        question = f"“{markup.tex(claim.claim)}”{after}"
+        topic = claim.topic
+        question = f"“{markup.tex(claim.claim, topic)}”{after}"
         made = markup.card(
             f"{topic}.{claim.id}", head, question, answers, self._why(), f"claim-{claim.id}"
         )
@@ -709,7 +718,7 @@ def answer(id: str, text: str) -> Answer:
     requested = formula(id)
     result = answer_formula(requested, text)
     prompt = "" if requested.prompt() in result.message else requested.prompt()
-    return replace(result, question=prompt, typed=text)
+    return replace(result, question=prompt, typed=text, topic=_get(id).topic)
 
 
 def formula(id: str) -> Formula:

@@ -93,6 +93,7 @@ class Answer:
             not defined, "ours": number}.
         question: the question, and in which symbols; "" where that stands elsewhere.
         typed: the learner's formula as it was typed.
+        topic: of the claim's chapter.
     """
 
     correct: bool
@@ -100,6 +101,7 @@ class Answer:
     counterexample: dict[str, Any] | None = None
     question: str = ""
     typed: str = ""
+    topic: str = ""
 
     def __bool__(self) -> bool:
         return self.correct
@@ -109,7 +111,7 @@ class Answer:
 
     def _repr_markdown_(self) -> str:
         # A page shows the answer without the cell that it was typed in.
-        question = [markup.tex(self.question)] if self.question else []
+        question = [markup.tex(self.question, self.topic)] if self.question else []
         typed = self.typed.replace("`", "'").strip()
         given = [f"Your answer: `{typed}`"] if typed and "\n" not in typed else []
         return "  \n".join([*question, *given, self.verdict()])

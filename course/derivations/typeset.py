@@ -16,6 +16,8 @@ _OPERATORS = {
     "*": r"\,",
     ".": r"\cdot",
 }
+# The chapters whose step is not called h.
+_STEP = {"control": "dt"}
 _UNITS = set("msJNKW")
 _TOKEN = re.compile(
     r"(?P<code>`[^`]*`|\b\d-[A-Z]\b)"  # code, or an arm such as 7-R
@@ -31,7 +33,7 @@ _WEAK = {"a", "A", "I", "s", *_SHORT}
 Token = tuple[str, str]
 
 
-def tex(text: str) -> str:
+def tex(text: str, topic: str = "") -> str:
     r"""Return a sentence with its formulas as mathematics: "omega h < 2" becomes $\omega h \lt 2$.
 
     A formula is a run of symbols (single letters, with a digit or an index), Greek names,
@@ -39,13 +41,14 @@ def tex(text: str) -> str:
 
     Args:
         text: of a claim.
+        topic: of its chapter; that of control calls the sample time dt, the others write h.
     """
     tokens = [(str(m.lastgroup), m.group()) for m in _TOKEN.finditer(text)]
     out, position = "", 0
     while position < len(tokens):
         end = _run(tokens, position)
         if end > position:
-            out += f"${_set(tokens[position:end])}$"
+            out += f"${_set(tokens[position:end], _STEP.get(topic, 'h'))}$"
             position = end
         else:
             kind, word = tokens[position]
@@ -112,7 +115,7 @@ def _strong(run: list[Token], unit: bool) -> bool:
     return words[0][1] not in _WEAK or words[1][0] == "operator"
 
 
-def _set(run: list[Token]) -> str:
+def _set(run: list[Token], step: str) -> str:
     out, closing = "", [""]
     for position, (kind, word) in enumerate(run):
         if kind == "greek":
@@ -128,8 +131,8 @@ def _set(run: list[Token]) -> str:
             out += closing.pop()
         elif word == "x" and _crosses(run, position):
             out += r"\times"
-        elif word == "dt":  # the step has one letter in a notebook; d t would be a product
-            out += "h"
+        elif word == "dt":  # the step has one name in a chapter
+            out += step
         elif word in _SHORT:
             out += f"{_SHORT[word]} "
         elif kind == "symbol" and word[-1].isdigit() and "_" not in word:

@@ -59,7 +59,10 @@ LIVE_TAG = "live"
 
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
-    "pipeline": "each change runs the whole pipeline more than 20 times, which takes 0.2 s",
+    "pipeline": (
+        "its planner is a Python function that you can replace, which a browser cannot compile; in "
+        "a notebook each change runs the whole pipeline more than 20 times, which takes 0.2 s"
+    ),
 }
 
 

@@ -14,6 +14,7 @@ import io
 import os
 import re
 import shutil
+import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,6 +35,11 @@ BESIDE = ("claims", "charts", "cards", "questions", "glossary")
 DOORS = tuple(notebooks.TEXTS)
 STILL = f"{notebooks.FILM.stem}.still.png"  # for who wants no motion
 _CLAIM = re.compile(r' id="claim-(\w+)"')  # where the first tag of a card goes on
+_PICTURE = re.compile(
+    r"<(?:img|source)\b(?=[^>]* src(?:set)?=\"([^\":]+\.(?:png|svg))\")[^>]*?(?= ?/?>)"
+)
+_WIDTH = re.compile(r' width="(\d+)"')
+_POINTS = re.compile(rb'<svg [^>]*?width="([\d.]+)pt" height="([\d.]+)pt"')
 _LEFT_OUT = (".buildinfo", "objects.inv", "genindex.html")
 
 
@@ -199,6 +205,40 @@ def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) ->
         raise Unbuildable(faults)
 
 
+def picture_size(path: Path) -> tuple[int, int] | None:
+    """Return the width and the height of a PNG or an SVG in CSS pixels; None where it has none."""
+    head = path.read_bytes()[:2000]
+    if head[:4] == b"\x89PNG":
+        width, height = struct.unpack(">II", head[16:24])
+        return width, height
+    points = _POINTS.search(head)
+    # A CSS pixel is three quarters of a point.
+    return (round(float(points[1]) / 0.75), round(float(points[2]) / 0.75)) if points else None
+
+
+def reserved(text: str, folder: Path) -> str:
+    """Return the HTML of a page whose pictures state their size.
+
+    A picture that waits until it comes into sight then takes up its room before it is loaded:
+    otherwise the page grows while a link leads down to a section, and the reader ends elsewhere.
+
+    Args:
+        text: the page.
+        folder: what the addresses of its pictures start from.
+    """
+
+    def stated(match: re.Match[str]) -> str:
+        tag, path = match[0], folder / unquote(match[1])
+        size = picture_size(path) if path.is_file() and " height=" not in tag else None
+        if size is None:
+            return tag
+        width = int(given[1]) if (given := _WIDTH.search(tag)) else size[0]
+        height = round(size[1] * width / size[0])
+        return f'{_WIDTH.sub("", tag)} width="{width}" height="{height}"'
+
+    return _PICTURE.sub(stated, text)
+
+
 _TAG = re.compile(r"<([a-zA-Z][\w-]*)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*)>")
 _ATTRIBUTE = re.compile(r"([\w-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 _ADDRESSES = ("src", "srcset", "href")
@@ -314,6 +354,8 @@ def build(
     for name in _LEFT_OUT:
         (out / name).unlink(missing_ok=True)
     (out / "_sources").rmdir()
+    for page in out.glob("*.html"):
+        page.write_text(reserved(page.read_text(encoding="utf-8"), out), encoding="utf-8")
     known = functools.cache(read)
     faults, loaded = broken(out, known), _loaded(out, known)
     # Only a site without faults replaces the one that is there.

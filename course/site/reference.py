@@ -128,17 +128,20 @@ def glossary(anchors: Anchors) -> str:
     """Return the glossary: terms with where they are defined, symbols with their meaning."""
     parts = [
         "# Words and symbols",
-        "Each word is defined where its link leads. A symbol means what its chapter says; names "
-        "are as one types them into a formula.",
+        "Each word is defined where its link leads. After some words, *see* names the term under "
+        "which the chapter explains them. A symbol means what its chapter says; names are as you "
+        "type them into a formula.",
         "## Words",
     ]
-    # A term may be defined in several chapters: one entry with a link to each.
+    # A term may be defined in several chapters: one entry with a link to each. Another
+    # word for a term leads to where that term is defined.
     where: dict[str, list[str]] = {}
     for chapter in CHAPTERS:
-        for term in cards.vocabulary(chapter.topic):
+        names = {term: term for term in cards.vocabulary(chapter.topic)}
+        for word, term in {**names, **cards.synonyms(chapter.topic)}.items():
             anchor = f"term-{notebooks.slug(term)}"
             link = _link(chapter, anchor, anchors, f"chapter {chapter.number}")
-            where.setdefault(term, []).append(link)
+            where.setdefault(word, []).append(link if word == term else f"see *{term}*, {link}")
     ordered = sorted(where, key=lambda term: (term.lower(), term))
     parts.append("\n".join(f"* **{term}**: {', '.join(where[term])}" for term in ordered))
     for chapter in CHAPTERS:

@@ -3,7 +3,8 @@
 #
 # *A robot picks parts from a moving belt, and its gripper always closes a little too late. Every program on the robot
 # is fast. How old is the picture behind its present motor command?* About {open minutes} minutes of reading, cards and
-# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
+# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. The answers in
+# section 10 are not counted.
 
 # %%
 from course.cards import predict
@@ -18,7 +19,8 @@ predict("how_old_is_a_command")
 simulation("stack")
 
 # %% [markdown]
-# The blue bars show the ages in a simulated run. A formula predicts the three dashed lines (section 1).
+# Each dot belongs to one picture, and the number beside it is the age of that picture. The blue bars show the ages of
+# the commands in a simulated run. A formula predicts the three dashed lines (section 1).
 #
 # **After this chapter you can** draw the software of a robot as a graph, with a rate, a size and a deadline on every
 # arrow; compute how old the information behind a motor command is, before anything is built; find the change that makes
@@ -28,8 +30,7 @@ simulation("stack")
 # ## How this course works
 #
 # This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter looks at its
-# subject from five sides: concept, design, code, debugging and frontier. Each section explains an idea, asks about it,
-# and shows the answer.
+# subject from five sides: concept, design, code, debugging and frontier.
 #
 # Some cards show a statement that you will often hear. You judge it: true, false, or true only under a condition. The
 # command `python -m course.derivations 0` checks these statements. Section 7 has these exercises:
@@ -86,22 +87,23 @@ def table(*rows):
 #   **policies**, which are programs that choose the next action. *Sim-to-real* means that such a policy
 #   then runs on the real robot (chapters 8 and 9).
 #
-# An arrow carries samples, such as pictures. What happens if a sample is late? With a **hard deadline** a late
-# sample is a failure, even if the next one is in time. With a **soft deadline** it is only worth less.
+# An arrow carries samples, such as pictures. With a **hard deadline** each late sample counts as a failure. With a
+# **soft deadline** a late sample is only worth less.
 
 # %%
 predict("never_late")
 
 # %% [markdown]
-# A function of this chapter, `check_stack`, tests the drawing: each box has an input and an output, and each loop runs
-# through the robot or its simulation. A loop of programs alone can stop the robot, if each of them waits for another.
+# The function `check_stack` tests the drawing: each box has an input and an output, and each closed path of arrows
+# passes through the robot or its simulation. If programs alone form a closed path, each may wait for the next, and the
+# robot stops.
 #
 # The rate of an arrow is its number of samples per second, and the size is the number of bytes in each sample. Rate
 # times size is the arrow's **bandwidth**. A depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot
 # 480 \cdot 2 \cdot 30 = 18.4$ million bytes per second.
 #
 # The table lists the arrows with the largest bandwidth. Arrows into a simulation or a log have no deadline, because
-# simulated time can wait, and nobody waits for a log.
+# nobody waits for them.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -114,32 +116,33 @@ table(
 )
 
 # %% [markdown]
-# The table shows three facts. Nearly all bytes belong to pictures. Nearly all messages are joint states and torques.
-# Only the loop between control and motors has hard deadlines. From these facts follows where the programs run. The
-# joint loop gets a process of its own, which no other program can delay. The pictures stay on one computer, because a
-# network would have to carry nearly all the bytes. All other data can travel as ordinary messages.
+# Nearly all bytes belong to pictures. Nearly all messages are joint states and torques. Only the loop between control
+# and motors has hard deadlines. These facts decide where the programs run. The joint loop becomes a program with a
+# *core* (one processor of the computer) of its own, so other programs hardly delay it. The pictures stay on one
+# computer, because a network would add a delay that varies.
 #
 # ### How old is a command?
 #
 # The motor command of this moment follows a trajectory. The trajectory was planned for a pose, and the pose was
-# computed from a picture. The **data age** of the command is the time from the capture of that picture until now. In
-# this time the world has moved on.
+# computed from a picture. The **data age** of the command is the time from the capture of that picture until now. A
+# command is *in force* until the next command replaces it.
 #
 # Each program in this chain is a *stage*. A stage has an **execution time** $C$, the time from its start to its result.
 # Most stages also have a clock with a **period** $T$: the clock ticks once per period, and each tick starts the stage.
-# When a stage starts, it takes the newest result of the stage before it.
+# When a stage starts, it takes the newest result of the stage before it. The **interval** of a stage is the time from
+# one result to the next. In our chain each interval is equal to the period.
 #
-# The chain of this chapter has three stages. *Perception* starts with each picture of a camera at 30 Hz and needs 45
-# ms. That is longer than the 33.3 ms between two pictures. So perception has two workers, which take turns: each of
-# them takes every second picture. The *planner* starts 10 times per second and needs 60 ms. The *joint loop* runs at
-# 1,000 Hz and needs 0.2 ms.
+# The chain of this chapter has three stages. *Perception* starts with each picture of a camera at 30 Hz, so the camera
+# is its clock. It needs 45 ms. This is longer than the 33.3 ms between two pictures. So two workers take turns, each
+# with every second picture. The *planner* starts 10 times per second and needs 60 ms. The *joint loop* runs at 1,000 Hz
+# and needs 0.2 ms.
 
 # %%
 show("chain_age")
 
 # %% [markdown]
-# The next diagram shows how the age grows from the capture of the picture, at 0, to the present moment. All values are
-# means. Blue bars are work, and orange bars are waiting:
+# The next diagram shows how the age grows from 0, the capture of the picture, to the present moment. All values are
+# means. Blue bars are work. Orange bars are waiting:
 
 # %% tags=["hide-code"]
 parts, names = [], []
@@ -173,9 +176,9 @@ table(
 )
 
 # %% [markdown]
-# Why half of each period? A reader with a clock of its own comes at a random moment. A result may have come just now,
-# or almost a whole period ago. On average it came half a period ago. In the same way, the last command has been in
-# force for half of its period, on average.
+# Why half of each period? The planner looks for a pose at a random moment. The newest pose may have come just now, or
+# almost a whole period of perception ago. On average it came half a period ago. In the same way, the joint loop issued
+# the last command half of its period ago, on average.
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
@@ -183,8 +186,9 @@ table(
 #
 # Two clocks do not start at the same moment. The shift between their ticks is their **phase**. Independent clocks
 # **drift**: no clock keeps its rate exactly, so the phase changes slowly and takes all values while the robot works.
-# The 172.4 ms are the mean over all phases. If two clocks never drift, they keep the phase with which they started.
-# Then the mean differs from one start of the robot to the next (section 6).
+# The 172.4 ms are the mean over all phases. But suppose that two clocks never drift, and that one ticks exactly three
+# times as often as the other. Then they keep the phase with which they started, and the mean differs from one start of
+# the robot to the next (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
@@ -203,9 +207,9 @@ table(
 # ### Whose period?
 #
 # Two stages meet at each arrow: the **producer**, which writes results, and the **reader**, which takes them. Each has
-# a period of its own. If the data are too old, many people first make the reader faster: it *polls* more often, which
-# means that it looks more often for a new result. Think of a letter box that is filled once a day. You look into it
-# once an hour. Are the letters fresher then?
+# a period of its own. If the data are too old, many people first make the reader faster. Then it *polls* more often: it
+# looks more often for a new result. Think of a letter box that is filled once a day. You look into it once an hour. Are
+# the letters fresher then?
 
 # %%
 show("polling_makes_fresh")
@@ -227,27 +231,28 @@ show("polling_makes_fresh")
 #
 # So data age counts the intervals of the producers, and reaction time counts those of the readers. For the whole chain,
 # data age counts the intervals of perception, of the planner, and of the joint loop, whose command is in force.
-# Reaction time counts the interval of the camera, and those of the planner and of the joint loop, which read. The
-# camera and perception have the same interval. So both sums have the same three intervals and the same execution times,
-# and both means are equal.
+# Reaction time counts the interval of the camera, because the event waits for the next picture. It also counts the
+# intervals of the planner and of the joint loop, because they are readers. The camera and perception have the same
+# interval. So both sums have the same three intervals and the same execution times, and both means are equal.
 #
-# Do both times also have the same distribution, which means that each value is equally frequent in both? To test this,
-# let the execution times vary from run to run, which is called **jitter**, and let some results get lost. With jitter,
-# one of two parallel workers can overtake the other. The simulation then drops the late result of the older picture.
+# Do both times also have the same distribution? This means that each value is as frequent in one as in the other. For a
+# test, let the execution times vary from run to run. This is called **jitter**. And let some results get lost. With
+# jitter, one of two parallel workers can overtake the other. The simulation then drops the late result of the older
+# picture.
 
 # %%
 show("reaction_is_age")
 
 # %% [markdown]
 # Günzel and others (ECRTS 2023) proved that the largest data age equals the largest reaction time, for nearly any way
-# in which programs share processors. In practice, log the data age: a time stamp that travels with the data is enough
-# for it. Write requirements as reaction times, because people ask how soon a robot reacts.
+# in which programs share processors. In practice, log the data age, because you only need a time stamp that travels
+# with the data. Write requirements as reaction times, because people ask how soon a robot reacts.
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
-# How old may the information be for a given task? A **latency budget** divides this age among the arrows. The
-# **critical path** is the slowest path from the sensor to the motor. The execution and waiting times on it add up to
-# the age. Time that you save on another path does not make the command younger.
+# How old may the information be for a given task? A **latency budget** gives each box and each arrow a part of this
+# age. The **critical path** is the slowest path from a sensor to the motors. The execution and waiting times on it add
+# up to the age. If you save time on another path, the critical path stays as long as it is.
 
 # %%
 predict("where_to_spend")
@@ -260,7 +265,7 @@ predict("where_to_spend")
 # * A **pipelined** stage has several workers. One of them begins with a new sample before another has finished the last
 #   one, as two cooks do with two orders. Results come more often; a single sample takes as long as before.
 #
-# A stage is in **overload** if it needs longer than the interval between its inputs. Started on arrival, our planner is
+# A stage is in **overload** if it needs longer than the interval between its inputs. If poses start our planner, it is
 # in overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses that
 # come while it is busy, and starts with the next one that comes. With *queue* one pose waits, always the newest, and
 # the planner takes it as soon as it is free. Or the planner is pipelined: then it plans for every pose.
@@ -269,26 +274,26 @@ predict("where_to_spend")
 show("start_when_free")
 
 # %% [markdown]
-# Every change costs computing. **Utilisation** is the share of a core, one processor of the computer, that a stage
-# keeps busy: execution time divided by interval. With several workers it can be above 1. The table lists what each
-# change of one stage saves, computed with the formula of section 1, and how many more cores it needs. The change that
-# saves most per core comes first. Changes that break a hard deadline are not listed. For example, a joint loop that
-# starts when a plan arrives would be silent for a tenth of a second.
+# Every change costs computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided
+# by interval. Before any change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
+#
+# The table lists what each change of one stage saves, and how many more cores it needs. It uses the formula of section
+# 1, with these waits and intervals for a planner on arrival. With *skip* a pose does not wait, and a plan comes with
+# every second pose, every 66.7 ms. With *queue* a pose waits 16.7 ms on average, if the 60 ms vary a little, and a plan
+# comes every 60 ms. *Pipelined*, no pose waits, and a plan comes every 33.3 ms.
+#
+# The change that saves most per core comes first. Changes that break a hard deadline are not listed.
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
 table(
     ("stage", "change", "saves [ms]", "additional cores"),
-    *((o.stage, o.change, f"{1000 * o.gain:.1f}", f"{o.load:+.2f}") for o in options),
+    *((o.stage, o.change, f"{1000 * o.gain:.3g}", f"{o.load:+.2f}") for o in options),
 )
 
 # %% [markdown]
-# Why does the first change save 33 ms? The pose no longer waits for the planner: 16.7 ms less on average. And the
-# planner now starts with every second pose, every 66.7 ms instead of every 100 ms. Half of the difference is another
-# 16.7 ms. A pipelined planner saves even more, 50 ms, but it needs 1.2 more cores.
-#
-# The chain now uses 2.15 cores: perception needs 45 ms thirty times per second, the planner 60 ms ten times, and the
-# loop 0.2 ms a thousand times, $1.35 + 0.6 + 0.2 = 2.15$.
+# Why does the first change save 33 ms? The pose no longer waits, which saves 16.7 ms. And a plan comes every 66.7 ms
+# instead of every 100 ms. Half of the difference is another 16.7 ms.
 #
 # ### What is a millisecond worth?
 #
@@ -297,14 +302,16 @@ table(
 # prediction is right if the velocity stays constant. If the part accelerates by $a$, an error of $\tfrac12 a A^2$
 # remains.
 #
-# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, but the true age
-# is sometimes larger and sometimes smaller. So the prediction has an additional error. Its standard deviation is the
-# speed times the standard deviation of the age.
+# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the prediction
+# has an additional error. The **standard deviation** measures how much a value varies around its mean. For this error
+# it is the speed times the standard deviation of the age.
 #
-# If a control loop uses old data, it can become unstable. Let the arm swing at $f$ Hz. During the delay $A$ the arm
-# goes through $f A$ cycles of its swing. So the answer of the loop comes $f A$ cycles late. As an angle, this **phase
-# lag** is $2\pi f A$. An answer that comes half a cycle late pushes in the wrong direction: it makes the swing larger.
-# Chapter 6 derives how much phase lag a loop can bear.
+# If pictures steer the arm, old pictures can make it *unstable*: it swings more and more. Let the arm swing at $f$ Hz.
+# During the age $A$ it goes through $f A$ cycles of its swing. So the correction comes $f A$ cycles late. As an angle,
+# this **phase lag** is $2\pi f A$. A correction that comes late enough pushes the arm further instead of braking it,
+# and the swing grows. Chapter 6 derives the largest phase lag at which a loop stays stable.
+#
+# The picture shows the errors at speeds up to 1 m/s, and the table those at 0.3 m/s:
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -334,7 +341,8 @@ table(
 #
 # Most of the boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for
 # planning. A **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a tree
-# whose nodes succeed, fail or continue. None of these programs decides how old a value may be. You have to decide that.
+# whose nodes succeed, fail or continue. In some of these programs you can limit the age of a value. But only you know
+# which age your task allows.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -354,16 +362,18 @@ table(
 #
 # ## 3 · Code: reading, age and reaction
 #
-# Three short functions are the core of this chapter. `read` returns which sample a reader gets from a queue. The class
-# `Trace` is a recorded run. Its methods `age` and `reaction` compute the two times of section 1:
+# `read` returns which sample a reader gets from a queue. The class `Trace` is a recorded run. For each command it
+# stores when it was issued (`published`), and when its picture was taken (`captured`). Its methods `age` and `reaction`
+# compute the two times of section 1:
 
 # %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
 
 # %% [markdown]
-# A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds.
-# Here the planner has no clock. It starts on arrival, with the rule *skip*. The next cell compares the formula of
-# section 1, the **closed form**, with 300 simulated runs, each with random phases:
+# A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds. The
+# names *see*, *plan* and *act* stand for perception, the planner and the joint loop. Here the planner has no clock. It
+# starts on arrival, with the rule *skip*. The next cell compares the formula of section 1, the **closed form**, with
+# 300 simulated runs, each with random phases:
 
 # %% tags=["show-code"]
 chain = [
@@ -382,10 +392,9 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 #
 # ## 4 · The simulation in full
 #
-# Go back to the simulation at the top. Each dot is the content of one picture, and the number beside it is its age. A
-# dot in a box is being worked on. A dot on an arrow is a result that waits; on the arrow to the robot it is the command
-# in force. The box that you click becomes orange, and
-# its arrows become blue. The readout *newest result* is the age of the newest result that this box has finished.
+# Go back to the simulation at the top. A dot in a box belongs to a picture on which this box works now. A dot on an
+# arrow is a result that waits. A dot on the arrow from control to the robot is the command in force. The box that you
+# click becomes orange, and its arrows become blue. The readout *newest result* is the age of this box's newest result.
 #
 # The bars show how often each age occurs in about thirty seconds of a run. The dashed lines show the closed form:
 # least, mean and bound. The clocks in this simulation drift, so their phases change all the time. The switch *all
@@ -404,8 +413,11 @@ predict("queue_of_ten")
 # There are two ways to compute a mean age: the closed form and an event simulation. An event is the start or the result
 # of a stage, and an event simulation jumps from one event to the next. We start it many times, with random phases. How
 # many starts does it need? The green points of the chart are 3, 10, 30, 100, 300 and 1,000 starts of this chapter's
-# chain. The reference is the mean over 8,192 phases that are evenly spread. For this chain the closed form is exact. So
-# its blue point shows the small error of the reference.
+# chain.
+#
+# The results are compared with a reference, the mean over 8,192 starts whose phases are spread evenly over all values.
+# The blue point is the closed form. For this chain it is exact, so the error of the blue point is really the error of
+# the reference.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -413,11 +425,11 @@ predict("queue_of_ten")
 figures(read("age_precision"), "closed form", "1000 random", summary="Times and errors")
 
 # %% [markdown]
-# Each green point is the median error of nine repeats, and the band around it holds the middle half of these errors. At
-# the dotted line the error is 1 ms; in this time a part at 0.3 m/s moves by 0.3 mm.
-# With 1,000 starts the median error is about half a millisecond. The closed form is exact and needs only microseconds,
-# but it gives the mean over all starts. Only the event simulation shows what happens after *one particular* start. Use
-# the formula to design, and the simulation wherever the assumptions of the formula do not hold.
+# Each green point is the *median* of nine repeats: half of the errors are larger. The band around it holds the middle
+# half of these errors. At the dotted line the error is 1 ms; in this time a part at 0.3 m/s moves by 0.3 mm. With 1,000
+# starts the median error is about half a millisecond. For this chain the closed form is exact and needs only
+# microseconds, but it gives the mean over all starts. Only the event simulation shows what happens after *one
+# particular* start. Use the formula to design, and the simulation wherever the assumptions of the formula do not hold.
 #
 # ## 6 · Debug: where it fails
 #
@@ -425,14 +437,18 @@ figures(read("age_precision"), "closed form", "1000 random", summary="Times and 
 #
 # The formula averages over all phases between two clocks. That is right if the phase takes all values while the robot
 # runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks that
-# count the swings of the same quartz never drift against each other. Such clocks are **locked**.
+# count the swings of the same quartz never drift against each other.
+#
+# But that alone does not fix the phase. At 30 Hz and 9.73 Hz, each tick of the slower clock comes at another moment
+# between two ticks of the faster one. At 30 Hz and 10 Hz it always comes at the same moment. Two clocks are **locked**
+# if they count the same quartz and the ratio of their rates is one of small whole numbers, such as 3 to 1.
 
 # %%
 show("long_run_mean")
 
 # %% [markdown]
 # After one start of the robot the data are fresh. After the next start they are old, although nobody changed the code.
-# Two computers are different, because each has a quartz of its own:
+# With two computers this is different, because each has a quartz of its own:
 
 # %%
 show("same_rate_in_step")
@@ -442,9 +458,13 @@ show("same_rate_in_step")
 # lines are the theory. A camera takes 30 pictures per second.
 #
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
-# The curve has three teeth because three pictures come in one period of the reader. A reader at 9.73 Hz is not locked:
-# its mean stays near $T/2$, half of the camera's period. Upper right: two clocks differ by 100 **ppm**, parts per
-# million. The age rises slowly, falls at once by one period, and rises again.
+# This phase is given as a share of the reader's period. The curve has three teeth because three pictures come in one
+# period of the reader. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near $T/2$, half of
+# the camera's period.
+#
+# Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
+# falls at once by one period, and rises again. With a faster reader the curve is mirrored: the age falls slowly and
+# rises at once.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -501,18 +521,20 @@ plt.show()
 # %% [markdown]
 # **NTP** (Network Time Protocol, RFC 5905) works in this way. Software takes its stamps, so a wait in the operating
 # system looks like a delay on the network. **PTP** (Precision Time Protocol, IEEE 1588) takes the stamps in the network
-# card, and the switches of the network report their own delays. So nearly all unequal delays are known, if every device
-# between the two computers supports PTP. For a camera there is a third solution: a **trigger line**, a wire whose
-# signal tells the camera when to expose. The computer that sends the signal knows the time of capture without any
-# network.
+# card, and the devices between the two computers report how long they delay a message. So nearly all unequal delays are
+# known, if all these devices support PTP. For a camera there is a third solution: a **trigger line**, a wire whose
+# signal tells the camera when to take a picture. The computer that sends the signal knows the time of capture without
+# any network.
 #
 # Ask two questions about each sensor. Which clock makes its time stamp? And at which moment: in the middle of the
-# exposure, or when the picture has left the camera's chip, or when a program on the computer has received it? The later
-# the stamp, the younger every picture looks.
+# *exposure*, the time in which the camera collects light; or when the picture leaves the camera; or when a program
+# receives it? The later the stamp, the younger every picture looks.
 #
-# Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, so over many
-# minutes the mean of section 1 is right. Clocks that PTP or a trigger line synchronises keep one phase, and the mean
-# depends on this phase. For our chain this mean lies between 156 and 188 ms, as the first claim of section 1 reports.
+# Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, but slowly:
+# two clocks at 30 Hz that differ by 10 ppm need almost an hour. Over several hours the mean of section 1 is right.
+# Synchronised clocks do not drift. If PTP or a trigger line synchronises the clocks that start our stages, they are
+# locked, because the rates are 3 to 1 to 100. Then the mean depends on the start. It lies between 156 and 188 ms, as
+# the first claim of section 1 reports.
 #
 # ### Queues
 #
@@ -526,7 +548,8 @@ show("deep_queue")
 # %% [markdown]
 # What happens in overload if the queue has no limit? Suppose that a sample comes every $T$ and needs the time $C$, and
 # that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind it is only
-# $T$ newer than the one before. So from result to result the age grows by $C - T$, as long as the robot runs.
+# $T$ newer than the one before. So from result to result the age grows by $C - T$, as long as the robot runs. Per
+# second it grows by $(C - T)/C$ seconds.
 #
 # The chart above shows both kinds of queue. Lower right: a queue without a limit. To the right of the dotted line,
 # marked *full*, $C$ is longer than $T$ and the age grows. Lower left: a queue with a limit. A reader at 9.7 Hz is
@@ -543,14 +566,19 @@ for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
     # 54 s are 1620 pictures and 900 runs of the slow stage: the sampled time has whole cycles.
     run = simulate(busy, (0.0, 0.0), seconds=70.0)
     mean = np.mean(run.age(np.linspace(10.0, 64.0, 200_000, endpoint=False)))
-    rows.append((rule, depth, f"{1000 * mean:.0f}", f"{load(busy):.2f}"))
+    rows.append(
+        (rule, depth if rule == "queue" else "none", f"{1000 * mean:.0f}", f"{load(busy):.2f}")
+    )
 table(*rows)
 
 # %% [markdown]
 # With *queue* each picture has already waited when the stage takes it. With *skip* the stage waits, and the picture is
-# fresh. With a deep queue the age is almost four times as large, for the same computing. The ages are simulated,
-# because the formula fails for *queue* here: five runs of the stage take exactly as long as nine pictures, so the same
-# five waits repeat, and their mean is not $T/2$.
+# fresh. With a deep queue the age is almost four times as large, for the same computing.
+#
+# The ages in this table are simulated, and each run takes exactly 60 ms. Five runs then last exactly as long as nine
+# pictures. So the same five waits repeat: 0, 0.2, 0.4, 0.6 and 0.8 of $T$. Their mean is $0.4\,T$, about 13 ms. If the
+# 60 ms vary a little, all waits up to $T$ occur. Then their mean is $T/2$, as in the table of section 2, and the age
+# for *queue* is 3 ms larger.
 #
 # `Stage` raises an error if the execution time is above the period and no rule is chosen:
 
@@ -574,14 +602,15 @@ show("jitter_leaves_the_mean")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used for
-# the first time, log the age of its picture. Plot these ages over ten minutes: one point for each plan. Each line names
-# what you can see there, and then the likely cause:
+# the first time, log the age of its picture. Plot these ages over at least an hour: one point for each plan. Each line
+# names what you can see there, and then the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
-# * The age rises slowly and falls at once, again and again: clocks that drift.
+# * The age rises slowly and falls at once, again and again: clocks that drift, and the reader's is a little too
+#   slow. If it is a little too fast, the age falls slowly and rises at once.
 # * The age is too large by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit.
-# * The ages are scattered without a pattern: jitter, or lost samples.
+# * The ages are scattered without a pattern: jitter, lost samples, or two rates such as 30 Hz and 9.73 Hz.
 # * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
 # </div>
@@ -594,7 +623,7 @@ show("jitter_leaves_the_mean")
 # newest value</td></tr>
 # <tr><td>late after some starts only</td> <td>locked clocks</td> <td>restart ten times</td> <td>start on arrival, or
 # set the phase</td></tr>
-# <tr><td>slowly later, then suddenly well again</td> <td>two clocks that drift</td> <td>plot ten minutes of
+# <tr><td>slowly later, then suddenly well again</td> <td>two clocks that drift</td> <td>plot an hour of
 # ages</td> <td>start on arrival</td></tr>
 # <tr><td>later and later</td> <td>overload</td> <td>count waiting samples</td> <td>choose a rule, reduce the
 # load</td></tr>
@@ -609,7 +638,7 @@ show("jitter_leaves_the_mean")
 # ## 7 · Exercises
 #
 # Four functions and a formula. `check` runs your function on random cases. If a result is wrong, it shows the call and,
-# if it can, the likely cause.
+# if it can, the likely cause. An *edge* is an arrow, and an *actuator* is a motor.
 
 # %%
 card("blind_distance")
@@ -730,12 +759,12 @@ predict("gold_plated_table")
 # | transfer to the robot | does not apply | 60 to 90 % |
 #
 # What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
-# reset. In simulation it follows from the length of a try, the steps per second and the cost of one step, which chapter
-# 1 measures.
+# *reset*, which prepares the next try. A simulation computes a try in short time steps. The number of tries follows
+# from the number of steps in a try and from the computing time of one step, which chapter 1 measures.
 #
-# Each try on the real robot can cause damage. You choose how many of 1,000 tries do so, and the simulation below
-# computes the number of damages to expect. The axes of its picture count powers of ten: 3 means 1,000 tries, and $-3$
-# means a thousandth of a day, about a minute and a half.
+# Each try on the real robot can cause damage. You choose how many of 1,000 tries do so. The simulation below compares
+# the days that the tries take on a robot and in simulation, and computes the number of damages to expect. The axes of
+# its picture count powers of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day, about a minute and a half.
 
 # %%
 simulation("development")
@@ -801,20 +830,22 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# The arrows between perception, planning and control disappear. So there is no pose to look at, and no path to check.
-# But a picture still goes in and motor commands still come out. The age between them follows the formula of section 1,
-# with one stage before the joint loop. The robot executes a chunk until the next one arrives, so the interval of this
-# stage is the time between two observations. Zhao and others (RSS 2023) introduced such chunks; they also average
-# chunks that overlap.
+# The arrow from perception to planning disappears, and control receives actions instead of trajectories. So there is no
+# pose to look at, and no path to check. But a picture still goes in and motor commands still come out. The age between
+# them follows the formula of section 1, with one stage before the joint loop. The robot executes a chunk until the next
+# one arrives, so the interval of this stage is the time between two observations. Zhao and others (RSS 2023) introduced
+# such chunks; they also average chunks that overlap.
 #
-# How long does a chunk have to be? If the policy always needs 80 ms, the next chunk arrives one interval after this
-# one. So a chunk has to last one interval, 0.8 s in the last row, if its first action is meant for the moment at which
-# the chunk arrives. If its actions are timed from the observation instead, 80 ms have passed already, and the chunk has
-# to last 80 ms longer. If the computing time varies, add some more. After a chunk that is too short, the robot has no
-# action until the next one arrives.
+# For how many seconds must the actions of a chunk last? If the policy always needs 80 ms, the next chunk arrives one
+# interval after this one. In the last row that is 0.8 s. Suppose that the first action is meant for the moment at which
+# the chunk arrives. Then the chunk must last one interval.
 #
-# A **digital twin** is a simulation that runs beside the robot and follows its joint states. It is one more reader of
-# an arrow, so its data have an age, too.
+# Suppose instead that the first action is meant for the moment of the observation. Then 80 ms have passed already when
+# the chunk arrives, and it must last 80 ms longer. If the computing time varies, add some more. After a chunk that is
+# too short, the robot has no action until the next one arrives.
+#
+# A **digital twin** is a simulation that runs beside the robot and follows its joint states. It reads the joint states
+# as control does, so its data have an age, too.
 #
 # ## 10 · Interview
 #

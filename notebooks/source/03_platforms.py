@@ -25,8 +25,8 @@ simulation("platforms")
 # can** say what makes two simulators differ before you run them; set up a fair comparison; name what MuJoCo, Drake and
 # PyBullet get wrong, where, and by how much; and choose one of them by comparing measured errors and costs with what
 # your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's law (chapter 2). A robot consists of
-# **links**, its rigid bodies, and joints between them. Its **mass matrix** says which torques the joints need for given
-# accelerations, at rest and without gravity (chapter 4).
+# **links**, its rigid bodies, and joints between them. Its **mass matrix** turns accelerations of the joints into the
+# torques that they need at zero speed and without gravity (chapter 4).
 
 # %% tags=["hide-code"]
 import inspect
@@ -150,11 +150,11 @@ print(", ".join(f"{name} {max(0.0, x):.2f} mm" for name, x in highest.items()))
 Image(film.getvalue(), format="png")
 
 # %% [markdown]
-# All positions are from runs at a step of 1 ms. Some engines limit friction along two fixed directions on the floor,
-# the **axes of the contact**, because this is easier to compute. The block is launched at 22.5 degrees to one of them.
-# The fingers press with 1.02 times the smallest force that can hold the part. The heights of Drake's and PyBullet's
-# blocks were not recorded. In a similar run they hardly left the floor (section 3), so they are drawn on it. The thin
-# lines are the paths of the blocks' lower edges.
+# All positions are from runs at a step of 1 ms. MuJoCo by default, and PyBullet with an option, limit friction
+# separately along two fixed directions on the floor, the **axes of the contact**, because this is easier to compute.
+# The block is launched at 22.5 degrees to one of them. The fingers press with 1.02 times the smallest force that can
+# hold the part. The heights of Drake's and PyBullet's blocks were not recorded. In a similar run they hardly left the
+# floor, so they are drawn on it. The thin lines are the paths of the blocks' lower edges.
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher with
 # the stiff contacts used here. **Towers sag**: a soft contact yields under load, so the cubes overlap. **Parts creep**:
@@ -254,8 +254,10 @@ for key, (what, truth) in KNOWN.items():
 table(("Scene", "What happens", "Truth", "Lasts", "Tolerance"), rows)
 
 # %% [markdown]
-# A *tight reference* is a run of an accurate integrator from chapter 1. Its error is far below all errors that this
-# page compares. The durations are those of the chart in section 3.
+# A *closed form* is an exact formula. A *tight reference* is a run of an accurate integrator from chapter 1; its error
+# is far below all errors that this page compares. An error in mrad is an angle: of the body, or of the joint that is
+# furthest off. These durations are those of section 3. Errors grow during a motion, so compare two of them only if the
+# durations are equal. The simulation, the cards and section 6 have other durations, which are given there.
 #
 # Some scenes have variants. *Brake* is launched along an axis of the contact (0 degrees), or at 22.5 degrees to it.
 # *Tower* has three cubes in the charts of section 3 and five in the simulation. The part of *grasp* weighs 0.2 kg. The
@@ -304,8 +306,8 @@ plt.show()
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
 # acceleration up to rounding, whatever algorithm they use inside. So if they also use the same scheme and the same
 # step, they make the *same error*. The scheme includes how an orientation is updated, and here Drake differs. The
-# others rotate a body by its angular speed times $h$. Drake changes the four numbers that describe the orientation by
-# their rates times $h$.
+# others rotate a body by its angular speed times $h$. Drake describes an orientation by four numbers (a quaternion),
+# and adds to each its rate of change times $h$.
 #
 # We test this with **fair settings**. They make each engine simulate what the scene describes: they remove damping,
 # motors and other additions, and make contacts stiff. Here are the three scenes in which nothing touches:
@@ -327,8 +329,8 @@ for make in ("tumble", "chain", "arm"):
 # The chart shows all four engines. The first three panels show the error against the step. The last panel compares the
 # other programs' errors with ours: it shows the difference, divided by our error. MuJoCo and PyBullet agree with us
 # nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because only there an
-# orientation is updated. (The card below has shorter runs, so its number is smaller. *RK4* is explained below the
-# card.)
+# orientation is updated. (The card's explanation reports a smaller share, because its runs are shorter. *RK4* is
+# explained below the card. *At the coarse end* means over the three largest steps.)
 #
 # ![Error against the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -352,20 +354,20 @@ show("engines_agree")
 # 16. MuJoCo also offers **RK4**, the classical Runge-Kutta scheme. It evaluates the forces four times in each step and
 # is of order four on smooth motion.
 #
+# <details><summary>Drake's schemes, and why some lines of the chart have another slope</summary>
+#
 # Drake calls the simulated bodies a **plant**. A *discrete* plant uses semi-implicit Euler. A *continuous* plant uses a
 # Runge-Kutta scheme of order three, which adapts its step to the error.
-#
-# <details><summary>Why some lines of the chart have another slope</summary>
 #
 # The measured orders of chain and arm are a little off 1: their errors are large, so higher powers of $h$ count as
 # well. PyBullet's dashed lines are flat for tumble and arm: as shipped, its error doesn't depend on the step.
 #
 # </details>
 #
-# **A worked example.** At 1 ms the chain is off by 21 mrad, but only 10 are allowed. Euler with half the step costs
-# twice as much and still misses. A step of 0.4 ms is short enough; it costs two and a half times as much. RK4 evaluates
-# the forces four times per step, but its step may be 8 ms long. So it needs half as many force evaluations as Euler at
-# 1 ms:
+# **A worked example.** At 1 ms the chain is off by 21 mrad after 2 s, but only 10 are allowed. Euler with half the step
+# costs twice as much and still misses. A step of 0.4 ms is short enough; it costs two and a half times as much. RK4
+# evaluates the forces four times per step, but its step may be 8 ms long. So it needs half as many force evaluations as
+# Euler at 1 ms, and a fifth of Euler at 0.4 ms:
 
 # %%
 for scheme, steps in (("Euler", (1e-3, 5e-4, 4e-4)), ("RK4", (8e-3,))):
@@ -383,23 +385,28 @@ show("halving_halves")
 #
 # Now load the same robot into two simulators and set nothing else. You usually do this with a **URDF** (Unified Robot
 # Description Format), the XML file in which robots are exchanged. It describes links, joints, masses and shapes, and it
-# can give a joint limits, damping and friction. It says nothing about time stepping, contact softness or air
-# resistance, and little about motors. **MJCF**, MuJoCo's own XML format, can say these things, but most files leave
-# some of them open. Whatever the file leaves open, the simulator's authors have chosen for you.
+# can limit the range of a joint, and give the joint damping and friction. It says nothing about time stepping, contact
+# softness or air resistance, and little about motors. **MJCF**, MuJoCo's own XML format, can say these things, but most
+# files leave some of them open. The simulator's authors have chosen the rest for you.
 
 # %%
 predict("out_of_the_box")
 
 # %% [markdown]
 # To compare engines rather than their defaults, all engines must simulate the same thing. The list of fair settings
-# does two things. First, it removes what an engine adds to the scene: air resistance, motors, and inertias that are not
-# in the file. It also removes MuJoCo's friction **pyramid**, an approximation of Coulomb's law in which friction
-# depends on the direction of sliding. Second, it sets how stiff a contact is, since no scene says so. In MuJoCo these
-# are the settings `impratio`, `solref` and `solimp`. In Drake it is the stiffness of a contact **patch**, the area on
-# which two bodies touch (section 2).
+# does two things. First, it removes what an engine changes in the scene: it adds air resistance, motors, or inertias
+# that are not in the file, combines friction coefficients by a rule of its own, or restarts a failed run (`autoreset`).
 #
-# The table lists each change with its reason. (With a damping ratio of 1, *critical*, a contact settles without
-# overshoot.)
+# MuJoCo also changes the **friction cone**, the set of contact forces that friction allows. By Coulomb's law it is
+# round. MuJoCo's default is a **pyramid** inside it, because flat sides are easier to compute with.
+#
+# Second, the list
+# sets how stiff a contact is, since no scene says so. In MuJoCo these are the settings `impratio`, `solref` and
+# `solimp`. In Drake it is the stiffness of a contact **patch**, the area on which two bodies touch (section 2).
+#
+# The table lists each change with its reason. In `solref`, the *time constant* is the time scale on which an overlap of
+# two bodies disappears; with a *damping ratio* of 1 (*critical*), this happens without overshoot. In `solimp`, the
+# *hardness* of a contact is a number between 0 (no force) and 1 (rigid).
 
 # %%
 table(
@@ -412,10 +419,9 @@ table(
 )
 
 # %% [markdown]
-# Which settings are fair is a decision, and you may disagree with ours. `solref` and `solimp` set how soft a contact of
-# MuJoCo is. `impratio` says how much stiffer friction is than the contact's resistance to sinking (chapter 2). In
-# PyBullet we left the solver's own settings as shipped. It visits all contacts one after the other, up to 50 times per
-# step. Each round is called a **sweep**.
+# Which settings are fair is a decision, and you may disagree with ours. `impratio` says how much stiffer friction is
+# than the contact's resistance to sinking (chapter 2). We left the settings of PyBullet's solver as shipped. This
+# solver visits all contacts one after the other, up to 50 times per step. Each round is called a **sweep**.
 #
 # <details><summary>How we chose MuJoCo's values</summary>
 #
@@ -438,18 +444,17 @@ for s, name in enumerate(names):
     print(f"{name:<20}" + "".join(f"{x:12.3g}" for x in ratio))
 
 # %% [markdown]
-# Both errors grow with time, so the factor depends on how long a motion lasts. The next card has shorter motions
-# and therefore other factors: a tumble of one second, a chain of half a second, an arm of a fifth.
+# Errors grow during a motion, as shipped and with fair settings, but not equally fast. So the factor depends on how
+# long the motion lasts. The next card has shorter motions and therefore other factors: a tumble of one second, a chain
+# of half a second, an arm of a fifth.
 
 # %%
 show("defaults_differ")
 
 # %% [markdown]
 # Which default is to blame? Start from the fair settings and change one setting back to its default. The chart shows by
-# what factor the error grows. One of the settings is the shape of the **friction cone**, the set of contact forces that
-# friction allows. By Coulomb's law it is round. MuJoCo's default is a pyramid inside it, because flat sides are easier
-# to compute with. Drake's setting *hydroelastic* is the contact on a patch. A bar to the left means that the default is
-# better than the fair setting.
+# what factor the error grows. Drake's setting *hydroelastic* is the contact on a patch. A bar to the left means that
+# the default is better than the fair setting.
 #
 # ![Error without one change divided by the error with all, by engine and scene](../docs/charts/platform_effects.png)
 
@@ -477,10 +482,17 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # harm: contact at a point instead of a patch.
 #
 # Only one bar points to the left. With the default pyramid, and all else fair, the tower sinks about sixty times less.
-# The reason is how MuJoCo builds the contact force: it adds up forces along the pyramid's edges, and each edge points
-# mostly away from the surface. So an edge that is stiff against sliding is stiff against sinking, too. At $\mu = 0.5$
-# the tower then sinks about a sixth as far as with the elliptic (round) cone. An `impratio` of 10 stiffens the whole
-# edge, which divides the sinking by about ten again. With the elliptic cone it stiffens friction only:
+# With the pyramid, a larger `impratio` makes the tower sink even
+# less. With the elliptic (round) cone it doesn't:
+#
+# <details><summary>Why the pyramid's tower sinks less</summary>
+#
+# The reason is how MuJoCo builds the contact force: it adds up forces along the pyramid's edges. Each edge points
+# mostly away from the surface, and a little along it. So a stiffer edge resists both sinking and sliding more. At $\mu
+# = 0.5$ the tower then sinks about a sixth as far as with the elliptic (round) cone. An `impratio` of 10 stiffens the
+# whole edge, which divides the sinking by about ten again. With the elliptic cone it stiffens friction only.
+#
+# </details>
 
 # %%
 for cone in ("elliptic", "pyramidal"):
@@ -496,8 +508,8 @@ for cone in ("elliptic", "pyramidal"):
 # ### The price of a stiff contact: the block that hops
 #
 # Fair settings don't remove every difference: MuJoCo's block hops. With Coulomb's exact law, the contact forces are
-# hard to compute. MuJoCo solves a **convex relaxation** instead: a similar problem that has exactly one solution and is
-# easier to solve.
+# hard to compute. MuJoCo solves a **convex relaxation** instead: a similar problem that is easier, because every local
+# minimum is also the lowest one. Its soft contacts make the solution unique.
 #
 # In the relaxed problem, a contact that slides also separates (chapter 2, *the block that hops*). Here is the braking
 # block, launched along an axis. In this direction pyramid and cone allow the same friction, so the error at the end is
@@ -532,15 +544,17 @@ for label, engine, how in (
 # %% [markdown]
 # *In the air* is the share of the braking time, up to the dotted line, in which no contact presses on the block. The
 # stiffer `solref` reduced sinking at rest and increased the hops. The block still stops in the right place. Over a
-# whole hop, the average push of the floor equals the weight, and sliding friction is $\mu$ times the push. So the final
-# position does not reveal the hops. Report the largest error on the way (during the motion) as well.
+# whole hop, the average push of the floor equals the weight, as if the block had stayed down. Sliding friction is $\mu$
+# times this push, so on average the block brakes as it should. The final position does not reveal the hops. Report the
+# largest error on the way (during the motion) as well.
 #
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Where nothing touches, engines with the same scheme and the same step make nearly the same error.
 # With their defaults, their errors can differ a hundredfold. Where bodies touch, the contact models differ by design:
-# each of the three simulators hops, creeps or sags with all settings that this page tries. A comparison that doesn't
-# list its settings compares settings. Ask "which scheme, which step, which contact?" before you ask "which simulator?"
+# with all settings that this page tries, each of the three simulators has at least one fault: it hops, creeps or sags.
+# A comparison that doesn't list its settings compares settings. Ask "which scheme, which step, which contact?" before
+# you ask "which simulator?"
 #
 # </div>
 #
@@ -560,19 +574,18 @@ simulation("platforms", "Collapsing tower")
 # %% [markdown]
 # <table> <tr><th>engine</th> <th>how it solves contact</th> <th>what you pay</th></tr> <tr><td>MuJoCo</td> <td>a convex
 # problem at each step, softened so that its solution is unique</td> <td>sticking contacts may slide a little; sliding
-# ones hop</td></tr> <tr><td>Drake</td> <td>a convex problem as well; its default `lagged` limits friction with the
-# normal force of the step before. The contact is at a point, or a pressure over a patch</td> <td>time; you also have to
-# choose a stiffness for the patch</td></tr> <tr><td>PyBullet</td> <td>sweeps over the contacts, one at a time, until
-# they change little or 50 are done</td> <td>several sets of corner forces can carry a load; which one you get depends
-# on the sweeps</td></tr> <tr><td>own code</td> <td>Coulomb's law, solved with Newton's method (chapter 2)</td>
+# ones hop</td></tr> <tr><td>Drake</td> <td>a convex problem as well; its default method, `lagged`, limits friction with
+# the normal force of the step before. The contact is at a point, or a pressure over a patch</td> <td>time; you also
+# have to choose a stiffness for the patch</td></tr> <tr><td>PyBullet</td> <td>sweeps over the contacts, one at a time,
+# until they change little or 50 are done</td> <td>how the load is split over the corners is arbitrary; it depends on
+# the sweeps</td></tr> <tr><td>own code</td> <td>Coulomb's law, solved with Newton's method (chapter 2)</td>
 # <td>time: with contact it runs Python at every step (without, its loops are compiled)</td></tr> </table>
 #
 # A **point contact** applies a force at each of a few points. Between two boxes, Drake finds a single point, which
 # can't resist tipping. A single cube may keep its balance on it (*drop*), but the tower in the simulation tips over. A
 # **hydroelastic contact** assumes a pressure inside each body, which grows towards its middle. Where two bodies
-# overlap, the contact patch is the surface on which both pressures are equal. (On our rigid ground, it is the ground's
-# own surface.) Drake integrates the pressure over this patch (Elandt, Drumwright, Sherman and Ruina, IROS 2019). A
-# patch resists tipping, and its force changes smoothly.
+# overlap, the contact patch is the surface on which both pressures are equal. Drake integrates the pressure over this
+# patch (Elandt, Drumwright, Sherman and Ruina, IROS 2019). A patch resists tipping, and its force changes smoothly.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(8, 2.6), layout="constrained")
@@ -586,7 +599,7 @@ for ax, title in zip(
 arrow = {"arrowstyle": "->", "color": "tab:red", "lw": 2}
 axes[0].annotate("", (0.35, 0.65), (0.35, -0.06), arrowprops=arrow)
 axes[0].plot(0.35, -0.06, "o", color="tab:red")
-axes[0].text(-1.7, -0.95, "the box tips about this point", fontsize=9)
+axes[0].text(-1.7, -0.95, "the box can tip about this point", fontsize=9)
 for x in across[::2]:
     size = 0.15 + 0.5 * (1.0 - x**2)
     axes[1].annotate("", (x, -0.06 + size), (x, -0.06), arrowprops={**arrow, "lw": 1})
@@ -618,14 +631,15 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
-# engine reached? They do, up to rounding. The residual of complementarity should be 0. It is a few mm/s, because a soft
-# contact pushes while bodies overlap. (The code converts force and gap to speeds before it compares them.) No force
-# leaves the cone.
+# engine reached? They do, up to rounding. For rigid contacts the residual of complementarity would be 0. Here it is a
+# few mm/s, because a soft contact pushes while bodies overlap. (The code converts force and gap to speeds before it
+# compares them, so the unit is m/s.) No force leaves the cone.
 #
 # ### Does a better scheme help with contact?
 #
 # RK4 is of order four only if forces change smoothly within a step. A contact force jumps when a body touches, sticks
-# or slips. RK4 also becomes unstable if the step is too long for the damping of the joints.
+# or slips. RK4 also becomes unstable if a joint is damped so strongly that its speed would nearly vanish within one
+# step.
 
 # %%
 show("rk4_and_contact")
@@ -666,7 +680,7 @@ figures(
 # In the printed lines, *fair* means with fair settings. Our own contacts are accurate but expensive: in every scene
 # with contact, our step costs over a hundred times MuJoCo's. Fair settings bring the three simulators together in rest,
 # brake and slide: there their errors differ less than tenfold. In drop, tower, grasp and field they still differ more.
-# (Here the tower has three cubes. The simulation's tower of five sinks slightly too far in Drake.)
+#
 #
 # These are errors at the end of each motion. A motion can end well and be wrong in between. So a second chart shows the
 # largest error on the way and the share of time without contact (for *brake*, until Coulomb's law stops the block).
@@ -681,9 +695,9 @@ print_figures(
 )
 
 # %% [markdown]
-# With fair settings, the cube of *drop* ends well in each simulator, but misses its tolerance as it lands: MuJoCo's by
-# a factor of more than two, Drake's and PyBullet's only just. In the sliding scenes, the hop of MuJoCo is the largest
-# difference that fair settings leave between the engines.
+# Apply the same tolerance on the way. With fair settings, the cube of *drop* then fails in each simulator as it lands,
+# although it ends well: MuJoCo's error is more than twice the tolerance, Drake's and PyBullet's are just above it. In
+# *brake*, MuJoCo's hop is the largest difference between the engines that fair settings leave.
 #
 # <details><summary>Does Drake's block hop, too?</summary>
 #
@@ -693,10 +707,10 @@ print_figures(
 #
 # </details>
 #
-# Here are seven jobs with their needs. Most needs are limits on the numbers of the two charts above. Two more facts are
-# not in the charts: the share of faulty models that an engine rejects or warns about (section 7), and whether `make
-# lab`, which opens this course, installs it. (RL is reinforcement learning; a certificate is a proof of safety; PhysX
-# is the engine of NVIDIA's simulator Isaac Sim.)
+# Here are seven jobs with their needs. Most needs are limits on the numbers of the two charts, all at 1 ms;
+# another step can change a pick. Two more facts are not in the charts: the share of faulty models that an engine
+# rejects or warns about (*faults reported*, section 7), and whether `make lab`, which opens this course, installs it.
+# (RL is reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's Isaac Sim.)
 
 # %%
 facts = jobs.facts()
@@ -715,16 +729,17 @@ rows = [
 table(("Job", "Needs", "Pick", "Why"), rows)
 
 # %% [markdown]
-# Three jobs have an answer, each time MuJoCo. For *Manipulation research*, a tighter limit on the largest error of
-# *brake* would rule out MuJoCo, because its block hops. PyBullet already fails the grasp, so the cheapest of the others
-# is Drake. Four jobs have no answer. They need something that was not measured here, so the table only names
+# Three jobs have an answer, each time MuJoCo. (*RL training, for speed* compares the cost of a single world on a CPU.
+# Many worlds on a GPU were not measured.) For *Manipulation research*, a tighter limit on the largest error of *brake*
+# would rule out MuJoCo, because its block hops. PyBullet already fails the grasp, so the cheapest of the others is
+# Drake. Four jobs have no answer. They need something that was not measured, so the table only names
 # documentation.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must
 # stay below that, at this cost. MuJoCo meets it, with these settings. If the limit were thirty times tighter, I would
-# take another one." A weak answer is "it depends".
+# take another one." A weak answer is "it depends" and no more.
 #
 # </div>
 
@@ -743,7 +758,7 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Many tools need an NVIDIA GPU and can't run here. Still, know what each one is *for*, how it stores a model, and how
+# Many tools need an NVIDIA GPU and can't run here. Know what each one is *for*, how it stores a model, and how
 # it solves contact.
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse (force times step)
@@ -790,26 +805,23 @@ for ax, title, ends in zip(
 plt.show()
 
 # %% [markdown]
-# Some names in the tables: RTX is NVIDIA's renderer. USD is a file format for scenes (explained below). JAX compiles
-# array programs in Python for GPUs. PBD (position-based dynamics) and XPBD, its successor, move positions directly
-# until constraints hold. VBD (vertex block descent) and FEM (finite elements) simulate meshes that deform. MPM
-# (material point method) and SPH (smoothed particle hydrodynamics) simulate material as particles. IPC (incremental
-# potential contact) keeps meshes from passing through each other. Featherstone and Kamino are solvers for robots with
-# joints.
+# In the table, RTX is NVIDIA's renderer, and USD a file format for scenes (explained below).
 #
 # The documentation says, as read in November 2026:
 #
 # <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
-# <tr><td>Isaac Sim 6</td> <td>an application for robots with cameras, lidar and many ready-made models; RTX
+# <tr><td>Isaac Sim 6</td> <td>an application for robots with cameras, laser scanners and many ready-made models; RTX
 # rendering</td> <td>USD; imports URDF and MJCF</td> <td>PhysX, or Newton as the alternative</td> <td>[manual of its
 # Newton extension, 6.1](
 # https://docs.isaacsim.omniverse.nvidia.com/6.1.0/py/source/extensions/isaacsim.physics.newton/docs/index.html)
-# </td></tr> <tr><td>Isaac Lab 3</td> <td>robot learning in many parallel worlds</td> <td>USD</td> <td>PhysX or
+# </td></tr> <tr><td>Isaac Lab 3</td> <td>robot learning in many worlds (copies of a scene that run at the same
+# time)</td> <td>USD</td> <td>PhysX or
 # Newton</td> <td>[its manual, solver
 # differences](https://isaac-sim.github.io/IsaacLab/main/source/concepts/solver_differences.html)</td></tr>
 # <tr><td>PhysX 5</td> <td>rigid bodies, joints and soft bodies, on CPU or GPU</td> <td>calls in C++; USD through
-# Isaac Sim</td> <td>PGS or TGS. TGS is better with large mass ratios and long chains, costs slightly more, and may
-# add energy when it corrects errors. It is the default of Isaac Lab</td> <td>[PhysX 5.6,
+# Isaac Sim</td> <td>PGS or TGS. TGS is better for long chains, and where a light body carries a heavy one. It costs
+# slightly more, and may add energy when it corrects errors such as overlaps. TGS is the default of Isaac Lab</td>
+# <td>[PhysX 5.6,
 # PxSolverType](https://nvidia-omniverse.github.io/PhysX/physx/5.6.0/_api_build/structPxSolverType.html); [Isaac Lab
 # 3.0](https://isaac-sim.github.io/IsaacLab/release/3.0.0/source/concepts/solver-tuning/tune_physx.html)</td></tr>
 # </table>
@@ -818,6 +830,14 @@ plt.show()
 more_claims("headless_renders")
 
 # %% [markdown]
+# <details><summary>More of them: Warp, Newton, MJX and Genesis World</summary>
+#
+# In the table, JAX compiles array programs in Python for GPUs. PBD (position-based dynamics) and XPBD, its successor,
+# move positions directly until constraints hold. VBD (vertex block descent) and FEM (finite elements) simulate meshes
+# that deform. MPM (material point method) and SPH (smoothed particle hydrodynamics) simulate material as particles. IPC
+# (incremental potential contact) pushes meshes apart before they touch, with a force that grows without limit as the
+# gap closes. Featherstone and Kamino are solvers for robots with joints.
+#
 # <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
 # <tr><td>Warp</td> <td>writing GPU programs in Python</td> <td>none</td> <td>none; Newton is built on it</td>
 # <td>[Isaac Lab's manual, Newton](
@@ -826,12 +846,15 @@ more_claims("headless_renders")
 # <td>USD in Isaac Lab</td> <td>MuJoCo Warp (MuJoCo's method, main solver in Isaac Lab); Kamino (beta); XPBD;
 # Featherstone; VBD for cloth and soft bodies; MPM</td> <td>[Isaac Lab's
 # manual](https://isaac-sim.github.io/IsaacLab/develop/source/concepts/physics-backends/newton.html)</td></tr>
-# <tr><td>MJX</td> <td>MuJoCo called from JAX, for many worlds</td> <td>MJCF, compiled by MuJoCo</td> <td>MJX-JAX: the
-# algorithms of MuJoCo with some features missing, approximate gradients. MJX-Warp: MuJoCo Warp, for NVIDIA, without
-# automatic gradients</td> <td>[MuJoCo's manual, MJX](https://mujoco.readthedocs.io/en/stable/mjx.html)</td></tr>
+# <tr><td>MJX</td> <td>MuJoCo called from JAX, for many worlds</td> <td>MJCF, compiled by MuJoCo</td> <td>MJX-JAX:
+# the algorithms of MuJoCo with some features missing; it also computes, approximately, how results change with inputs.
+# MJX-Warp: MuJoCo Warp, for NVIDIA, without this</td> <td>[MuJoCo's manual,
+# MJX](https://mujoco.readthedocs.io/en/stable/mjx.html)</td></tr>
 # <tr><td>Genesis World</td> <td>rigid, soft and fluid bodies in one scene</td> <td>Python; reads URDF, MJCF, USD and
 # meshes</td> <td>several, coupled: rigid, FEM, MPM, PBD and SPH particles, IPC</td> <td>[AMD's manual of
 # Genesis](https://rocm.docs.amd.com/projects/genesis/en/docs-26.10/_sources/what-is-genesis.rst)</td></tr> </table>
+#
+# </details>
 #
 # A rate that is announced for such an engine counts the steps of all its worlds, in a scene that the authors chose.
 
@@ -848,14 +871,12 @@ predict("millions_a_second")
 #
 # | What | URDF | MJCF | USD with UsdPhysics |
 # |---|---|---|---|
-# | Structure | a tree of links and joints | a tree of nested bodies | a scene graph; joints refer to bodies |
-# | Loops | no | equality constraints | joints outside the tree |
+# | Structure | a tree of links and joints | a tree of nested bodies | objects; each joint names its two bodies |
+# | Closed loops of links | no | equality constraints | a joint marked as not part of the tree |
 # | Motor | effort and speed limits | actuators with gains | drives with stiffness and damping |
 # | Solver settings | no | yes, MuJoCo's | in extensions |
 #
-# MuJoCo loads URDF, and newer versions also [USD](https://mujoco.readthedocs.io/en/3.11.0/_sources/modeling.rst.txt).
-# Isaac Lab [converts URDF and MJCF to
-# USD](https://isaac-sim.github.io/IsaacLab/v3.0.0/source/how-to/import_new_asset.html). What the target format can't
+# What the target format can't
 # say is lost, and what the source didn't say is filled in with a default. After each conversion, compare masses,
 # inertias, limits, damping and motor gains with the original.
 #
@@ -1026,7 +1047,7 @@ axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# The first model runs. After two seconds its elbow has wound up by many turns, in the negative direction of its
+# After two seconds the elbow of the first model has wound up by many turns, in the negative direction of its
 # command. The command of a `motor` is a torque. A constant torque keeps doing work, and nothing takes the energy away.
 # A real joint has friction and end stops.
 #
@@ -1043,8 +1064,8 @@ show("motor_is_torque")
 # $10^{-5}\,\mathrm{kg\,m^2}$ adds $0.1\,\mathrm{kg\,m^2}$, often more than the link itself. A URDF has no entry for
 # it.
 #
-# A servo of this kind also has a weakness. To hold a weight at rest it must produce a torque, and at rest it produces
-# one only if the angle is wrong.
+# A servo of this kind also has a weakness. To hold a weight at rest, it needs a torque. At rest $\dot q$ is zero, so by
+# the formula above there is a torque only if the angle differs from the command.
 
 # %%
 show("servo_droops")
@@ -1059,8 +1080,8 @@ more_claims("hello_world_winds", "damping_realism")
 # measurements.) Menus choose the scene and the step. One switch chooses fair settings or defaults, the other one the
 # order of the radar's axes. The true path is dashed.
 #
-# Go through the presets. Before each, say what its engine will do wrong, and why. (As shipped, other engines may be
-# further off, for reasons of their own.) *Default damping* shows PyBullet's chain with all three of its wrong defaults.
+# Go through the presets. Before each, say what its engine will do wrong, and why. *Default damping* shows PyBullet's
+# chain with all three of its wrong defaults. Damping is only one of them.
 
 # %%
 simulation("platforms", "Default damping")
@@ -1096,8 +1117,12 @@ for preset, (scene, card_, fair) in {
 # point for each step. To choose, draw a horizontal line at your tolerance. Among the points below it, take the one
 # furthest to the left.
 #
-# Cost here is the time for the whole motion, divided by the time that MuJoCo's Euler needs at its largest step. A thin
-# bar shows how much the times varied.
+# Cost here is the computing time for the whole motion. It is divided by the time that MuJoCo's Euler needs at the
+# largest step of the same panel. A thin bar shows how much the times varied.
+#
+# Some scenes are shorter here than in sections 1 and 3, so their errors are smaller: the tumble lasts 1 s (not 5 s),
+# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only. On the chain of 1 s, Euler may
+# take steps of 2 ms; on the chain of 2 s in section 1, only 0.4 ms.
 #
 # ![Error against cost on five scenes, with the pick at each tolerance](../docs/charts/platform_precision.png)
 
@@ -1109,10 +1134,13 @@ print_figures(
 
 # %% [markdown]
 # Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. (Drake's
-# best scheme here is of order three, and PyBullet has Euler only.) On the arm, RK4 costs far less than Euler; on the
-# chain, both cost about the same. The tolerance of the tumble is loose, so Euler with a long step is enough. With
-# contact, a cheap step wins. Our solver is exact on the tower, but its step costs over a hundred times as much, because
-# it runs in Python. (Without contact our loops are compiled.)
+# best scheme here is of order three, and PyBullet has Euler only.) On the arm, Euler costs over three times as much as
+# RK4. On this short chain, both cost about the same; on the chain of 2 s, Euler needs a step five times shorter, and
+# RK4 wins. The tolerance of the short tumble is loose, so Euler with a long step is enough.
+#
+# With contact, a cheap step
+# wins. Our solver is exact on the tower, but its step costs over a hundred times as much, because it runs in Python.
+# (Without contact our loops are compiled.)
 #
 # ### How the cost grows with the scene
 #
@@ -1121,8 +1149,8 @@ print_figures(
 #
 # ![Cost of a step against the size of chain, tower and field, and Python's share](../docs/charts/platform_scaling.png)
 #
-# The first two printed lines give PyBullet's cost divided by MuJoCo's, for each number of cubes. The exponent in them
-# is that of PyBullet's own cost, over the three largest numbers:
+# The first two printed lines give PyBullet's cost divided by MuJoCo's, for each number of cubes. The exponent at the
+# end of each line is the slope of PyBullet's own cost over the three largest numbers of cubes:
 
 # %% tags=["nbval-ignore-output"]
 print_figures(
@@ -1133,17 +1161,22 @@ print_figures(
 )
 
 # %% [markdown]
-# The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python. For them the
-# panel shows which share of a step's time is saved if one call makes 100 steps. On small chains this is about half or
-# more, and in our compiled loop nearly all. PyBullet makes one step per call.
+# The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python, which saves time.
+# For these three, the panel shows which share of the time 100 steps per call save. On small chains this is about half
+# or more, and in our compiled loop nearly all. PyBullet makes one step per call. On a small scene, a measured rate
+# therefore says little about how fast the engine moves bodies.
 #
-# So for PyBullet the panel shows something else: the time of a step in an *empty* world, divided by that of a full
-# step. With one link this is more than half. It includes fixed work inside Bullet, so it is more than Python's share.
-# On a small scene, a measured rate therefore says little about how fast the engine moves bodies.
+# <details><summary>How PyBullet's curve was measured</summary>
 #
-# On these scenes, the measurements suggest four choices. For smooth motion, take RK4 in MuJoCo or our code, unless the
-# damping forces it to short steps. If bodies may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step
-# that keeps within this. (Its pyramid sinks less, but turns a sliding block off its course.) For bodies that slide and
+# For PyBullet the panel shows something else: the time of a step in an *empty* world, divided by that of a full step.
+# With one link this is more than half. An empty step also includes fixed work inside Bullet, so Python's share is less
+# than this.
+#
+# </details>
+#
+# On these scenes, the measurements suggest four choices. For smooth motion with a tight tolerance, take RK4 in MuJoCo
+# or our code, unless strong damping forces it to short steps. With a loose tolerance, Euler is enough. If bodies may
+# sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this. For bodies that slide and
 # must stay on the ground, take PyBullet or Drake with fair settings. For a contact area that must resist tipping, take
 # Drake's hydroelastic contact, if you can afford it.
 
@@ -1182,14 +1215,13 @@ ends = 1.5  # the scene's duration over Coulomb's stopping time
 print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too far at that moment")
 
 # %% [markdown]
-# Along an axis, engines with fair settings lie nearly on one line: the scheme alone decides how far short the block
-# stops. (PyBullet leaves the line at the longest step.) The first claim of section 1 reports different errors, because
-# its block was launched between the axes.
+# Along an axis, engines with fair settings lie nearly on one line: they use the same scheme, and their contact models
+# hardly change where the block stops. (At the longest step they do: PyBullet leaves the line.)
 #
 # The large deviations come from defaults. In the printed lines, a negative share means that the block went too far. Its
 # position is taken at the end of the scene, which lasts one and a half times Coulomb's stopping time. PyBullet
 # *multiplies* the coefficients of both bodies, so its block has half the friction: it is 80 % too far when the scene
-# ends, and still slides. Drake as shipped stops far too early. There its two boxes touch in a single point.
+# ends, and still slides. Drake as shipped stops far too early. There the block touches the ground in a single point.
 #
 # <details><summary>More about both engines</summary>
 #
@@ -1199,6 +1231,9 @@ print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too fa
 # Drake's contact approximation `lagged` limits friction in its one contact point with the normal force of the step
 # before. (Why this stops the block at once, we did not examine.) With `sap`, which computes both forces in the same
 # step, the block on one point stops within 7 % of the true distance at all steps of the chart.
+#
+# The law is for a launch along an axis. At 22.5 degrees, MuJoCo's fair block stops even less short than the law says.
+# We did not examine why.
 #
 # </details>
 
@@ -1233,9 +1268,10 @@ axis.legend(fontsize=7, loc="upper left")
 plt.show()
 
 # %% [markdown]
-# The coloured arrows show the friction force that each shape returns for the black direction of motion. Of all forces
-# within the shape, friction is the one that removes the most power. On the circle, this force is exactly opposite to
-# the motion. On a square, it is usually a *corner*, which points elsewhere.
+# The coloured arrows show the friction force that each shape returns for the black direction of motion. Friction brakes
+# as strongly as the shape allows: of all forces within it, friction is the one that reaches furthest against the
+# motion. On the circle, this force is exactly opposite to the motion. On a square, it is usually a *corner*, which
+# points elsewhere.
 
 # %%
 predict("at_an_angle")
@@ -1259,15 +1295,14 @@ for settings in (AS_SHIPPED, FAIR):
     print(f"{np.degrees(one.turn):+7.2f} deg")
 
 # %% [markdown]
-# In the chart, MuJoCo and PyBullet each have two series with the same marks: the curved series is the pyramid or the
-# box, the flat one the round cone. So you can recognise an engine's cone without reading its source. Launch a block
-# between the two axes of the contact; the length and direction of its path show the shape. Along an axis all three
-# shapes agree, so a test there shows nothing. (At 22.5 degrees, MuJoCo's fair block stops even less short than the
-# braking law says. We did not examine why.)
+# In the chart, MuJoCo and PyBullet each have two series with the same marks. The flat series is the round cone. The
+# curved one is MuJoCo's default pyramid, or the box that is an option of PyBullet. So you can recognise an engine's
+# cone without reading its source. Launch a block between the two axes of the contact; the length and direction of its
+# path show the shape. Along an axis all three shapes agree, so a test there shows nothing.
 #
 # ### Creep: why a held part sinks
 #
-# A robot grips a glass with twice the force that Coulomb's law requires, and in the simulation the glass sinks.
+# A robot grips a glass with twice the force that Coulomb's law requires, and in MuJoCo, as shipped, the glass sinks.
 # Friction is far below its limit, so the glass should stick. But it **creeps**: it slides slowly under a force that
 # should hold it.
 #
@@ -1279,12 +1314,15 @@ for settings in (AS_SHIPPED, FAIR):
 predict("part_that_sinks")
 
 # %% [markdown]
-# The creep speed follows from two effects. A soft contact yields to the tangential load $f_t$ that it carries. In
-# MuJoCo, this adds $R_t f_t$ to the acceleration of the sliding surfaces, where $R_t$ [1/kg] is the contact's
-# **compliance**, its softness. Damping slows the sliding: at the speed $v$ it takes $b\,v$ off the acceleration, with
-# the damping rate $b$ [1/s]. In steady creep the two cancel, so $v = R_t\,f_t/b$. The compliance is smaller if the
-# contact is harder: MuJoCo calls its hardness, between 0 and 1, the **impedance** $d$. The compliance is larger for
-# lighter bodies, and the option `impratio` divides it.
+# The creep speed follows from two effects. First, a soft contact yields to the load $f_t$ along its surface: in MuJoCo,
+# the sliding speeds up by $R_t f_t$ per second. The factor $R_t$ [1/kg] is the **compliance** of the contact, its
+# softness. Second, the contact damps the sliding: at the speed $v$, it slows down by $b\,v$ per second. The damping
+# rate $b$ [1/s] follows from `solref`. In steady creep the two effects cancel, so $v = R_t\,f_t/b$.
+#
+# A harder contact
+# has a smaller compliance. (Its hardness, set by `solimp`, is called the **impedance** $d$.) Lighter bodies have a
+# larger compliance, and the option `impratio` divides it. The chart also shows
+# **noslip** with 3 iterations, a second pass after the solver that reduces the remaining sliding.
 #
 # ![Creep of a block and a part against impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
@@ -1299,15 +1337,20 @@ print_figures(
 )
 
 # %% [markdown]
-# **Noslip** is a second pass after the solver that reduces the remaining sliding; the chart runs it with 3 iterations.
 # For the elliptic cone, the law agrees with the simulation to many digits over a factor of 300 in `impratio`. (The
 # chart has MuJoCo's default `solref` and `solimp` and presses with 6 N. The fair grasp of section 3 is stiffer and
 # creeps more slowly. Our code doesn't creep.)
 #
-# The law also answers a question that users asked in 2026 (MuJoCo's issue 3328): a part, pinched with several times the
+# <details><summary>A question of MuJoCo's users</summary>
+#
+# The law answers a question of 2026 (MuJoCo's issue 3328): a part, pinched with several times the
 # force it needs, sank at 155 µm/s, in proportion to 1/`impratio`. This is the law of creep, not a bug. The part sinks
-# by the creep speed times the holding time, so a short grasp suffers little. The law is for an elliptic cone whose
-# corners all carry load. (On a steep slope, one edge of a block carries nothing.)
+# by the creep speed times the holding time, so a short grasp suffers little.
+#
+# </details>
+#
+# The law holds for an elliptic cone, as
+# long as all corners of the body carry load. (On a steep slope, the upper corners of a block carry nothing.)
 #
 # ### The smallest force that holds
 #
@@ -1315,7 +1358,7 @@ print_figures(
 # together $2\mu F$. The part holds if $2\mu F \ge m g$, so the smallest force is $F = m g/(2\mu)$. For our 0.2 kg and
 # $\mu = 0.5$ that is 1.96 N. Does an engine drop the part exactly below this force? In the chart, a disc means held and
 # a cross dropped. *Dropped* means that the part accelerates downwards; a part that sinks at a constant speed counts as
-# held. (Our slow code ran at 8 ms only.)
+# held.
 #
 # ![Held or dropped, by squeeze and step, for each engine](../docs/charts/platform_grasp.png)
 
@@ -1341,21 +1384,23 @@ for name, share in least.items():
 # stricter. There, a part that creeps by a millimetre in half a second isn't held, so MuJoCo as shipped passes here and
 # fails there.
 #
-# Three of the four have a threshold. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold
-# down to 0.98 of it. There the part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave
-# the cone by 2 %. The part counts as held only because it sinks evenly.
+# At 1 ms, MuJoCo and Drake have a threshold: the part is held at every squeeze above it. So has our code, which ran at
+# 8 ms only. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold down to 0.98 of it. There
+# the part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave the cone by 2 %. The part
+# counts as held only because it sinks evenly.
 #
 # PyBullet has no threshold at 1 ms: the part counts as held at some squeezes, and is dropped at a larger one. *Held*
 # says little here. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second (section 3). The
 # reason is that PyBullet's sweeps end with most of the force on one corner of a finger. This satisfies Coulomb's law,
-# since four corners can share a load in many ways. But the part swings about that corner. At 2 ms and more there is a
-# threshold.
+# since four corners can share a load in many ways. But the part swings about that corner.
+#
+# At 2 ms and more, PyBullet
+# has a threshold, too. As shipped, it drops the part at every squeeze, because default motors hold the fingers back.
 #
 # <details><summary>PyBullet as shipped</summary>
 #
-# As shipped, PyBullet drops the part at every squeeze: it starts a motor at each joint, and these hold the fingers
-# back. With these motors off, it drops the part up to twice the marked force, because it multiplies the two
-# coefficients of 0.5.
+# As shipped, PyBullet starts a motor at each joint. With these motors off, it drops the part up to twice the marked
+# force, because it multiplies the two coefficients of 0.5.
 #
 # </details>
 
@@ -1378,11 +1423,11 @@ print("MuJoCo, over one cube  ", "".join(f"{x / cubes[0]:8.2f}" for x in cubes))
 print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (1, 2, 3, 4)))
 
 # %% [markdown]
-# MuJoCo's tower sinks in proportion to $n^2$ instead. MuJoCo scales the softness of a contact with the sum of the
-# inverse masses of *both* bodies. The ground doesn't move, so its inverse mass is zero. So a contact between two equal
-# cubes is twice as soft as the one on the ground, and the sum becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Drake with
-# point contacts lets the tower tip; with patches it stands. Our tower doesn't sink, because nothing in our contact is
-# soft.
+# MuJoCo's tower sinks in proportion to $n^2$ instead. In MuJoCo, the softness of a contact is proportional to $1/m_1 +
+# 1/m_2$, where $m_1$ and $m_2$ are the masses of its two bodies. The ground doesn't move, so its mass counts as
+# infinite and adds nothing. So a contact between two equal cubes is twice as soft as the one on the ground, and the sum
+# becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Our
+# tower doesn't sink, because nothing in our contact is soft.
 
 # %%
 show("tower_by_engine")
@@ -1470,10 +1515,13 @@ more_claims("limit_is_a_wall")
 # as bad is a **silent repair**: the model runs, and isn't the one in your file.
 #
 # The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
-# library for robot dynamics. Blue bars count files that a reader refused or warned about. The narrow orange bars, drawn
-# over them, count files that it swallowed or that made it crash. Repaired files are not drawn, so the two bars don't
-# add up to all files. (The claim below counts repaired files as swallowed.) The lower panel is about valid files: which
-# features does a reader keep, and which does it lose?
+# library for robot dynamics. A wide blue bar counts the files that a reader refused or warned about. The narrow orange
+# bar counts those that it swallowed or that made it crash. Repaired files are in neither bar. (The claim below counts
+# them as swallowed.)
+#
+# The panel of broken formats includes two files that URDF allows: a link without `inertial`, and
+# one with zero inertia. We count them as faults because here the link moves. The lower panel is about valid files:
+# which features does a reader keep, and which does it lose?
 #
 # <details><summary>The names of the faults</summary>
 #
@@ -1481,8 +1529,8 @@ more_claims("limit_is_a_wall")
 # the sum of the other two), *indefinite* an inertia matrix with a negative eigenvalue, *short origin* and *comma*
 # broken lists of numbers, *long line* a valid file in one long line, and *mimic* a joint that copies another one.
 #
-# Two of the faults are debatable: URDF allows a link without `inertial` or with zero inertia, and many robots use such
-# links as mere coordinate frames. We count them because here the link moves.
+# Many robots use links without `inertial` or with zero inertia as mere coordinate frames, which don't move by
+# themselves.
 #
 # </details>
 #
@@ -1501,9 +1549,10 @@ figures(
 )
 
 # %% [markdown]
-# Chapter 4's reader rejects the most faults. It also rejects valid joints of kinds that it doesn't know, and says
-# which. Readers change with versions. In September 2026, an importer lost all damping and friction of joints without a
-# message (Isaac Sim, issue 841). So read the loaded model back and compare.
+# Chapter 4's reader rejects the most faults. (We wrote both the reader and the faults, so this is no independent test.)
+# It also rejects valid joints of kinds that it doesn't know, and says which. Readers change with versions. In September
+# 2026, an importer lost all damping and friction of joints without a message (Isaac Sim, issue 841). So read the loaded
+# model back and compare.
 
 # %%
 more_claims("loaded_is_not_sound", "friction_of_a_urdf")
@@ -1534,8 +1583,8 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The MuJoCo model doesn't match the real robot.* Don't tune yet. Read the loaded model back first:
-# masses, inertias in one frame, damping, armature, and which limits are active. Then test one joint at a time: let it
-# fall, push it, hold it. Each test isolates a parameter.
+# masses, inertias (in the same coordinate frame as the robot's), damping, armature, and which limits are active. Then
+# test one joint at a time: let it fall, push it, hold it. Each test isolates a parameter.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1570,15 +1619,16 @@ simulation("platforms", "Sinking grasp")
 # %% [markdown]
 # <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>the model moves differently
 # from the robot, with equal torques</td> <td>inertias, damping, armature, friction</td> <td>torques for a given motion
-# against Pinocchio's in several postures; let it coast down</td> <td>read the model back; identify parameters (chapter
-# 8)</td></tr> <tr><td>right at rest, late in motion</td> <td>the drive's own control loop is missing</td> <td>a
-# position step on both</td> <td>position actuators with the drive's gains, rate and limit</td></tr> <tr><td>a held part
-# sinks</td> <td>creep</td> <td>is tangential over normal force below µ?</td> <td>`impratio`, noslip</td></tr> <tr><td>a
-# block stops beside its heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic
-# cone</td></tr> <tr><td>a sliding block leaves the floor</td> <td>convex contact, set stiff</td> <td>height and contact
-# count on the way</td> <td>another engine, if the hop matters; a softer `solref` lowers it</td></tr> <tr><td>only the
-# first episode differs</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the world again, or
-# restore a saved state</td></tr> </table>
+# against Pinocchio's in several postures; push a joint and let it slow down by itself</td> <td>read the model back;
+# identify parameters (chapter 8)</td></tr> <tr><td>correct at rest, but the motion comes too early or too late</td>
+# <td>the drive's own control loop is missing</td> <td>a position step on both</td> <td>position actuators with the
+# drive's gains, rate and limit</td></tr> <tr><td>a held part sinks</td> <td>creep</td> <td>divide the tangential by the
+# normal force: is the result below µ?</td> <td>`impratio`, noslip</td></tr> <tr><td>a block stops beside its
+# heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic cone</td></tr> <tr><td>a sliding
+# block leaves the floor</td> <td>convex contact, set stiff</td> <td>height and contact count on the way</td>
+# <td>another engine, if the hop matters; a softer `solref` lowers it</td></tr> <tr><td>after a reset, the same run ends
+# differently</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore a
+# saved state</td></tr> </table>
 #
 # <details><summary>Symptoms of Isaac Sim</summary>
 #
@@ -1748,8 +1798,8 @@ check(compare_engines)
 # %% [markdown]
 # ### A formula: the missing distance of a braking block
 #
-# Any equivalent form is right. Type $\mu$ as `mu` and the step $h$ as `dt`. <span class="kernel-only">Edit the formula
-# in quotes.</span>
+# The formula in the cell is wrong; correct it. Any equivalent form is right. Type $\mu$ as `mu` and the step $h$ as
+# `dt`. <span class="kernel-only">Edit the formula in quotes.</span>
 
 # %%
 answer("braking_short", "v*dt/2")
@@ -1803,13 +1853,14 @@ for (name, settings), one in reach.items():
 #
 # Now take the importer's bug of 2026: the joints' damping $d$ is lost on the way into the simulator. The controller
 # still believes in it and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like *negative*
-# damping. The controller's own damping is $2\,\omega M \dot q$, where $\omega$ is its bandwidth (the rate at which
-# errors decay) and $M$ the mass matrix.
+# damping. The controller itself adds a damping torque $2\,\omega M \dot q$ (chapter 6), where $\omega$ is its bandwidth
+# (the rate at which errors decay) and $M$ the mass matrix.
 #
 # Let $q$ be the small deviation from the target, and $d$ the same for all joints. Then $M\ddot q + (2\,\omega M -
-# d)\,\dot q + \omega^2 M q = 0$. The arm is unstable as soon as an eigenvalue of $M$ (its inertia in some direction of
-# motion) is below $d/(2\,\omega)$. The cell runs this reach for 3 s on an arm without damping. (The reach above took
-# 1.5 s on an arm with damping, so don't compare the two errors.)
+# d)\,\dot q + \omega^2 M q = 0$. Along an eigenvector of $M$ with the eigenvalue $m$ (the inertia in this direction),
+# the remaining damping is $2\,\omega m - d$. If it is negative, the arm is unstable: some $m$ is below $d/(2\,\omega)$.
+# The cell runs this reach for 3 s on an arm without damping. (The reach above took 1.5 s on an arm with damping, so
+# don't compare the two errors.)
 
 
 # %% tags=["hide-code"]
@@ -1839,9 +1890,10 @@ for share in (0.0, 0.5, 0.9, 1.2, 2.0):
     )
 
 # %% [markdown]
-# Below the limit the reach barely changes, because at rest nothing is damped and nothing is missing. Above it, the arm
-# flies apart. So *whether a reach succeeds says little about the model*: nothing shows below the limit, and everything
-# at once above it. Compare the torques during the motion instead.
+# Below the limit the reach barely changes, because at rest nothing is damped and nothing is missing. At 1.2 times the
+# limit and more, the arm flies apart within the 3 s. (Just above the limit, a deviation also grows exponentially, but
+# so slowly that a short run may not show it.) So *whether a reach succeeds says little about the model*. Compare the
+# torques during the motion instead.
 
 # %%
 more_claims("controller_moves")

@@ -6,8 +6,8 @@
 #
 # The most common rule is **PID**. The error is the target minus the measured angle. PID adds three torques: one
 # proportional to the error (gain Kp), one to the error summed over time (Ki), and one to the rate of the error (Kd).
-# Below, it drives one joint to the dashed target. Answer the card first<span class="kernel-only">, run the
-# cells</span>, then press *Play* and drag the target.
+# Below, it drives one joint to the dashed target. Answer the question first<span class="kernel-only">, run the code
+# cell under it</span>, then press *Play* and drag the target.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -38,10 +38,10 @@ simulation("joint")
 #
 # ## How this chapter works
 #
-# Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
-# the claim needs a condition that it does not state. Measured numbers come from a cell on this page or from a check
-# that you can run yourself with `python -m course.derivations 6`. The code is in `course.control`. These are the
-# exercises of section 8:
+# Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if the
+# claim needs a condition that it does not state. Measured numbers come from a cell on this page or from a check that
+# you can run with `python -m course.derivations 6`. The code is in `course.control`. These are the exercises of section
+# 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -173,11 +173,11 @@ plt.show()
 # Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$: below 1
 # it does. The value 1 is called **critical damping**.
 #
-# The I term stops changing only when the error is zero. So no error is left, if the joint settles at all. Dry friction
-# can prevent that. **Coulomb friction** is a torque of constant size against the motion. **Static friction** can hold
-# a joint at rest away from the set-point. The I term then grows until the joint breaks loose. If static friction is
-# larger than Coulomb friction, the joint jumps past the set-point and sticks on the other side. There the same begins
-# again, without end. This cycle is called **hunting**.
+# The I term stops changing only when the error is zero. So no error is left if the joint settles. Dry friction can
+# prevent that. **Coulomb friction** is a torque of constant size against the motion. **Static friction** can hold a
+# joint at rest away from the set-point. The I term then grows until the joint breaks loose. If static friction is
+# larger than Coulomb friction, the joint jumps past the set-point and sticks on the other side, again and again. This
+# is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -226,20 +226,16 @@ predict("jammed")
 # The surplus in the I term is called **windup**. Choose the preset *A jam* on the first screen, watch the joint run
 # away, then switch on anti-windup. Two methods are in use:
 #
-# * **Conditional integration** stops the sum while the command is at a limit and the error would push it further
-#   beyond.
+# * **Conditional integration** stops the sum while the command is at a limit and the error would push the command
+#   further over it.
 # * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the I
 #   term, so that the I term shrinks while the command is at the limit.
 #
-# Many tutorials show a third method: keep the I term within a fixed range, for example $\pm$ the torque limit. But
-# such a range acts whether the motor is at its limit or not. A range that the I term never reaches changes nothing.
-# One that is narrower than the load leaves an error for ever.
-#
-# The chart shows another joint, which is blocked for 2 s. The set-point is 0.25 rad, and a load pushes forwards.
-# Right: without anti-windup (orange), the command stays at the upper limit even after the joint has passed the
-# set-point. With conditional integration (blue), it leaves the limit at once. The joint still goes too far by two
-# thirds of the step, because the I term grew until the command reached the limit. Lines are the exact solution, dots
-# are from the simulator MuJoCo:
+# The chart shows another joint, which is blocked for 2 s. The set-point is 0.25 rad, and a load pushes forwards. In the
+# right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed the
+# set-point. With conditional integration (blue), the command leaves the limit at once. The joint still overshoots by
+# two thirds of the step. Most of this is not windup: the strong I term of this loop causes overshoot even if the joint
+# is never jammed. Lines are the exact solution, dots are from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -263,8 +259,9 @@ figures(
 # acceleration = torque / inertia - 0.5 * velocity
 # ```
 #
-# Check the first two lines against the paragraphs above. The claims below examine the rest, with kp = 20, ki = 5 and
-# kd = 8.
+# The first line keeps the I term within a fixed range, whether the motor is at its limit or not. A range that the I
+# term never reaches changes nothing. One that is narrower than the load leaves an error for ever. The second line has
+# the derivative kick. The claims below examine the rest, with kp = 20, ki = 5 and kd = 8.
 #
 # </details>
 
@@ -274,11 +271,11 @@ more_claims("integral_clamp", "listing_settles", "listing_friction")
 # %% [markdown]
 # ### The sampled loop as a matrix
 #
-# So far the torque followed the angle at every instant. Then a joint with viscous friction is stable under P alone at
-# any gain, because the friction damps every oscillation. A computer works differently. It measures the angle once per
-# sample time $dt$ (some cards write $h$) and computes a torque. The **motor drive**, the electronics that feed the
-# motor, holds this torque until the next sample. Holding a value between samples is called a **zero-order hold**. It
-# turns a smooth command into a staircase:
+# So far the torque followed the angle at every instant. Under this assumption, a joint with viscous friction is stable
+# under P alone at any gain: the friction damps every oscillation. A computer works differently. It measures the angle
+# once per sample time $dt$ and computes a torque. The **motor drive**, the electronics that feed the motor, holds this
+# torque until the next sample. Holding a value between samples is called a **zero-order hold**. It turns a smooth
+# command into a staircase:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.5), layout="constrained")
@@ -315,21 +312,21 @@ predict("more_p")
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# So count the hold as a delay of $dt/2$, and add it to the other delays of the loop, whose sum is $D$. This is a good
-# approximation for slow motions. The **ultimate gain** $K_u$ is the P gain on the border between stable and unstable.
-# There the loop oscillates with constant amplitude. The first equation below gives the angular frequency $\omega$ of
-# this oscillation (its smallest positive solution), and the second gives $K_u$:
+# So count the hold as a delay of $dt/2$, and add it to the other delays of the loop, whose sum we call $D$. This is a
+# good approximation for slow motions. The **ultimate gain** $K_u$ is the P gain on the border between stable and
+# unstable. There the loop oscillates with constant amplitude. The first equation below gives the angular frequency
+# $\omega$ of this oscillation (its smallest positive solution), and the second gives $K_u$:
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
 # K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
 #
 # <details><summary>Derive: the ultimate gain of a loop with delay</summary>
 #
-# Let $T = D + dt/2$ be the total delay. At the limit the joint moves as $e^{i\omega t}$, and
-# $J\ddot q + b\dot q = -K\,q(t - T)$ becomes $J\omega^2 - ib\omega = K e^{-i\omega T}$. The angle of the left side is
-# $-\arctan(b/(J\omega))$, that of the right side is $-\omega T$, so $\tan\omega T = b/(J\omega)$. The absolute value
-# of both sides is $K$. Replacing the hold by a delay of $dt/2$ is an approximation, since a staircase is not a shifted
-# smooth curve. The next cell compares it with the exact matrix.
+# Let $D_t = D + dt/2$ be the total delay. At the limit the joint moves as $e^{i\omega t}$, and $J\ddot q + b\dot q =
+# -K\,q(t - D_t)$ becomes $J\omega^2 - ib\omega = K e^{-i\omega D_t}$. The angle of the left side is
+# $-\arctan(b/(J\omega))$, that of the right side is $-\omega D_t$, so $\tan\omega D_t = b/(J\omega)$. The absolute
+# value of both sides is $K$. Replacing the hold by a delay of $dt/2$ is an approximation, since a staircase is not a
+# shifted smooth curve. The next cell compares it with the exact matrix.
 #
 # </details>
 
@@ -357,9 +354,9 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # ### Stability margins
 #
 # How far is a tuned loop from its limit? Imagine that you cut the loop at the motor and send a sine of torque into it.
-# The joint moves, and the controller answers with another sine of torque. Its minus sign (it opposes the motion) is
-# left out at first. The ratio of the two sizes is the **open-loop gain**, and the shift between the two sines is the
-# **phase lag**.
+# The joint moves, and the controller answers with another sine of torque. This answer opposes the motion; leave its
+# minus sign out at first. The ratio of the two sizes is the **open-loop gain**, and the shift between the two sines is
+# the **phase lag**.
 #
 # A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and a lag of
 # 180 degrees, the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
@@ -405,8 +402,7 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# For a robot, quote the delay margin. You can compare it with the milliseconds that communication, motor drive and
-# filters will add.
+# For a robot, quote the delay margin: compare it with the milliseconds that communication, motor drive and filters add.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
@@ -415,9 +411,10 @@ plt.show()
 # the lag). The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees.
 # The distance of the curve from $-1$ is the smallest change of $L$ that can make the loop unstable.
 #
-# What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that it would cause without
-# control, and $e$ the error that remains. The controller answers the error $e$, and the joint moves by $L\,e$ against
-# it. So $e = d - L\,e$, and the ratio $e/d$ is the function $S$ below:
+# What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that the disturbance would cause
+# without control, and $e$ the error that remains. Once around the loop, the error $e$ becomes the motion $L\,e$ of the
+# joint, which is subtracted from $d$. (The loop is a circle, so $L$ is the same wherever you cut it.) So $e = d -
+# L\,e$, and the ratio $e/d$ is the function $S$ below:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
@@ -440,15 +437,14 @@ simulation("nyquist")
 
 # %% [markdown]
 # The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. Raise the gain by the gain margin: the
-# curve now passes through $-1$, and the step response oscillates at the frequency of that point. Now compare $\lvert
+# curve now passes through $-1$, and the step response oscillates at the frequency of that point. Compare $\lvert
 # S\rvert$ between 100 and 1000 rad/s in the presets *High sensitivity* and *Comfortable*:
 
 # %%
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
-# This is the **waterbed effect**: if you push $\lvert S\rvert$ down at some frequencies, it rises at others. (If the
-# controlled system, the **plant**, is unstable, such as an upright pendulum, it has to rise even more.) So decide
+# This is the **waterbed effect**: if you push $\lvert S\rvert$ down at some frequencies, it rises at others. So decide
 # which frequencies matter for the task. A common design rule is $M_s \le 2$.
 
 # %%
@@ -472,9 +468,9 @@ for one in stored("pd_triangles")[0].series:
 
 # %% [markdown]
 # Few joints have a sensor for the rate. The controller divides the difference of two angles by $dt$ instead. This is
-# the rate of half a sample ago. If computing takes one sample more, the highest stable $K_p$ falls to less than a
-# twentieth of that with the exact rate. You will derive three of the curves in section 8. The right chart belongs to
-# section 7.
+# the rate of half a sample ago. If computing takes one sample, too, the highest stable $K_p$ is less than a twentieth
+# of that with the exact rate and no computing time. The right chart
+# belongs to section 7.
 #
 # ### Encoder, friction and torque limit
 #
@@ -506,12 +502,12 @@ for one in stored("rate_estimates")[0].series:
     )
 
 # %% [markdown]
-# Under PD, the torque of the P term falls as the joint nears the set-point. As soon as it is smaller than the static
-# friction $F$, the joint can stay at rest. So without a load, dry friction leaves an error of up to $F/K_p$.
+# Under PD, the torque of the P term falls as the joint nears the set-point. As soon as this torque is smaller than the
+# static friction $\tau_s$, the joint can stay at rest. So without a load, dry friction leaves an error of up to
+# $\tau_s/K_p$.
 #
 # If static friction does not exceed Coulomb friction, an I term removes this error step by step, with longer and longer
-# pauses in between (blue). If static friction is the larger one, breaking loose takes more torque than moving. The
-# joint jumps, and hunts (orange):
+# pauses in between (blue). If static friction is larger, the joint hunts (orange):
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -525,18 +521,17 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Choose the preset *Hunting* on the first screen, and lower *Static / dry* to one: the hunting ends. Left in the next
-# chart, a slower filter of the rate makes the torque smoother. Right, hunting grows with the ratio of static to
-# Coulomb friction.
+# In the left chart below, a slower filter of the rate makes the torque smoother. In the right chart, hunting grows with
+# the ratio of static to Coulomb friction.
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
-# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and an upright pendulum
-# can fall. In the map, the motor has half of the torque that holds the pendulum horizontally. Near upright, the sum
-# angle + rate$/\sqrt{g/l}$ grows by itself ($g$ is gravity, $l$ the length), and the difference of the two decays. So
-# the controller pushes against the sum. Purple states are caught, orange ones lost (ignore the numbers on the right).
-# On the border, even full torque only just stops the fall. So no controller can catch more, unless it lets the
-# pendulum fall and swings it up again:
+# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and an upright pendulum can
+# fall. In the map, the motor has half of the torque that would hold the pendulum level. Near upright, the motion has
+# two parts. The sum angle + rate$/\sqrt{g/l}$ grows by itself ($g$ is gravity, $l$ the length); the difference angle -
+# rate$/\sqrt{g/l}$ decays. So the controller pushes against the sum. Purple states are caught, orange ones lost (ignore
+# the numbers on the right). On the border, full torque only just stops the fall, so no controller can catch more
+# without a swing-up:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -573,21 +568,20 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
 # Our joint has an ultimate gain, because of its hold and a delay of 20 ms. A constant amplitude does not prove that
-# you have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too. A quoted
-# ultimate gain says nothing about your joint unless inertia, friction and delay are the same.
+# you have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too.
 #
-# A joint is hard for these rules. Constant torque gives constant *speed*, and the angle is the integral of the speed.
+# These rules suit a joint badly. Constant torque gives constant *speed*, and the angle is the integral of the speed.
 # An I term integrates once more, and each integration has a phase lag of 90 degrees.
 
 # %%
 show("ziegler_nichols_is_safe")
 
 # %% [markdown]
-# Another method uses three numbers that you know: $J$, $b$ and the delay. Let $D$ be the sum of hold, difference and
-# communication. (The difference delays only the D term. For simplicity we count it for both.) With PD, a motion
-# $e^{st}$ is possible if
+# Another method uses three numbers that you know: $J$, $b$ and the delay. Let $D_t$ be the total delay: hold,
+# difference and communication. (The difference delays only the D term. For simplicity, the formula delays the P term by
+# the same time.) With PD, a motion $e^{st}$ is possible if
 #
-# $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD} = 0 .$$
+# $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD_t} = 0 .$$
 #
 # The solutions $s$ are the **poles** of the loop. Choose $K_p$ and $K_d$ so that three of them are equal and real. If
 # all others decay faster, the slowest part of the motion does not oscillate. The code computes this triple pole `s`
@@ -595,7 +589,7 @@ show("ziegler_nichols_is_safe")
 #
 # <details><summary>Derive: three equal poles</summary>
 #
-# Multiply the equation by $e^{sD}$: its left side becomes $f(s) = (Js^2 + bs)\,e^{sD} + K_p + K_d s$. At a triple
+# Multiply the equation by $e^{sD_t}$: its left side becomes $f(s) = (Js^2 + bs)\,e^{sD_t} + K_p + K_d s$. At a triple
 # pole, $f$, $f'$ and $f''$ are zero. The second derivative does not contain the gains, so $f'' = 0$ is a quadratic
 # equation for $s$ alone. Take its root nearer to zero. Then $f' = 0$ gives $K_d$, and $f = 0$ gives $K_p$.
 #
@@ -603,11 +597,13 @@ show("ziegler_nichols_is_safe")
 
 # %% tags=["show-code"]
 late = 0.02
-D = late + dt  # hold and difference are half a sample each
-s = max(np.roots([inertia * D**2, damping * D**2 + 4 * inertia * D, 2 * (damping * D + inertia)]))
+Dt = late + dt  # hold and difference are half a sample each
+s = max(
+    np.roots([inertia * Dt**2, damping * Dt**2 + 4 * inertia * Dt, 2 * (damping * Dt + inertia)])
+)
 plain = inertia * s**2 + damping * s
-kd = -math.exp(s * D) * (D * plain + 2 * inertia * s + damping)
-kp = -math.exp(s * D) * plain - kd * s
+kd = -math.exp(s * Dt) * (Dt * plain + 2 * inertia * s + damping)
+kp = -math.exp(s * Dt) * plain - kd * s
 
 Ku, Tu = control.ultimate_gain(A, B, dt, late)
 tried = {name: (p * Ku, i * Ku / Tu, d * Ku * Tu) for name, (p, i, d) in limits.ROWS.items()}
@@ -616,7 +612,8 @@ tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
 # This output checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad without a
-# load. The row *often quoted* has the gains that many tutorials derive from $K_u$ = 45 and $T_u$ = 0.45 s:
+# load. The row *often quoted* has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, which are
+# not the values of our joint:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -654,8 +651,7 @@ print(", ".join(f"{pole:.1f}" for pole in slowest))
 # the top). The equal poles do not overshoot:
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
-#
-# The P row halves $K_u$. Is that robust?
+# Is half of $K_u$ robust?
 
 # %%
 show("half_the_ultimate_gain")
@@ -701,10 +697,10 @@ _ = axis.legend(fontsize=9, ncols=4, loc="upper center")
 plt.show()
 
 # %% [markdown]
-# The two controllers with the full model are far more accurate than PD with gravity compensation. Their remaining
-# errors come from the hold: each torque is constant for a sample while the arm moves on. Feedforward is even ahead of
-# computed torque here, partly because its gains make the elbow stiffer. But it computes the torque for the planned
-# motion only. After a disturbance, the PD terms alone must bring the arm back.
+# The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
+# sample while the arm moves on. Feedforward is even ahead of computed torque here, but its gains also make the elbow
+# stiffer. It computes the torque for the planned motion only: after a disturbance, the PD terms alone must bring the
+# arm back.
 #
 # Computed torque uses the measured angles and rates. Put its torque into the equation of motion: the velocity terms
 # and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
@@ -713,20 +709,20 @@ plt.show()
 show("computed_torque_law")
 
 # %% [markdown]
-# If the gain matrices are diagonal, every joint's error obeys its own linear equation, with the same poles in every
-# pose of the arm. **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give
-# $s^2 + 20 s + 100 = 0$, that is two poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
+# With diagonal gain matrices, every joint's error obeys its own linear equation, with the same poles in every pose.
+# **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give $s^2 + 20 s + 100 = 0$, that is two
+# poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
 #
 # The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the torque
 # for the state and the reference half a sample ahead. This is called **half-sample preview**, and section 6 shows how
 # much it saves.
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
-# changes the model's parameters $\hat\theta$ during the motion. The torque that the model needs is $Y\hat\theta$, with
-# the regressor $Y$ of chapter 4. Here $Y$ is computed from the measured $q$ and $\dot q$, and from a reference
-# velocity $\dot q_r = \dot q_d + \Lambda e$ with its derivative $\ddot q_r$. So no acceleration has to be measured.
-# The sum $s = \dot e + \Lambda e$ combines the error of the velocity with the error of the angle. The torque is
-# $Y\hat\theta + K s$, and the update is
+# changes the model's parameters $\hat\theta$ during the motion. The model's torque is a matrix times these parameters,
+# $Y\hat\theta$. The matrix $Y$ is the **regressor** of chapter 4. Here it is computed from the measured $q$ and $\dot
+# q$, and from a reference velocity $\dot q_r = \dot q_d + \Lambda e$ with its derivative $\ddot q_r$. So no
+# acceleration has to be measured. The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the error
+# of the velocity with the error of the angle. The torque is $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
@@ -739,7 +735,7 @@ show("adaptive_finds_parameters")
 # %% [markdown]
 # The estimate reaches the true values only if each parameter changes the torques in its own way during the motion.
 # This condition is called **persistent excitation**. A second warning: with a large $\Gamma$, a low sample rate or
-# sensor noise, the estimate can grow without limit. In practice, limit it to plausible values.
+# sensor noise, the estimate can grow without limit. So limit it to plausible values.
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
@@ -820,18 +816,19 @@ _ = figure_.suptitle("computed torque with $K_p$ = 400/s², $K_d$ = 40/s", fonts
 plt.show()
 
 # %% [markdown]
-# | the error follows | likely cause |
+# | the logged error follows | likely cause |
 # |---|---|
 # | the acceleration | inertia, or the motor's torque constant (torque per ampere) |
-# | the velocity | viscous friction, or a late measurement |
-# | the jerk, the rate of the acceleration | a late command |
+# | the velocity | viscous friction |
+# | the jerk, the rate of the acceleration | a late command or a late measurement |
 # | the sign of the velocity | Coulomb friction |
 # | the cosine of the angle from the horizontal | gravity |
 # | only the largest torques | a torque limit |
 #
-# In a single sine, velocity and jerk have the same shape, so use a motion of several frequencies. To separate two
-# causes in one row, make a second experiment. Hold the arm still against gravity: a wrong torque constant or an
-# unknown payload causes an error there, a wrong inertia alone does not.
+# The *logged* error is the set-point minus the *measured* angle. In a single sine, velocity and jerk have the same
+# shape, so use a motion of several frequencies. A late measurement also makes the true angle lead the measured one, in
+# proportion to the velocity. Only a second sensor shows this. To separate the two causes in the first row, hold the arm
+# still against gravity. A wrong torque constant causes an error there, a wrong inertia alone does not.
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -843,8 +840,8 @@ plt.show()
 # frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It lags, and
 # with a damping ratio of $1/\sqrt2$ or more it is smaller.
 #
-# A measurement that is $D$ late reports an angle that is wrong by $D\dot q$. A torque that is $D$ late lacks
-# $D\dot\tau$, for an inertia $DJ$ times the jerk.
+# A torque that is $D$ late lacks $D\dot\tau$, for an inertia $DJ$ times the jerk. A late measurement delays the same
+# loop, so the logged error is the same. But the true angle is ahead of the measured one by $D\dot q$.
 #
 # </details>
 
@@ -886,9 +883,10 @@ _ = axes[2].plot(u, bend / 4.0, "--", lw=1)
 plt.show()
 
 # %% [markdown]
-# `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question.
-# You pass it a log and your model. It tries each of seven causes alone, and names those that explain the log down to
-# its noise:
+# `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question. You
+# pass it a log and your model. It tries each of seven causes alone: inertia, viscous friction, Coulomb friction,
+# gravity, torque constant, delay and torque limit. It names those with which the model differs from the log by no more
+# than the noise:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
@@ -944,7 +942,7 @@ more_claims("inertia_by_differences")
 # $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
 #
 # The last equation is the **Riccati equation**. You can solve it by repetition: start with $P = Q$, compute $K$, then
-# the next $P$. Each repetition looks one sample further ahead.
+# the next $P$.
 #
 # **Worked example:** one state with $A = B = Q = 1$ and $R = 2$. Then $K = P/(2 + P)$ and $P = 1 + P(1 - K)$. The
 # solution is $P = 2$ and $K = 1/2$: every command halves the state.
@@ -995,8 +993,9 @@ plt.show()
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
 # (crosses) contains the braking with the limited force. Left in the next chart, the cost of clipped LQR is divided by
-# that of MPC. MPC saves more if the mass starts further away, and if the horizon is longer. Right is the computing
-# time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
+# that of MPC. Near the target, MPC saves nothing. Beyond the dotted line the command meets both limits. There a longer
+# distance or horizon makes MPC save more. The right chart shows the computing time. A **warm start** begins the search
+# at the previous plan, a **cold start** at zero:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 #
@@ -1026,8 +1025,8 @@ more_claims("mpc_beats_clipping")
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 #
 # Here is one such sample for a mass of 1 kg. The cost is the sum of the squared distances from the target, plus a
-# little for force. The weighted mean runs past the target, because arriving early saves more than the overshoot costs
-# before the plan ends:
+# little for force. The weighted mean passes the target. Within this short plan, arriving early saves more than passing
+# the target costs:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1052,9 +1051,9 @@ _ = axis.legend(fontsize=9, loc="upper left")
 plt.show()
 
 # %% [markdown]
-# The motor of the next pendulum is too weak to lift it directly: it delivers at most a third of the torque that holds
-# the pendulum horizontally. The pendulum has to swing back and forth first, and the horizon must be long enough to
-# show that this is worth its cost. The bands are 95 % confidence intervals:
+# The motor of the next pendulum is too weak to lift it directly: it delivers at most a third of the torque that would
+# hold the pendulum level. The pendulum has to swing back and forth first, and the horizon must be long enough to show
+# that this is worth its cost. The bands are 95 % confidence intervals:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
@@ -1123,12 +1122,8 @@ plt.show()
 # %% [markdown]
 # **Admittance control** reverses the direction. It *measures* the contact force, computes how a virtual mass on a
 # spring and a damper would move under it, and sends that motion to a stiff position loop. Impedance control suits
-# joints with little friction. Admittance control suits arms with high gear ratios, which have much friction.
-#
-# | | input | output | needs |
-# |---|---|---|---|
-# | impedance control | displacement | force | torque-controlled joints |
-# | admittance control | force | motion | force sensor, position loop |
+# torque-controlled joints with little friction. Admittance control suits arms with high gear ratios, which have much
+# friction.
 #
 # Choose the controller in the panel, and drag the set-point into the wall. The orange arrow is the force of the wall on
 # the hand:
@@ -1169,16 +1164,14 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 show("damping_is_safe")
 
 # %% [markdown]
-# Force control and admittance control have other limits. Proportional **force control** commands the desired force
-# plus a gain $g$ times the force error. The wall turns motion into force, so its stiffness multiplies the loop gain.
-# For a short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain. In admittance
+# Force control and admittance control have other limits. Proportional **force control** commands the desired force plus
+# a gain $g$ (not gravity) times the force error. The wall turns motion into force, so its stiffness multiplies the loop
+# gain. For a short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain. In admittance
 # control the virtual mass must not be too *small*, and a stiffer wall needs a larger one:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, the green curve is MuJoCo's contact with its default softness. It turns a fixed share $d$ of the
-# command into contact force at once, before the hand has moved. So it allows a gain of about 1 at most walls: too much
-# at stiff walls, too little at soft ones.
+# In the left chart, the green curve is MuJoCo's soft contact, which section 7 explains.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1280,10 +1273,9 @@ plt.show()
 # </details>
 #
 # **Operational space** control (Khatib 1987) writes the equation of motion for the hand instead of the joints. The
-# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the task needs can move
-# without moving the hand. The **dynamically consistent** projector $N = I - J^\mathsf{T}\Lambda J M^{-1}$ turns any
-# torques $\tau$ into torques for such a motion. Multiply: $J M^{-1} N = 0$, so the torques $N\tau$ do not accelerate
-# the hand.
+# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the task needs can move without
+# moving the hand. The projector $N = I - J^\mathsf{T}\Lambda J M^{-1}$ removes from any torques $\tau$ the part that
+# accelerates the hand. Such a projector is called **dynamically consistent**. Check: $J M^{-1} N = 0$.
 #
 # ## 4 · Design: contact regimes and loop rates
 #
@@ -1291,10 +1283,9 @@ plt.show()
 # three controllers at a wall of 10 kN/m, on a hand of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest stable
 # sample rate, not a recommendation.
 #
-# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and of the soft
-# controller move at that speed to 20 mm inside the wall. Both have critical damping. The desired force of the force
-# controller is 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than
-# expected.
+# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft controller
+# move at this speed to 20 mm inside the wall. The desired force is 10 N. *Surface 2 mm off* is the change of the steady
+# force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1321,8 +1312,8 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # Without a controller, the impact would be $v\sqrt{m k_e}$ = 20 N. The soft controller and the damping of the force
-# controller slow the hand down before it touches. The 58 N of the stiff controller are no impact: it goes on pressing,
-# and the two springs in series give 57 N at rest. The next chart has no damping, so there the first peak is the
+# controller slow the hand down before it touches. The 58 N of the stiff controller are not the impact but its steady
+# pressing: the two springs in series give 57 N at rest. The next chart has no damping, so there the first peak is the
 # impact. It hardly changes as long as the controller is softer than the wall. A stiffer controller (last point of each
 # curve) pushes the hand on into the wall.
 #
@@ -1380,11 +1371,14 @@ plt.show()
 predict("delay_predicted")
 
 # %% [markdown]
-# In the chart, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the last
-# stable ones, and the torque noise grows. Left, the feed-forward (90 % of the true torque) lowers the error
-# more than any feedback. Right, cascade and observer remove the error of a load, because they integrate it. The
-# predictor allows the fastest poles, but at equal noise it rejects a load no better than PD. One predictor assumes
-# half of the true delay. The *observer with delay* has the delay in its model:
+# In the charts, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the last
+# stable ones, and the torque noise grows. One predictor assumes half of the true delay. The *observer with delay* has
+# the delay in its model.
+#
+# In the left chart, the feed-forward has 90 % of the true torque, so it leaves a tenth of the error. The loops with
+# feed-forward have another advantage: their D term damps the error, that of the other two the motion itself. In the
+# right chart, cascade and observer remove the error of a load, because both contain an integral. The predictor allows
+# the fastest poles, but at equal noise it rejects a load no better than PD:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1426,8 +1420,9 @@ more_claims(
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position or
-# impedance, task, planner. Say what sets the rate of each: the motor's electrical time constant, the delay margin, the
-# stiffness of the contact, the frame rate of the camera. And say when you would switch from position to force control.
+# impedance, task, planner. Say what sets each rate: the motor's electrical time constant for the current, the delay
+# margin for torque and position, the stiffness of the contact for the force, and the camera's frame rate for the
+# planner.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
@@ -1442,18 +1437,20 @@ more_claims(
 #
 # ## 5 · Code, and the simulation in full
 #
-# The first listing builds the matrix of the closed loop. The state vector contains the plant's state, the commands
-# that wait in the delay, and the controller's state. `transition` is the plant's own matrix. A command may arrive in
-# mid-sample: `before` is the effect of the old command on the state at the end of the sample, and `now` that of the
-# new one. `whole` is the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
+# The first listing builds the matrix of the closed loop. The state vector contains the state of the **plant** (the
+# controlled joint), the commands that wait in the delay, and the controller's state. `transition` is the plant's own
+# matrix. A command may arrive in the middle of a sample. Until then the old command acts, and after that the new one.
+# `before` and `now` are what they add to the state at the end of the sample. `whole` is the number of whole samples of
+# delay, and `A`, `B`, `C`, `D` describe the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
 
 # %% [markdown]
-# The next one is one sample of a PID controller for a real motor drive. It differentiates the measurement, limits the
-# torque and its change per second (`slew`), and has both methods against windup (`windup` is 1 for back-calculation, 2
-# for none). `state[1]` is the filtered rate, and `weight` multiplies the set-point in the P term:
+# The next one is one sample of a PID controller for a real motor drive. Lines before it, not shown here, compute the
+# filtered rate `state[1]` from the measurement `y`. The shown lines limit the torque and its change per second
+# (`slew`), and have both methods against windup (`windup` is 1 for back-calculation, 2 for none). `weight` multiplies
+# the set-point in the P term:
 
 # %% tags=["hide-code"]
 source(control.pid._update, "error = setpoint - y")
@@ -1467,15 +1464,15 @@ source(control.pid._update, "error = setpoint - y")
 source(control.computed_torque, "half = 0.5")
 
 # %% [markdown]
-# The last one is the heart of MPPI, where `tries` are the noisy plans. The lowest cost is subtracted before the
-# exponential, because otherwise all weights could underflow to zero:
+# The last one is the central part of MPPI. Lines before it made the noisy plans `tries`. The lowest cost is subtracted
+# before the exponential, because otherwise all weights could underflow to zero:
 
 # %% tags=["hide-code"]
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Here is the first simulation again, with the preset *Hunting*. Predict the outcome of four other presets before you
-# choose them:
+# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and it ends. Predict the
+# outcome of four other presets:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1503,8 +1500,8 @@ simulation("joint", "Hunting")
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
 # *wrong* model knows neither. Above is the largest tracking error against the sample rate, below the error against
 # computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse dynamics of these libraries. LQR,
-# MPC and MPPI correct the deviation from the planned motion. The small line under the chart lists curves that a panel
-# does not draw. (Upper right, computed torque and half-sample preview coincide, and the triangles at the upper edge
+# MPC and MPPI correct the deviation from the planned motion. (The line at the bottom lists curves that some panels
+# omit. In the upper right panel, computed torque and half-sample preview coincide, and the triangles at the upper edge
 # are larger errors of MPPI.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
@@ -1538,14 +1535,13 @@ Markdown("\n".join(lines))
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
 # about the same time. Compare times with care: only the loops of PD, computed torque and preview are compiled as a
-# whole. The others, also those of both libraries, are Python loops that call compiled functions, so Python's own time
-# counts.
+# whole. In the others, also those of the libraries, Python's own time counts.
 #
-# With the wrong model, the gains explain a part of the differences. The adaptive law is stiffer than computed torque:
-# even with the adaptation off, it has only a ninth of the error. Adaptation then reduces it by a factor of about
-# fifty. LQR has the highest gains, because neither delay nor noise limits them here. PD is seven times as stiff at the
-# elbow as computed torque. The next chart compares these two at equal stiffness. With the wrong model, computed torque
-# is worse by less than a factor of two. With the right one it is better by a factor of more than a hundred:
+# With the wrong model, a part of the differences comes from the gains. Even with adaptation off, the stiffer adaptive
+# law has only a ninth of computed torque's error. Adaptation then reduces it by a factor of about fifty. LQR has the
+# highest gains, because neither delay nor noise limits them here. PD is seven times as stiff at the elbow as computed
+# torque. The next chart compares these two at equal stiffness. With the wrong model, computed torque is worse by a
+# factor below two. With the right one it is better by a factor above a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
@@ -1566,7 +1562,8 @@ Markdown("\n".join(lines))
 # * Good model, known load: computed torque with half-sample preview.
 # * Changing load: adaptive control, with bounds on its estimate.
 # * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is
-#   good enough, and MPPI if it is not.
+#   good enough. If it is not, use MPC with the nonlinear model, or MPPI where that model has no useful gradient, such
+#   as in contact.
 #
 # ## 7 · Debug: what a simulator hides
 #
@@ -1622,7 +1619,8 @@ plt.show()
 #
 # In MuJoCo's soft contact, a fixed share $d$ of the command appears at once as contact force, before the hand has
 # moved. (A spring would give none.) So a force loop with gain $g$ multiplies its own command by $g\,d$ in each sample.
-# That stays bounded only for $g\,d < 1$, so the limit is about $1/d$ at nearly every wall.
+# That stays bounded only for $g\,d < 1$, so the limit is about $1/d$ at nearly every wall: too high at stiff walls, too
+# low at soft ones.
 #
 # </details>
 #
@@ -1684,8 +1682,8 @@ plt.show()
 # | symptom | cause | test | fix |
 # |---|---|---|---|
 # | constant oscillation (A) | unstable loop, torque limit | growth of the matrix; halve gains | lower gains, less delay |
-# | slow oscillation with pauses (B) | hunting | switch off the I term | dead band on I; friction compensation |
-# | torque noise at rest (C) | encoder counts times $K_d$ | count the counts | filter, observer; longer sample time if the delay allows |
+# | slow oscillation with pauses (B) | hunting | switch off the I term | stop the I term while the error is small; friction compensation |
+# | torque noise at rest (C) | encoder counts times $K_d$ | plot the encoder counts at rest | filter, observer; longer sample time if the delay allows |
 # | large overshoot after saturation (D) | windup | plot the command; try anti-windup | anti-windup |
 # | stable in simulation only | the simulator's hold or delay | ten steps, loop outside | tune with the true delay |
 #
@@ -1867,10 +1865,15 @@ check(mppi_step)
 # %% [markdown]
 # ### Standing on an incline
 #
-# A biped on a slope needs contact forces that carry its weight. Friction and the torque of its joints limit them. A
-# quadratic program, as in MPC, finds them. Left is the steepest slope on which such forces exist, for strong joints
-# and for joints of 13 N m. Right are the share of friction and the torque that the forces of lowest cost use, with
-# strong joints:
+# A biped on a slope needs contact forces that carry its weight. Each force must lie in its **friction cone**: its
+# tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as in
+# MPC, finds the forces of the lowest cost within these limits. A limit that the solution just reaches is **active**:
+# without it, the cost could fall further. At the solution, every active limit pushes back, and together these pushes
+# balance the gradient of the cost. The size of a push is the limit's **multiplier**; it is never negative.
+#
+# The left chart shows the steepest slope on which such forces exist, for strong joints and for joints of 13 N m. The
+# right chart shows how much of the allowed friction, and how much torque, the cheapest forces use with strong joints.
+# Torque costs little there, so they use more than 13 N m:
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
@@ -1931,18 +1934,18 @@ check(hold_joint)
 # ### Formulas: three limits of PD
 #
 # Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
-# $h$. Write one sample as a matrix or as a polynomial in $z$, and find out when an eigenvalue or a root reaches the
-# unit circle. (*Jury's conditions* state this as inequalities of the coefficients.) Any equivalent form is right.
+# $dt$. Write one sample as a matrix or as a polynomial in $z$, and find out when an eigenvalue or a root reaches the
+# unit circle. Any equivalent form is right.
 # <span class="kernel-only">Replace the three answers below.</span>
 #
-# 1. The rate is exact. Which is the largest stable $K_p$, as a function of $K_d$, $J$ and $h$?
-# 2. The rate is the difference of the last two angles over $h$. Which is the largest $K_p h^2/(2J)$, as a function of
-#    $c = K_d h/(2J)$?
-# 3. The rate is exact, and the command comes one sample late. Which is the largest $K_p h^2/(2J)$, as a function of
-#    $V = K_d h/J$?
+# 1. The rate is exact. Which is the largest stable $K_p$ for a given $K_d$?
+# 2. The rate is the difference of the last two angles, divided by $dt$. Which is the largest $K_p\,dt^2/(2J)$, as a
+#    function of $c = K_d\,dt/(2J)$?
+# 3. The rate is exact, and the command comes one sample late. Which is the largest $K_p\,dt^2/(2J)$, as a
+#    function of $V = K_d\,dt/J$?
 
 # %%
-answer("pd_exact_rate", "4*J/h^2")
+answer("pd_exact_rate", "4*J/dt^2")
 
 # %%
 answer("pd_difference", "2*c")
@@ -1962,32 +1965,41 @@ your_robot(6)
 # ## 9 · Frontier: learned controllers
 #
 # A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
-# Here $\pi_\theta$ is a function of the state $x$ with learned numbers $\theta$. Residual policy learning (Silver and
-# others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with reinforcement learning, the subject of
-# chapter 9.
+# Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state, the angles and rates.
+# Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with
+# reinforcement learning, the subject of chapter 9.
 #
-# In the example below, the correction learns the missing torque as a function of angles, rates and accelerations. When
-# the controller runs, the acceleration that enters the correction is the one that computed torque requests.
+# But the torque that is missing for an unknown payload also depends on the acceleration. So in the example below, $x$
+# contains the accelerations, too. When the controller runs, the acceleration that enters the correction is the one that
+# computed torque requests.
 
 # %%
 predict("taught_elsewhere")
 
 # %% [markdown]
 # The example starts from a wrong model, without payload and friction. A weighted sum of 200 sines is fitted to the
-# torque that this model misses; each is the sine of a random combination of angles, rates and accelerations. The
-# example then drives the motion with the improved controller, adds the new data, and repeats this for six rounds. The
-# curves are medians of seven random draws of the sines, the bands reach from the best to the worst. For comparison,
-# adaptive control changes the seven physical parameters of the arm:
+# torque that this model misses; each is the sine of a random combination of the inputs. The example then drives the
+# motion with the improved controller, adds the new data, and repeats this for six rounds. The curves are medians of
+# seven random draws of the sines, the bands reach from the best to the worst. For comparison, adaptive control changes
+# the seven physical parameters of the arm:
 #
 # ![Learned and adapted, on the trained motion and on a larger one](../docs/charts/learned_beside_adaptive.png)
 
 # %% tags=["hide-code"]
 print_figures("learned_beside_adaptive", "adaptive", "learned")
+# A rate of 1e-9 switches the adaptation off.
+still = tracking.adaptive(tracking.WRONG, 4e-3, rate=1e-9)
+off = [tracking.error(still, 4e-3, size=size) for size in (1.0, 1.6)]
+print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:.2g} rad")
 
 # %% [markdown]
-# On the trained motion both are accurate to a few milliradians. On the larger motion the learned correction is many
-# times worse, because it has no data there. The adaptive law stays accurate: its model has the form of the arm's
-# equations, which hold for both motions, and it goes on adapting.
+# On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error is
+# about 35 times as large, because it has no data there. The adaptive law's is about three times as large: its model has
+# the form of the arm's equations, which are true for both motions, and it goes on adapting. A part of the difference is
+# the higher gains of the adaptive law (last line). On the larger motion, learning divides the error by about 11,
+# adaptation by about 22.
+#
+# <details><summary>Five works to read</summary>
 #
 # | work | year | idea |
 # |---|---|---|
@@ -1996,14 +2008,16 @@ print_figures("learned_beside_adaptive", "adaptive", "learned")
 # | RMA (Kumar and others, RSS) | 2021 | a policy infers the changed dynamics from recent observations |
 # | Neural-Fly (O'Connell and others, Science Robotics) | 2022 | features learned before, weights adapted in flight |
 # | MJPC (Howell and others, arXiv 2212.00541) | 2022 | predictive sampling with MuJoCo, cost weights changed live |
+#
+# </details>
 
 # %%
 more_claims("residual_learning_is_faster", "residual_of_the_state")
 
 # %% [markdown]
-# You can try something like the last row in a few lines: MPPI with MuJoCo as the model, and a cost weight that changes
-# while the controller runs. (Predictive sampling would take the best rollout instead of the weighted mean.) First the
-# arm swings up. Then we raise the price of torque, and the arm lets itself fall:
+# You can also plan with MuJoCo as the model, and change a weight of the cost while the controller runs (as MJPC does;
+# Howell and others 2022). Here MPPI does this in a few lines. First the arm swings up. Then we raise the price of
+# torque, and the arm lets itself fall:
 
 # %% tags=["show-code"]
 body, arm = TwoLink(gravity=9.81).chain(), TwoLink(gravity=9.81)

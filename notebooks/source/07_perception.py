@@ -17,8 +17,8 @@ predict("lost_plate")
 # %% [markdown]
 # ![A table under a depth camera](attachment:perception.png)
 #
-# *Each dot is a measured point. Grey dots count as table: they are within 8 mm of its plane (dashed red). Each other
-# colour is one part. Green outlines are estimated poses; they hide the dashed outlines of the true ones.*
+# *Each dot is a measured point. Grey dots count as table: they are within 8 mm (dashed red) of its plane (solid red).
+# Each other colour is one part. Green outlines are estimated poses; they hide the dashed outlines of the true ones.*
 
 # %%
 simulation("perception")
@@ -33,7 +33,7 @@ simulation("perception")
 #
 # A gripper needs a position and an orientation: six numbers. A depth camera delivers tens of thousands, one per pixel.
 # Between them lie six stages, and each of them can lose the part or shift it. The figure below shows them. (The list
-# above it shows the exercises of section 8.)
+# above the figure is your progress in the exercises of section 8.)
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -153,8 +153,9 @@ plt.show()
 
 # %% [markdown]
 # *Above: the six stages and what each one passes on. Below: the main error of each stage, in this chapter's
-# experiments. Orange points are avoidable mistakes. Blue points remain when you work carefully. The hollow point is no
-# error but a height: if every point within three times the noise counts as table, parts much lower than this are lost.*
+# experiments. Orange points are avoidable mistakes. Blue points remain when you work carefully. The hollow point is a
+# height, not an error: with a tolerance of three times the noise of one pixel, parts much lower than this are taken for
+# table.*
 #
 # The noise of a single pixel is nearly as large as the tolerance. The pose is far more accurate, because it averages
 # thousands of pixels. The two largest errors don't come from the noise of the image. One is the age of the pose: the
@@ -162,8 +163,7 @@ plt.show()
 # touched only three points that the camera sees. Their small errors grow with the distance from these points.
 #
 # The values come from different experiments, so they don't add up to a total. All images are computed, so the true
-# poses are known. A number in the text comes from the cell above it, or from a check that `python -m course.derivations
-# 7` runs again.
+# poses are known.
 #
 # ## 1 · Concept: what a depth camera measures
 #
@@ -344,8 +344,8 @@ plt.show()
 # *Two cameras (squares) and two points. Each ray has the same small error in its angle. The thick bars show the depths
 # that can result: a short range for the near point, a long one for the far point.*
 #
-# To find the disparity, an algorithm searches where the two images match. Its error has the standard deviation $s$, a
-# fraction of a pixel, at every distance. What does that do to the depth?
+# To find the disparity, an algorithm searches where the two images match. Suppose that its error has the same standard
+# deviation $s$ at every distance, a fraction of a pixel. What does that do to the depth?
 
 # %%
 predict("twice_as_far")
@@ -376,8 +376,8 @@ predict("twice_as_far")
 show("noise_is_one_number")
 
 # %% [markdown]
-# Two stereo cameras whose disparity has a noise of a tenth of a pixel. The second one has both a longer focal length
-# and a wider baseline than the first, a RealSense D435:
+# Here are two stereo cameras whose disparity has a noise of a tenth of a pixel. The first is a RealSense D435. The
+# second has a longer focal length and a wider baseline:
 
 # %% tags=["hide-code"]
 z = np.linspace(0.2, 3.0, 50)
@@ -394,6 +394,8 @@ _ = axis.legend()
 plt.show()
 
 # %% [markdown]
+# *The noise of both cameras, calculated with the law above, on a logarithmic axis.*
+#
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Before you choose any algorithm, calculate $z^2 s/(fB)$ for your camera and distance. Every tolerance
@@ -404,17 +406,17 @@ plt.show()
 #
 # ### Averaging pixels: neighbours share their noise
 #
-# A result such as a plane or a pose is computed from many pixels. Its **covariance** says how accurate it is. This
-# matrix holds the variance of each of its numbers on the diagonal. Off the diagonal, it says how their errors are
-# related. Noise that is independent from pixel to pixel is called **white noise**. With white noise, the variance of
-# the mean of $N$ pixels is that of one pixel divided by $N$.
+# A result such as a plane or a pose is computed from many pixels. A matrix, its **covariance**, says how accurate it
+# is. On the diagonal stand the variances of the result's numbers. The other entries say how the errors of two of these
+# numbers are related. Noise that is independent from pixel to pixel is called **white noise**. With white noise, the
+# variance of the mean of $N$ pixels is that of one pixel divided by $N$.
 #
 # But a stereo camera compares *windows* of several pixels, and the windows of two neighbours overlap almost completely.
 # Both therefore make nearly the same error: they have **shared noise**.
 #
 # Many sensors also round the disparity to **steps**, such as an eighth of a pixel. Without noise, all pixels of a wall
-# are rounded in the same direction, and their mean is just as wrong. With enough noise, some pixels are rounded up and
-# others down, and the error of the mean shrinks.
+# that faces the camera are rounded to the same step, so their mean has the whole error of the rounding. With enough
+# noise, some pixels are rounded up and others down, and the error of the mean shrinks.
 
 # %%
 show("pixels_are_independent")
@@ -422,18 +424,18 @@ show("pixels_are_independent")
 # %% [markdown]
 # ![The law of noise, what averaging leaves, and shared noise](../docs/charts/depth_noise.png)
 #
-# *Upper left: measured noise against the distance, with the law as a line. Upper right: a disparity that lies a quarter
-# of the way between two steps, and the error of its mean, against the noise (both in steps). Below: the mean of a
-# square patch of pixels, and how many times noisier it is with overlapping windows than with independent pixels.*
+# *Upper left: measured noise against the distance, with the law as a line. Upper right: the true disparity lies a
+# quarter of a step above a step. The curve shows the error of the mean against the noise; both axes are in steps.
+# Below: the mean of a square patch of pixels, and how many times noisier it is with overlapping windows than with
+# independent pixels.*
 
 # %%
 print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
-# For a patch much larger than the window, the spread (standard deviation) of the mean grows by almost the width of the
-# window, here 5 (in theory 4.9 for 64 x 64 pixels). A program that treats the pixels of such a patch as independent
-# reports a variance that is about $5^2 = 25$ times too small. For a patch that is as small as the window, the factor is
-# about 12.
+# For a patch much larger than the window, the spread (standard deviation) of the mean grows by about the width of the
+# window, here 5. (Theory gives 4.9 for 64 x 64 pixels; the printed value differs by chance.) A program that treats the
+# pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small.
 
 # %%
 more_claims("averaging_removes_all")
@@ -532,7 +534,7 @@ plt.show()
 #
 # Be careful with the principal point. If the centre of the first pixel has the coordinate 0, the middle of $W$ columns
 # is $(W-1)/2$ and not $W/2$. An error of half a pixel moves each point sideways in proportion to its depth. All points
-# move almost alike, so no test inside the pipeline notices. The pipeline figure shows how large the error is.
+# move almost alike, so no test inside the pipeline notices.
 #
 # ### The table: RANSAC
 #
@@ -580,8 +582,8 @@ plt.show()
 # **A worked example.** With half of the points on the table, $w^3 = 1/8$. For $P = 0.99$ you need $\log 0.01 / \log
 # 0.875$, which is about 35 samples.
 #
-# So the formula promises one sample of three inliers. Is the plane through these three points already the plane of the
-# table?
+# So the formula promises one sample of three points of the table. A run finds the table if nine of ten table points are
+# inliers of its plane. Do the three points already give such a plane?
 
 # %%
 show("draws_find_the_plane")
@@ -609,10 +611,10 @@ show("inverse_depth_is_better")
 # ![Angle of the table against time, and its offset against the noise](../docs/charts/plane_precision.png)
 #
 # *The camera has 320 x 240 pixels and a baseline of 75 mm, so the offsets are smaller than in the card. Left: error of
-# the plane's angle against computing time. Along the RANSAC curves, the number of samples grows, which hardly helps
-# after the second point. Along the others, the number of pixels grows. Small differences of time are scatter. Right:
-# systematic offset of the plane against the noise. The fit of $1/z$ (inverse depth) has none; the fit to the points, by
-# a singular value decomposition (SVD), has one.*
+# the plane's angle against computing time. From point to point of a RANSAC curve, more samples are drawn; after the
+# second point this hardly helps. From point to point of the other curves, more pixels are used. Small differences of
+# time are scatter. Dotted: a tilt of 0.2 mm on 100 mm. Right: systematic offset of the plane against the noise. The fit
+# of $1/z$ (inverse depth) has none; the fit to the points, by a singular value decomposition (SVD), has one.*
 #
 # Is the largest plane the table? It may be a wall, or the lid of a large box. Three tests are cheap. Is the plane where
 # the calibration puts the table? Does its normal, the direction perpendicular to it, point up? Are the other points
@@ -629,7 +631,8 @@ show("inverse_depth_is_better")
 #
 # In a depth image there is a faster method. A **connected component** is a set of adjacent pixels whose depths differ
 # by less than a given limit from one pixel to the next. No search for neighbours is needed, because the image already
-# says which pixels are adjacent. A limit that is too small also cuts one part in two at a steep face.
+# says which pixels are adjacent. If the limit is too large, neighbouring parts are joined. If it is too small, one part
+# is cut in two at a steep face.
 #
 # How many neighbours should DBSCAN require? Tutorials use fixed numbers, but you can calculate it. Take a flat face
 # with one point per voxel, and let $v$ be the edge of a voxel. A disc of radius $\epsilon$ (`eps`) on this face holds
@@ -669,7 +672,7 @@ print(f"pixels: clusters of {counts[counts >= 40]}, {counts[counts < 40].sum()} 
 # *The same image, clustered in two ways: by DBSCAN in metres (left), and as connected components of the image (right).
 # Colours are clusters, black is noise.*
 #
-# With printed counts like these, section 7 finds lost parts.
+# So require less than half of the points of a whole disc, for example a third.
 
 # %%
 more_claims(
@@ -747,14 +750,14 @@ plt.show()
 #
 # ICP is a local search. The set of starting poses from which it reaches the right pose is its **basin**. A **symmetry**
 # of a part is a turn after which it looks the same: 90 degrees for a prism with four equal sides. So the prism has four
-# equal poses. Mark one side, so that only one of them is right. If a start is off by more than half of 90 degrees, you
-# expect ICP to end in the next of the four poses.
+# equal poses. Suppose that only one of them is right, because one side has a mark that the depth camera does not see.
+# From a start that is more than 45 degrees off, you expect ICP to end in the next of the four poses.
 #
 # ![Where ICP converges to the right pose, and its iterations](../docs/charts/icp_basin.png)
 #
 # *Left: error of the final turn against the error of the starting turn, for prisms with different numbers of sides. One
 # start of the prism with 4 sides is so close to the middle between two poses that ICP stops where it began. Right:
-# iterations against the error of the start. Point-to-plane and the closed-form shape need about a tenth of the
+# iterations against the error of the start. Point-to-plane, and the shape given by a formula, need about a tenth of the
 # iterations of point-to-point.*
 
 # %%
@@ -776,8 +779,8 @@ more_claims("icp_comes_home", "own_points_come_home", "picture_to_picture")
 # A pose is six numbers. How accurate is each of them? Take one measured point $q$ on a face with normal $n$, both in
 # the part's frame. The point determines only how far the face is from it, along $n$. Now shift the part by a small $t$,
 # and turn it by a small rotation vector $r$ about the origin of its frame. Up to the sign, the distance between point
-# and face changes by $n\cdot t + (q \times n)\cdot r$. So each point contributes one row $J$. With $\sigma$ as the
-# standard deviation of the distance, and summed over all points:
+# and face changes by $n\cdot t + (q \times n)\cdot r$. So each point contributes one row $J$. Sum over all points,
+# where $\sigma$ is the standard deviation of the distance:
 #
 # $$J = \big(\,n^\mathsf{T},\; (q \times n)^\mathsf{T}\,\big), \qquad \text{information} = \sum \frac{J^\mathsf{T}
 # J}{\sigma^2}, \qquad \text{covariance} = \text{information}^{-1} .$$
@@ -812,16 +815,17 @@ show("normal_matrix_is_covariance")
 #
 # *Left: squared error divided by predicted variance, for 150 images of each view (the card used fewer, so its numbers
 # differ a little). Right: the spread of the pose, divided by its spread with independent pixels, against the width of
-# the matching window. The band covers the six numbers of the pose. The thin line is the width of the window: the limit
-# for large patches in section 1.*
+# the matching window. The band reaches from the smallest to the largest of the pose's six numbers. The thin line is the
+# width of the window, the limit for large patches (section 1).*
 
 # %%
 print_figures("pose_covariance", "closest", "along", "window 7")
 
 # %% [markdown]
 # The last iterations of `icp` therefore compare each point with the shape *along its own ray*: where does this pixel's
-# ray hit the model? And as in section 1, shared noise makes every covariance too small. For a window of $w$ pixels,
-# multiply it by $w^2$. Or measure the spread of repeated poses of a part at rest.
+# ray hit the model? And as in section 1, shared noise makes every covariance too small. For a window of $w$ pixels, the
+# variances grow by up to $w^2$. Multiply by $w^2$ to be on the safe side. Or measure the spread of repeated poses of a
+# part at rest.
 #
 # ### The outline of a part
 #
@@ -830,12 +834,12 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 #
 # The **outline** is the set of border pixels of the part, where it hides something farther away. The true edge lies
 # between the centre of such a pixel and that of its outer neighbour. So the point midway between them is wrong by half
-# a pixel at most. Draw the edge of the model into the image, too. Its distance from this midpoint, in pixels, is one
-# more error for the fit to reduce.
+# a pixel at most. Draw the edge of the model into the image, too. The distance of each midpoint from this edge, in
+# pixels, is one more error for the fit to reduce.
 #
-# Each border pixel adds a row $(n^\mathsf{T}, (q \times n)^\mathsf{T})$ as above, with other meanings. Now $q$ is the
-# point of the part on the drawn edge. The vector $n$ points out of the part, across its edge. Its length, about $f/z$,
-# turns metres into pixels. These rows determine $x$, $y$ and the turn.
+# Each border pixel adds a row $(m^\mathsf{T}, (q \times m)^\mathsf{T})$. Here $q$ is the point of the part on the drawn
+# edge. The vector $m$ has three numbers, like the normal $n$ above. It points out of the part, across its edge. Its
+# length is about $f/z$, the number of pixels per metre. These rows determine $x$, $y$ and the turn.
 #
 # Where something nearer covers the part, the border belongs to *that* object and must not be used.
 
@@ -853,8 +857,8 @@ predict("which_number_tells")
 # no points were measured. But where the camera sees the *table*, there cannot be an opaque part in between.
 #
 # The **see-through** test uses this. Draw the model at its estimated pose into the image. Count the pixels in which the
-# part should be and the camera measured something clearly *behind* it. In a right pose they are a few in a hundred at
-# most. `locate` refutes a pose if they are more than a tenth.
+# part should be and the camera measured something clearly *behind* it. Divide by the number of all pixels of the model.
+# For a right pose this share is a few per cent at most. `locate` refutes a pose if it is more than a tenth.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
@@ -926,9 +930,9 @@ table_of(*rows)
 # %% [markdown]
 # The quarter turn has a large residual *and* a large see-through share. The cut-off box lies more than half outside the
 # image, and half of its poses are right. The others are centimetres off, but their residual is less than twice the
-# right one, and some show no see-through. Depths that are one per cent too long move every pose by several millimetres.
-# Neither number shows it, because the fitted pose moves with the image. A known table reveals it: the measured one is
-# more than 6 mm away.
+# right one. See-through refutes four of these six. Depths that are one per cent too long move
+# every pose by several millimetres. Neither number shows it, because the fitted pose moves with the image. A known
+# table reveals it: the measured one is more than 6 mm away.
 
 # %% tags=["hide-code"]
 upwards = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
@@ -962,10 +966,9 @@ more_claims("a_residual_tells")
 # The arm needs the pose in its base frame, so you need the camera's own pose in the base: its **extrinsics**.
 #
 # **A fixed camera.** Touch several points with the arm and measure them with the camera. This is a rigid fit. Its
-# residual says little about its quality. With three points, the six numbers of the pose are fitted to nine coordinates.
-# Only the three distances between the points cannot be fitted, so the residual stays small even if the pose is poor.
-# The error at the part depends on the number of points, and on how far the part lies outside of them (Fitzpatrick, West
-# and Maurer 1998).
+# residual says little about its quality. Take three points. A rigid motion doesn't change their three distances, so
+# only errors of these leave a residual. It stays small even if the pose is poor. The error at the part depends on the
+# number of points, and on how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm while the camera watches a
 # fixed target. The arm reports the hand's motion $A$, and the images show the camera's motion $B$. Two paths lead from
@@ -1007,9 +1010,9 @@ plt.show()
 # %% [markdown]
 # *The two paths: across and then down must equal down and then across.*
 #
-# Which motions you make matters more than how many. On a planar arm, all of them turn about the same axis. Then only
-# the shifts show how the camera is rotated about this axis. Its position along the axis stays unknown, however many
-# motions you make:
+# Which motions you make matters more than how many. On a planar arm, all of them turn about the same axis. How the
+# camera is rotated about this axis then follows only from the shifts. Its position along the axis stays unknown,
+# however many motions you make:
 
 # %% tags=["hide-code"]
 print(
@@ -1033,22 +1036,22 @@ more_claims("motions_calibrate_any_arm")
 # *Predict*: move the estimate forward with the velocity, and enlarge the covariance. *Update*: when a new pose arrives,
 # take a weighted mean of prediction and measurement; their covariances give the weights. The difference between
 # measurement and prediction is the **innovation**. Here, too, a limit is called a gate: it rejects a measurement whose
-# innovation is far too large for its covariance. After several rejections in a row the filter itself is probably wrong,
-# and should start again.
+# innovation is far too large for its covariance. After several rejections in a row the filter itself may be wrong, and
+# should start again.
 #
 # ![Averages of a part that moves, and prediction over an age](../docs/charts/tracking.png)
 #
-# *Each coordinate of a pose has 1 mm of noise here. (In the pipeline figure it is 0.2 mm, and that filter allows for
-# faster changes of speed.) Left: error of the mean of the last images, against their number, for a part at rest and for
-# moving ones. Right: error (root mean square) against the age of the pose, for parts that move at about 150 mm/s.*
+# *Each coordinate of a pose has 1 mm of noise here. Left: error of the mean of the last images, against their number,
+# for a part at rest and for moving ones. Right: error (root mean square) against the age of the pose, for parts that
+# move at about 150 mm/s.*
 
 # %%
 print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
 
 # %% [markdown]
 # For a part at rest, further images help. For a moving one, the mean shows where the part *was*, so only the first few
-# images help, or none. A prediction removes most of the error of the moving part. Here the filter is too cautious: at
-# 0.3 s it expects about three times the real error, because it allows for accelerations that these parts don't make.
+# images help, or none. A prediction removes most of the error of the moving part. Here the filter expects too large an
+# error, because it allows for accelerations that these parts don't make.
 
 # %%
 more_claims("averaging_pictures_helps")
@@ -1151,7 +1154,8 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 # %% [markdown]
 # The largest shift comes from pixels at an edge, which average the part and what is behind it. The sum of these six
 # stays below 2 mm. They were not tried together, and real sensors have others, such as drift with temperature. The
-# errors of calibration and age in the pipeline figure come on top.
+# errors of calibration and age in the pipeline figure come on top. With a poor calibration or an old pose, the 2 mm are
+# exceeded.
 #
 # ### Interfaces and answers
 #
@@ -1175,9 +1179,12 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 # </details>
 #
 # The caller has to know what to do with each answer. An empty table is a normal case, so it returns an empty list and
-# raises no exception. The status is the first of these that applies: *refuted* if the camera sees through the pose;
-# *cut* if the part reaches the border of the image; *ambiguous* if another pose explains the image as well, too much is
-# left over or a shift is unobserved; and otherwise *found*.
+# raises no exception. The status is the first of these that applies:
+#
+# 1. *refuted*: the camera sees through the pose.
+# 2. *cut*: the part reaches the border of the image.
+# 3. *ambiguous*: another pose explains the image as well; or too much is left over; or a shift is unobserved.
+# 4. *found*: none of these.
 
 # %% tags=["hide-code"]
 square, other = shape("box", 0.05, 0.0499, 0.03), shape("box", 0.05, 0.03, 0.03)
@@ -1215,8 +1222,7 @@ for name, part, available, then in (
 table_of(*answers)
 
 # %% [markdown]
-# *Ambiguous* has several causes. If several poses explain the image, use a grasp that is safe in all of them. If too
-# much is left over or a shift is unobserved, look again or push. A part that differs from the model by only a
+# A part that differs from the model by only a
 # millimetre or two is still *found* (card in section 3).
 #
 # ### Throughput and latency
@@ -1227,15 +1233,19 @@ predict("keeps_up")
 # %% [markdown]
 # **Throughput** is how many images per second the pipeline processes: one over the time of the slowest stage, if the
 # stages overlap. **Latency** is how old an answer is: the time of all stages and of the waits between them, plus
-# exposure and transport. Workers that take whole images in turn raise the throughput, but not the latency. Only workers
-# that share one image, such as one for each cluster, shorten it.
+# exposure and transport. Workers that take whole images in turn raise the throughput: answers come more often. But each
+# answer is as old as before when it arrives. Only workers that share one image, such as one for each cluster, shorten
+# the latency.
 #
 # Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds up three shifts: three standard deviations of the
-# position; the shift at the edge of a finger if the part turns by three standard deviations; and a bound for systematic
-# errors, here the shift by half a pixel (section 2). The result is True if the pose is *found* and the sum is smaller
-# than the gap between finger and part. (The noise of these images is independent. With shared noise, multiply the
-# covariance by $w^2$ first.)
+# **`closes`**, decides whether the gripper may close. It adds up:
+#
+# - three standard deviations of the position;
+# - the shift at the edge of a finger if the part turns by three standard deviations;
+# - a bound for systematic errors, here the shift by half a pixel (section 2).
+#
+# The result is True if the pose is *found* and the sum is smaller than the gap between finger and part. (The noise of
+# these images is independent. With shared noise, multiply the covariance by $w^2$ first, which is the safe side.)
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1282,21 +1292,15 @@ print(f"after the image   {whole:.0f} ms; the gripper may close: {closes(one)}")
 
 # %% [markdown]
 # *Nearly all of the time goes into the poses: several starts for each cluster, whether it is the part or not. The image
-# is simulated here, so its time is not shown. For the table, every 37th point is enough.*
-#
-# With a narrower gap, `closes` would return False for the same *found* pose. Whether 2 mm are good enough depends on
-# the gripper (section 8).
+# is simulated here, so its time is not shown.*
 
 # %%
 more_claims("pipeline_keeps_up")
 
 # %% [markdown]
-# A control loop that runs a thousand times per second does not wait for a pose. It follows a reference, which moves
-# when a new pose arrives.
-#
 # For the simulation of a whole system, computing images takes too long. So chapter 11 adds a random error to the true
-# pose instead. **`stand_in`** returns the bias and covariance of this error. Its predicted spread, next to that of the
-# real pipeline:
+# pose instead. **`stand_in`** returns the bias and covariance of this error. Here is the spread that it predicts, below
+# the spread of the poses that `locate` returns for 40 images:
 
 # %% tags=["hide-code"]
 place = stand(BOX, 0.03, 0.05, 0.0, 0.8)
@@ -1310,7 +1314,8 @@ print("the pipeline, 40 images ", *measured.round(3))
 print("stand_in                ", *message.round(3))
 
 # %% [markdown]
-# Here `stand_in` predicts a larger spread than the pipeline has, which is the safe side.
+# Here `stand_in` predicts a larger spread than the pipeline has: it takes the whole factor $w^2$ for shared noise,
+# which is the safe side.
 
 # %% [markdown]
 # ## 5 · Code, and the simulation in full
@@ -1379,15 +1384,15 @@ Markdown(
 # 1. *Table in clusters*: which slider cures it, and what is lost then?
 # 2. *Touching*: does any eps separate the parts, and which direction is reported as uncertain?
 # 3. *Cut off*: what do residual and see-through say?
-# 4. *Scale error*: does any number show the error that a real robot would have, too?
+# 4. *Scale error*: is there a number that shows the error and that a real robot has as well?
 #
 # <details><summary>Answers</summary>
 #
-# 1. A plane tolerance of 8 mm, about three standard deviations here. Parts that are clearly lower are lost. 2. No:
-# parts that touch are one cluster at any eps at which they are clusters at all. The position along the block is
-# uncertain. 3. Nothing unusual. The warning comes from the border of the image and from the unobserved shift. 4. No.
-# The predicted error stays below 0.1 mm while the pose is about 8 mm off. Both *errors* and *plane is off* show it, but
-# they compare with the truth, which a robot doesn't have.
+# 1. A plane tolerance of 8 mm, about three standard deviations of the sensor in this preset. Parts that are clearly
+# lower are lost. 2. No: parts that touch are one cluster at any eps at which they are clusters at all. The position
+# along the block is uncertain. 3. Nothing unusual. The warning comes from the border of the image and from the
+# unobserved shift. 4. No. The predicted error stays below 0.1 mm while the pose is about 8 mm off. Both *errors* and
+# *plane is off* show it, but they compare with the truth, which a robot doesn't have.
 #
 # </details>
 
@@ -1399,16 +1404,16 @@ simulation("perception", "Touching")
 #
 # How fast are these algorithms compared with the usual libraries? All times are **processor time**: the time for which
 # a core works on this program, without its waiting for other programs. The line below each chart names the machine.
-# *Busy* there says in how many rounds other programs disturbed the measurement. Compare times within a chart only.
+# Compare times within a chart only.
 #
 # ![Time of the library over that of the course, and clusters by the number of points](../docs/charts/cloud_speed.png)
 #
-# *Left: time of the library divided by the time of the course, for each step. For computing an image, the libraries are
-# MuJoCo and Embree (ray tracing); for all other steps, Open3D. "Draws" are samples of RANSAC. Right: time of DBSCAN
-# against the number of points in the same volume, with the exponents of the last three points. Each point also gets
-# more neighbours, so Open3D's time grows nearly with the square. The course's method sorts the points into the cells of
-# a grid and joins cells, and more points don't make more cells. At constant density both times are about proportional
-# to the number of points.*
+# *Left: time of the library divided by that of the course. For computing an image, the libraries are MuJoCo and Embree
+# (ray tracing); for all other steps, Open3D. "Draws" are samples of RANSAC. Right: time of DBSCAN against the number of
+# points in the same volume, with the exponents of the last three points. Each point also gets more neighbours, so
+# Open3D's time grows nearly with the square. The course sorts the points into the cells of a grid and joins cells; more
+# points in the same volume fill no more cells. At constant density both times are about proportional to the number of
+# points.*
 
 # %%
 print_figures("cloud_speed", "voxels of 5", "plane, early", "course", "Open3D")
@@ -1425,7 +1430,7 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 
 # %% [markdown]
 # `locate` takes longer than the course's five steps with ICP, because it tries more starts and tests its answer. It is
-# also more accurate here, above all in the turn. One wrong box of 75 is too few to rank the three by it.
+# also more accurate here, above all in the turn.
 #
 # Finally the pose alone:
 #
@@ -1433,8 +1438,9 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 #
 # *Each curve is a method, each point a voxel size, from 30 mm (left) to 1 mm (right). Lower left is better. The error
 # is the root mean square over the box's corners and 20 images. "Shape" fits the closed form; "cloud" (the course's
-# ICP), Open3D and small_gicp (a registration library) fit points of the model. Circles: the fastest setting below each
-# dotted line. On the right neighbouring pixels share their noise, and even the best settings are less accurate.*
+# ICP), Open3D and small_gicp (a registration library) fit points of the model. Dotted: 2 mm and a tenth of it. Circles:
+# the fastest setting whose error is below each dotted line. On the right neighbouring pixels share their noise, and
+# even the best settings are less accurate.*
 #
 # A coarse grid rounds edges and biases the pose. A very fine grid costs time and gains little. With shared noise, the
 # shape and Open3D even get worse on the finest grids.
@@ -1447,8 +1453,8 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 # ![Error and time of a pose, by features and by starts](../docs/charts/global_registration.png)
 #
 # *Median error of a point 50 mm from the part's origin, against time, over 20 images. Each square or diamond is a voxel
-# size of Open3D. The dots are 1 and 4 starts of `locate`, which also tries turned copies of its best pose. The table
-# shows the share of poses within 2 mm and 2 degrees, from the worst to the best setting.*
+# size of Open3D. The dots are `locate` with 1 and with 4 starts; after these, it also tries turned copies of its best
+# pose. The table shows the share of poses within 2 mm and 2 degrees, from the worst to the best setting.*
 
 # %% tags=["hide-code"]
 PANELS = {
@@ -1470,25 +1476,24 @@ table_of(*rows)
 
 # %% [markdown]
 # Points on flat faces all have the same descriptor, so few pairs are right. `locate` also uses that the part stands on
-# the table, except in the panel *held anyhow*. TEASER++ (Yang, Shi and Carlone, TEASER: fast and certifiable point
-# cloud registration, 2021) tolerates far more wrong pairs, and returns a bound for how far its result is from the best
-# one. It was not measured here.
+# the table, except in the panel *held anyhow*. TEASER++ (Yang, Shi and Carlone 2021) tolerates far more wrong pairs,
+# but was not measured here.
 #
 # **What to choose.** First subtract the errors of calibration and age from the gripper's tolerance. Take the fastest
-# method for which three times the error still fits into the rest, and test its answer with see-through. For errors of a
-# tenth of 2 mm, fitting the shape on a grid of a few millimetres is fastest. With shared noise, the three methods that
-# fit points of the model reach lower errors than the shape ever does. For clusters of one image, use connected
-# components; DBSCAN is for points from several images. For the table, run RANSAC on a few thousand points, then fit
-# $1/z$ to all pixels near it.
+# method for which three times the error still fits into the rest, and test its answer with see-through. (The circles
+# compare the error itself.) If 2 mm are left, this is the shape on a grid of 15 mm. For an error of 0.2 mm, the shape
+# on a grid of 4 to 8 mm is fastest. With shared noise, the three methods that fit points of the model reach lower
+# errors than the shape ever does, but take longer.
+#
+# For clusters of one image, use connected components; DBSCAN is for points from several images. For the table, run
+# RANSAC on a few thousand points, then fit $1/z$ to all pixels near it.
 #
 # ## 7 · Debug: where it fails
 #
 # ### Lost parts
 #
 # How low may a part be? The tolerance around the plane must be about three $\sigma_z$, or pieces of the table itself
-# become clusters. The part must be about as high as the tolerance, and its points must have enough neighbours. A
-# slightly lower part is still found: the noise lifts some of its points above the tolerance, and a dozen of them
-# suffice.
+# become clusters. The part must be about as high as the tolerance, and its points must have enough neighbours.
 #
 # ![The lowest part that is found, and clusters of bare table](../docs/charts/lost_parts.png)
 #
@@ -1503,8 +1508,8 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # Compare the settings with 12 neighbours. Near the camera, a fixed tolerance of 10 mm is too large: it hides low parts.
 # At one metre and beyond it is too small: more than a dozen clusters of bare table appear. With 4 mm, these false
 # clusters appear even nearer, and parts merge with them. The tolerance of three $\sigma_z$ finds low parts near by and
-# makes no false clusters far away. Requiring 50 neighbours also suppresses them, but then parts below 15 mm are lost at
-# every distance.
+# makes no false clusters far away. The price is that far parts must be higher: at 1 m, 15 mm instead of 8 mm. Requiring
+# 50 neighbours also suppresses them, but then parts below 15 mm are lost at every distance.
 #
 # <div class="alert alert-block alert-info">
 #
@@ -1515,8 +1520,8 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 #
 # </div>
 #
-# **Small parts.** Count the points of a part after each stage. The stage at which the count becomes zero is the one
-# to fix. The chart does this for cubes of several sizes, with the settings of the tutorial, and then tries cures.
+# **Small parts.** The chart counts the points of cubes of several sizes after each stage, with the settings of the
+# tutorial. Then it tries cures.
 #
 # ![Which stage loses a small part, and what each cure costs](../docs/charts/small_parts.png)
 #
@@ -1524,19 +1529,20 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # the smallest cube that is found with each cure (eps: radius of DBSCAN, v: voxel edge).*
 
 # %%
-rows = "above", "clustered", "as in", "neighbours", "3 sigma, comp", "components"
+rows = ("above", "clustered", "tolerance", "neighbours", "3 sigma, 0.2 pi (", "3 sigma, comp")
 figures(read("small_parts"), *rows, summary="The counts and the cures")
 
 # %% [markdown]
 # Cubes of 10 to 20 mm still have points above the plane, but none in a cluster: too many neighbours are required. So a
 # better tolerance alone finds nothing more. Fewer required neighbours alone find cubes of 16 mm, at the price of a
-# false cluster in about one image of ten. Connected components avoid these.
+# false cluster in about one image of ten. A tolerance of three $\sigma_z$ as well makes false clusters rare. With this
+# tolerance, connected components in place of DBSCAN find cubes of 12 mm, and no false cluster appeared.
 #
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Small parts are missed.* Count the part's points after each stage: pixels, voxels, above the
-# plane, in a cluster. The first zero names the stage. No pixels: move the camera nearer. None above the plane: set
-# the tolerance in multiples of $\sigma_z$. Not clustered: require a third or less of
+# plane, in a cluster. The first zero, or an earlier large drop, names the stage. No pixels: move the camera nearer.
+# None above the plane: set the tolerance in multiples of $\sigma_z$. Not clustered: require a third or less of
 # $\pi(\epsilon/v)^2$ neighbours.
 #
 # <details><summary>What people get wrong here</summary>
@@ -1578,12 +1584,12 @@ figures(
 
 # %% [markdown]
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
-# twin, `locate` reports *ambiguous*; a push helps, but a second view would show the same block. The other two are
-# reported as *found*, because the program finds the table in the same wrong image. If it knows the true table, it
-# refutes the wrong scale, and also a tilt that shifts the table near the part.
+# twin, `locate` reports *ambiguous*. The other two are
+# reported as *found*, because the program finds the table in the same wrong image. If you pass the true table to
+# `locate`, it refutes the wrong scale. It also refutes a tilt of the camera that moves the table under the part.
 #
 # A median hides wrong poses: half of the cut-off poses in section 3 were wrong. None of the ten cut-off boxes here is
-# reported as *found*. Of ten touching parts, four are *ambiguous* although within the tolerance, and one is *refuted*.
+# reported as *found*.
 #
 # ### Debugging
 #
@@ -1591,7 +1597,7 @@ figures(
 #
 # **Debugging tip.** *The pose is noisy from image to image.* Let the part rest, and compare the spread of its poses
 # with the reported standard deviation. Equal: this is the sensor's noise; average if the part rests, filter if it
-# moves. About $w$ times as large, for a window of $w$ pixels: the noise is shared. The pose jumps between two values:
+# moves. Larger by up to $w$ times, for a window of $w$ pixels: the noise is shared. The pose jumps between two values:
 # the part is symmetric, or two starts fit equally well. The pose drifts: the camera warms up, or each image is
 # registered to the previous one instead of the model.
 #
@@ -1777,6 +1783,8 @@ for at, text in (
 _ = axis.annotate("", (0.0, e), (0.0, 0.0), arrowprops={"arrowstyle": "<->", "lw": 1})
 _ = axis.text(0.06, 0.04, "e", fontsize=9)
 _ = axis.text(1.3, 0.12, "t", fontsize=9)
+arc = np.linspace(0.0, t, 20)  # about the point where the two lines cross
+_ = axis.plot(1.8 * np.cos(arc) - e / np.tan(t), 1.8 * np.sin(arc), color="black", lw=1)
 _ = axis.set(xlim=(-1.9, 1.9), ylim=(-1.2, 1.2), aspect="equal")
 axis.axis("off")
 plt.show()
@@ -1804,8 +1812,8 @@ your_robot(7)
 # %% [markdown]
 # ## 9 · Frontier: networks that see
 #
-# So far, every accurate pose needed a model of the part's shape. Some learned methods need less. The fold-out shows
-# what four well-known papers offer, what is often said about them, and what they themselves report.
+# So far, every accurate pose needed a model of the part's shape. Some learned methods need less. The fold-out compares
+# four well-known papers.
 #
 # <details><summary>Contact-GraspNet, FoundationPose, SAM 2, SpatialVLM: claims and reports</summary>
 #
@@ -1845,8 +1853,8 @@ predict("network_and_mirror")
 #
 # *Left: share of right poses against time. A number counts the starts, which are evenly spread; "axis" starts along the
 # direction in which the points spread most. Right: see-through share of the resulting poses against the error of their
-# turn, for the part and for its mirror image. For the mirror image no turn is right; its error is the angle between the
-# estimate and the turn at which we put it.*
+# turn, for the part and for its mirror image. No turn is right for the mirror image, so its error is counted from the
+# turn at which we put it on the table.*
 
 # %%
 rows = (

@@ -48,6 +48,11 @@ def test_formulas_are_found_and_units_left_alone(text, set_):
     assert tex(text) == (text if set_ is None else set_)
 
 
+def test_a_chapter_calls_its_step_by_one_name():
+    assert tex("kp < 2 J/dt", "control") == r"kp $\lt 2 J/dt$"
+    assert tex("kp < 2 J/dt", "rigid_body") == tex("kp < 2 J/dt") == r"kp $\lt 2 J/h$"
+
+
 def test_every_corrected_statement_can_be_set():
     for item in derivations.claims():
         result = tex(item.corrected)
@@ -154,6 +159,10 @@ def test_a_disagreement_is_not_folded(monkeypatch):
 @pytest.mark.parametrize("topic", TOPICS)
 def test_the_file_of_a_chapter_is_whole(topic):
     assert len(cards.vocabulary(topic)) == len(set(map(str.lower, cards.vocabulary(topic))))
+    # Another word is none of the chapter's own terms, and leads to one of them.
+    names = set(map(str.lower, cards.vocabulary(topic)))
+    assert not names & {word.lower() for word in cards.synonyms(topic)}
+    assert {term.lower() for term in cards.synonyms(topic).values()} <= names
     answerable = {item.id for item in derivations.claims() if item.formula}
     assert len(cards.gate(topic)) >= 3 and set(cards.gate(topic)) <= answerable
     labels = []

@@ -306,6 +306,8 @@ def test_every_claim_card_question_word_and_chart_is_there(site: Path) -> None:
     for chapter in CHAPTERS:
         for term in cards.vocabulary(chapter.topic):
             assert term in words
+        for word, term in cards.synonyms(chapter.topic).items():
+            assert f"{word}: see {term}, chapter {chapter.number}" in words
     alts = {image["alt"] for image in soup(site / "charts.html").select("article img")}
     assert alts == {path.stem for path in (ROOT / "docs" / "charts").glob("*.png")}
 
@@ -412,6 +414,35 @@ def test_a_page_is_small(site: Path) -> None:
             if address.scheme != "data" and tag.get("loading") != "lazy":
                 size += (site / address.path).stat().st_size
         assert size < 3e6, (page.name, size)
+
+
+def test_a_picture_that_waits_takes_up_its_room(site: Path) -> None:
+    """Or the page grows on the way to a section, and a link ends beside it."""
+    waiting = 0
+    for page in sorted(site.glob("*.html")):
+        for image in soup(page).select("article img[loading=lazy]"):
+            sizes = [image] + ([image.parent.source] if image.parent.name == "picture" else [])
+            for tag in sizes:
+                path = site / (tag.get("src") or tag["srcset"])
+                if path.suffix == ".png":
+                    waiting += 1
+                    with Image.open(path) as opened:
+                        wide, high = opened.size
+                    ratio = int(tag["width"]) * high / (int(tag["height"]) * wide)
+                    assert abs(ratio - 1) < 1 / int(tag["height"]), (page.name, path.name)
+    assert waiting > 200
+
+
+def test_the_size_of_a_picture_is_stated_once(tmp_path: Path) -> None:
+    Image.new("L", (600, 200)).save(tmp_path / "a.png")
+    (tmp_path / "b.svg").write_text('<svg width="302.4pt" height="518.4pt" version="1.1"></svg>')
+    page = '<p><img src="a.png" width="300" /><source srcset="b.svg"><img src="data:,"></p>'
+    expected = (
+        '<p><img src="a.png" width="300" height="100" /><source srcset="b.svg" width="403" '
+        'height="691"><img src="data:,"></p>'
+    )
+    assert build.reserved(page, tmp_path) == expected
+    assert build.reserved(expected, tmp_path) == expected
 
 
 # A word of each and the page that is about it.

@@ -124,7 +124,7 @@ def loop_structures(points: int = 22) -> Iterator[Panel]:
         return 0.0, 0.0
 
     panel = Panel(
-        "Tracking: the feed-forward does most",
+        "Tracking a planned motion",
         "torque from encoder noise [N m]",
         "tracking error, RMS [rad]",
         scale="log",

@@ -6,7 +6,7 @@ from course.derivations import Symbol, claim
 
 SYMBOLS = {
     "s": Symbol("noise of an angle, one standard deviation [rad]"),
-    "h": Symbol("sample time dt [s]"),
+    "dt": Symbol("sample time [s]"),
 }
 
 
@@ -119,11 +119,11 @@ def samples_find_the_plan(result):
     ask=(
         "Each angle has independent noise of standard deviation s. What is the standard deviation "
         "of the second difference (q[k+1] - 2 q[k] + q[k-1])/dt^2?",
-        "s_a = sqrt(6)*s/h^2",
+        "s_a = sqrt(6)*s/dt^2",
         {
-            "2*s/h^2": "The three angles have weights 1, -2 and 1: add their squares.",
-            "4*s/h^2": "Standard deviations do not add, variances do.",
-            "sqrt(6)*s/h": "It is divided by dt twice.",
+            "2*s/dt^2": "The three angles have weights 1, -2 and 1: add their squares.",
+            "4*s/dt^2": "Standard deviations do not add, variances do.",
+            "sqrt(6)*s/dt": "It is divided by dt twice.",
         },
     ),
 )
@@ -133,21 +133,21 @@ def inertia_by_differences(result):
     from course.charts.control import logs
     from course.control import identify
 
-    s, h = sympy.symbols("s h", positive=True)
-    result.formula = sympy.sqrt(sum(w**2 for w in (1, -2, 1))) * s / h**2
+    s, step = sympy.symbols("s dt", positive=True)
+    result.formula = sympy.sqrt(sum(w**2 for w in (1, -2, 1))) * s / step**2
     noise, dt = result.input("noise", 1e-4), 1 / result.input("rate", 500)
     drawn = np.diff(result.rng.normal(0, noise, 100_000), 2) / dt**2
     models = [logs.changed(result.rng, "inertia")[1] for _ in range(6)]
     pairs = list(zip(logs.record(models, dt=dt, noise=noise), models, strict=True))
     diff = np.array([logs.twice_differentiated(log, m) / m.inertia - 1 for log, m in pairs])
     deviation = np.array([identify(log).model.inertia / m.inertia - 1 for log, m in pairs])
-    result.measure("worst", float(result.formula.subs({s: noise, h: dt})))
+    result.measure("worst", float(result.formula.subs({s: noise, step: dt})))
     result.measure("diff", -np.median(diff), 0.01)
     result.measure("integral", np.abs(deviation).max(), 0.05)
     result.statement = "Inertias out of six drawn joints' logs, friction and gravity known."
     result.statement_holds(np.abs(diff).max() < 0.05)
     result.correction_holds(
-        abs(drawn.std() / float(result.formula.subs({s: noise, h: dt})) - 1) < 0.02,
+        abs(drawn.std() / float(result.formula.subs({s: noise, step: dt})) - 1) < 0.02,
         np.abs(deviation).max() < 0.005,
         np.max(diff) < -0.1,
     )

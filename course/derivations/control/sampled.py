@@ -9,9 +9,9 @@ SYMBOLS = {
     "b": Symbol("viscous friction [N m s/rad]"),
     "w": Symbol("angular frequency of the oscillation [rad/s]"),
     "T": Symbol("delay [s]"),
-    # With these ranges, kd stays below 2 J/h, where a stable kp exists.
+    # With these ranges, kd stays below 2 J/dt, where a stable kp exists.
     "kd": Symbol("rate gain [N m s/rad]", 0.1, 1.0),
-    "h": Symbol("sample time dt [s]", 0.1, 1.9),
+    "dt": Symbol("sample time [s]", 0.1, 1.9),
     "c": Symbol("kd dt / (2 J)", 0.05, 0.9),
     "V": Symbol("kd dt / J", 0.05, 0.9),
 }
@@ -116,11 +116,11 @@ def _held_inertia():
     ask=(
         "A free inertia J under PD with the exact angle and rate; each command is held for dt. "
         "What is the largest stable kp for a given kd < 2 J/dt?",
-        "kp < 2*kd/h",
+        "kp < 2*kd/dt",
         {
-            "4*J/h^2": "That is the tip of the triangle, where kd = 2 J/dt.",
+            "4*J/dt^2": "That is the tip of the triangle, where kd = 2 J/dt.",
             "kd^2/(4*J)": "That is critical damping, not the limit.",
-            "kd/h": "A hold is half a sample late, not a whole one.",
+            "kd/dt": "A hold is half a sample late, not a whole one.",
         },
     ),
 )
@@ -129,12 +129,12 @@ def pd_exact_rate(result):
 
     from course.control import sampled
 
-    kp, V, J, kd, h = sympy.symbols("kp V J kd h", positive=True)
+    kp, V, J, kd, dt = sympy.symbols("kp V J kd dt", positive=True)
     _, angle, speed = _held_inertia()
     # Jury for second order: the product of the roots below 1, and no root at -1.
     product, middle, _ = _coefficients(kp * angle + V * speed)
     limit = sympy.solve(sympy.Eq(product, 1), kp)[0]  # in units of J / dt^2
-    result.formula = limit.subs(V, kd * h / J) * J / h**2
+    result.formula = limit.subs(V, kd * dt / J) * J / dt**2
     draws = result.rng.uniform(0.05, 1.95, 20)
     highest = sympy.solve(sympy.Eq(1 - middle + product, 0), V)[0]
     result.measure("tip", limit.subs(V, highest))

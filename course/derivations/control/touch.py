@@ -10,7 +10,7 @@ SYMBOLS = {
     "ke": Symbol("stiffness of the wall [N/m]"),
     "K": Symbol("stiffness of the controller [N/m]"),
     "D": Symbol("delay [s]"),
-    "h": Symbol("sample time dt [s]"),
+    "dt": Symbol("sample time [s]"),
     "v": Symbol("speed at touch [m/s]"),
 }
 WALLS = np.geomspace(1e2, 1e6, 9)  # N/m
@@ -40,11 +40,11 @@ def _damping_ratio(stiffness, damping, wall, mass=4.0):
     ask=(
         "m x'' + b x' + ke x = -g ke x(t - D), held for dt, and the delay is short compared with "
         "the oscillation. What is the largest stable g?",
-        "g < b/(ke*(D + h/2))",
+        "g < b/(ke*(D + dt/2))",
         {
             "b/(ke*D)": "The hold is half a sample of delay more.",
-            "b/(D + h/2)": "That is the stiffness g ke: divide by the wall's.",
-            "b/(ke*(D + h))": "A hold is half a sample late, not a whole one.",
+            "b/(D + dt/2)": "That is the stiffness g ke: divide by the wall's.",
+            "b/(ke*(D + dt))": "A hold is half a sample late, not a whole one.",
         },
     ),
 )
@@ -54,11 +54,11 @@ def force_gain_is_free(result):
     from course.charts.control import touch
     from course.control import sampled
 
-    b, ke, D, h, g, w, T = sympy.symbols("b ke D h g w T", positive=True)
+    b, ke, D, dt, g, w, T = sympy.symbols("b ke D dt g w T", positive=True)
     # At the limit the loop oscillates at w. The imaginary part of its equation, with the total
-    # delay T (dead time D and half a hold h), says b w = g ke sin(w T); w T is small.
+    # delay T (dead time D and half a hold dt), says b w = g ke sin(w T); w T is small.
     balance = b * w - g * ke * sympy.series(sympy.sin(w * T), w, 0, 2).removeO()
-    result.formula = sympy.solve(balance, g)[0].subs(T, D + h / 2)
+    result.formula = sympy.solve(balance, g)[0].subs(T, D + dt / 2)
     late, wall = result.input("delay_ms", 2) / 1000, result.input("ke", 1e5)
     friction = result.input("b", 20)
     assert friction == touch.ARM.damping
@@ -92,11 +92,11 @@ def force_gain_is_free(result):
     ask=(
         "An arm with friction b renders a stiffness K with commands that are held for dt and come "
         "D late. The controller has no damping. Up to which K is it stable at every wall?",
-        "K < 2*b/(h + 2*D)",
+        "K < 2*b/(dt + 2*D)",
         {
-            "2*b/h": "The delay counts as well, and double: a hold is half a sample.",
-            "b/(h + D)": "A hold is half a sample late, not a whole one.",
-            "b/(h + 2*D)": "That is half of it: b over dt/2 + D.",
+            "2*b/dt": "The delay counts as well, and double: a hold is half a sample.",
+            "b/(dt + D)": "A hold is half a sample late, not a whole one.",
+            "b/(dt + 2*D)": "That is half of it: b over dt/2 + D.",
         },
     ),
     source="J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems, 1997",
@@ -107,8 +107,8 @@ def stiffness_depends_on_the_wall(result):
     from course.charts.control import touch
     from course.control import sampled
 
-    b, D, h, K = sympy.symbols("b D h K", positive=True)
-    result.formula = sympy.together(sympy.solve(K * (D + h / 2) - b, K)[0])
+    b, D, hold, K = sympy.symbols("b D dt K", positive=True)
+    result.formula = sympy.together(sympy.solve(K * (D + hold / 2) - b, K)[0])
     friction = result.input("b", 20)
     dt, late = 1 / result.input("rate_hz", 1000), result.input("delay_ms", 2) / 1000
     assert (friction, dt) == (touch.ARM.damping, touch.DT)
@@ -131,7 +131,7 @@ def stiffness_depends_on_the_wall(result):
         all(np.all(limits[D] > bounds[D]) for D in limits),
         all(np.max(limits[D][:5]) < 1.05 * bounds[D] for D in limits),
         all(
-            abs(float(result.formula.subs({b: friction, h: dt, D: x})) / bounds[x] - 1) < 1e-9
+            abs(float(result.formula.subs({b: friction, hold: dt, D: x})) / bounds[x] - 1) < 1e-9
             for x in bounds
         ),
     )

@@ -102,8 +102,9 @@ def voxels_remove_small_parts(result):
     "Requiring 50 neighbours is a good setting of DBSCAN for voxels of 5 mm and an eps of 20 mm.",
     "A face along the grid has about {formula} voxels within eps, and {flat:.0f} in its "
     "interior. So {least:.0f} is a borderline value. Of a face of {large_mm:.0f} mm, {kept:.0%} of "
-    "the voxels end up in clusters, and with more points per voxel {dense:.0%}. Of a tilted face, "
-    "which has {tilted:.0f} neighbours, all do, and of a part of {small_mm:.0f} mm none. A "
+    "the voxels end up in clusters, because the means of a few points scatter and some get more "
+    "neighbours. With more points per voxel they scatter less, and it is {dense:.0%}. Of a tilted "
+    "face, which has {tilted:.0f} neighbours, all do, and of a part of {small_mm:.0f} mm none. A "
     "third of the formula finds them all.",
     ask=(
         "A flat face lies along a grid of voxels with edge v. How many are within r of one?",

@@ -52,8 +52,9 @@ def kabsch_without_determinant(result):
     result.statement = "Fits of 12 noisy points, and of 4, flat and thick, beside SciPy's."
     result.statement_holds(
         flat == 0,
-        only_if="the points are a dozen or more, and their thinnest spread is "
-        "{least:.0f} times the noise or more; less than one fit in a thousand is mirrored then",
+        only_if="the noise is too small to mirror the points. For a dozen points or more, a "
+        "thinnest spread of {least:.0f} times the noise is enough: then less than one fit in a "
+        "thousand is mirrored",
         inside=[mirrored(least * (1 + x), int(12 + 20 * x), 2, 2000) < 1e-3 for x in draws[0]]
         # At the edge of the condition: a flat plate, a rod and a ball.
         + [mirrored(least, 12, axes) < 1e-3 for axes in ([2], [1, 2], [0, 1, 2])],
@@ -105,8 +106,9 @@ def own_points_come_home(result):
 
 @claim(
     "A part can be tracked by registering each image to the previous one.",
-    "The errors of all steps add up. After {pictures:.0f} images, point-to-point from image to "
-    "image is {pairs_mm:.1f} mm off. Fitting each image to the model leaves {model_mm:.2f} mm.",
+    "The error of each step stays in the result. After {pictures:.0f} images, point-to-point from "
+    "image to image is {pairs_mm:.1f} mm off. Fitting each image to the model leaves "
+    "{model_mm:.2f} mm. Two things differ here: the reference and the kind of pairs.",
 )
 def picture_to_picture(result):
     from course.charts.perception.poses import BOX, EYE, SENSOR, turned_by

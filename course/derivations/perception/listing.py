@@ -210,10 +210,10 @@ def extent_is_size(result):
     "One worker that takes 100 ms for an image processes all images of a camera that takes 30 per "
     "second.",
     "It delivers {rate:.0f} poses per second and drops the other images. Several workers in turn "
-    "deliver all {camera:.0f}, but each pose is as old as before: at {speed:.0f} mm/s the part "
-    "has moved on by {late_mm:.0f} mm. A higher rate doesn't remove this error. A prediction to "
-    "the time of use does, while the part keeps its speed: {left_mm:.1f} mm remain if "
-    "each coordinate of a pose has {noise_mm:g} mm of noise.",
+    "deliver all {camera:.0f}, but each pose is as old as before when it arrives: at {speed:.0f} "
+    "mm/s the part has moved on by {late_mm:.0f} mm. A higher rate doesn't remove this error. A "
+    "prediction to the time of use does, while the part keeps its speed: {left_mm:.1f} mm remain "
+    "if each coordinate of a pose has {noise_mm:g} mm of noise.",
 )
 def pipeline_keeps_up(result):
     from course.perception import Tracker
@@ -256,9 +256,10 @@ def pipeline_keeps_up(result):
     "{wide:.0f} mm.",
     ask=(
         "Two parallel fingers are about to close on a part of width W. Each finger is b wide, and "
-        "the part is longer than b. But the part is turned by the angle t, and half-way between "
-        "the fingers its middle line is off by e. To clear the part, each finger must start "
-        "farther from the gripper's middle than W/2. How much farther?",
+        "the part is longer than b. But the part is turned by the angle t, and its middle line "
+        "passes the gripper's middle at the distance e, measured along the fingers' motion. To "
+        "clear the part, each finger must start farther from the gripper's middle than W/2. How "
+        "much farther?",
         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)",
         {
             "e": "A turned part is wider between the fingers.",

@@ -44,8 +44,9 @@ def icp_comes_home(result):
     result.statement = "Prisms of 3, 4 and 6 sides, 1,200 points on one of 4,800."
     result.statement_holds(
         home(4, 1.3),
-        only_if="a regular prism starts in place, turned by up to nine tenths of pi/n, with "
-        "hundreds of points all around it and noise far below its size",
+        only_if="the start lies in the basin of the right pose. For a regular prism in place, "
+        "with hundreds of points all around it and noise far below its size, the basin reaches to "
+        "nine tenths of pi/n at least",
         inside=[home(n, 0.9 * x) for n, x in draws],
         outside=[home(n, 1.1 + 0.5 * x) for n, x in draws]
         + [few(0.9, k) for k in range(3)]

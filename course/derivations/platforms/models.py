@@ -313,9 +313,9 @@ def read_by(reader, texts):
 
 @claim(
     "A model that loads without a word is one that can exist.",
-    "Of {n:.0f} URDF texts that no arm can be like, PyBullet took {bullet:.0f} without a word, a "
-    "NaN mass among them, Pinocchio {pinocchio:.0f}, MuJoCo {mujoco:.0f}, Drake {drake:.0f}. "
-    "Chapter 4's reader refused {refused:.0f}.",
+    "We wrote {n:.0f} URDF files of moving arms that can't exist. PyBullet loaded {bullet:.0f} of "
+    "them without a message, one of them with a mass of NaN. Pinocchio loaded {pinocchio:.0f}, "
+    "MuJoCo {mujoco:.0f} and Drake {drake:.0f}. Chapter 4's reader refused {refused:.0f}.",
     source="URDF, ROS wiki, XML specification, 2022",
     needs=("Drake", "PyBullet"),
 )

@@ -341,9 +341,9 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Follow the target": Preset(
-        {}, "Press play, then click anywhere, drag the target, or use the arrow keys. Two arms "
-        "reach it (dashed); the steps find the one that is nearer. Green: how far the tip can "
-        "move for joint rates of one."),
+        {}, "Click anywhere, drag the target, or use the arrow keys. While the simulation plays, "
+        "the arm follows. Two arms reach the target (dashed); the steps find the nearer one. "
+        "Green: how far the tip can move for joint rates of one."),
     "Stretched, target inward": Preset(
         {"start": (0.6, 0.0), "target": (0.6 * math.cos(0.6), 0.6 * math.sin(0.6))},
         "Press play: nothing happens, whatever the step. The tip can only move across the arm, "

@@ -258,7 +258,16 @@ def test_the_search_finds_words_where_they_are(browser: "Browser", addresses: li
 def test_the_search_finds_first_what_is_taught(browser: "Browser", addresses: list[str]) -> None:
     """A chapter before the gallery of charts, and the glossary among the first five."""
     with Reader(browser, addresses[0]) as reader:
-        for word in ("quaternion", "latency", "friction", "impedance"):
+        words = (
+            "quaternion",
+            "latency",
+            "friction",
+            "impedance",
+            "point cloud",
+            "energy drift",
+            "lidar",
+        )
+        for word in words:
             page = reader.open(f"search.html?q={word}")
             page.wait_for_selector("#search-results .search li a")
             page.wait_for_function(
