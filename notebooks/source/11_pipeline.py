@@ -20,8 +20,8 @@ simulation("pipeline")
 
 # %% [markdown]
 # The panel counts five **stages**: *perceive* (perception finds the target in camera images), *age* (how old that
-# result is), *plan*, *control* and *move* (physics, the motion itself). If one of them were perfect, a part of the
-# final error would disappear. Its arrow shows this part.
+# result is), *plan*, *control* and *move* (physics, the motion itself). If one of them were perfect, the final error
+# would change. Its arrow shows this change.
 #
 # A *picture* is a camera image. *Tip to target* is the distance at the time shown: large at the start of a run, small
 # at its end. *Largest stable dt* is the largest stable physics step for the posture at the end of the first plan. The
@@ -145,10 +145,10 @@ plt.show()
 # %% [markdown]
 # * *Perception* here is the **stand-in** of chapter 7: a model with two parameters instead of rendered images. For each
 #   camera image, called a *frame*, it reports the true position plus an error. The **bias** is the part of the error
-#   that is the same in every frame. The **noise** is random and new in each frame. A Kalman filter smooths the reports,
-#   but does not predict where the target is now.
-# * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet, followed by shortcuts and
-#   a timing.
+#   that is the same in every frame. The **noise** is random and new in each frame. A Kalman filter smooths the reports.
+#   Its result is for the time of the image, not for now.
+# * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet. Then the path is
+#   shortened and gets a speed.
 # * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$, with the gains $k_p$ and $k_d$ (in
 #   charts: Kp, Kd). Here $\tau$ is the torque of a joint, $r$ its reference angle and $q$ its actual angle. The joint's
 #   own friction adds $-c\,\dot q$.
@@ -157,7 +157,7 @@ plt.show()
 # The four stages do not take turns: each runs at its own rate and has its own random-number generator. A message
 # carries five fields: the value, its covariance (how uncertain it is), the coordinate frame, the **stamp of capture**
 # (when the image was taken), and the time of arrival. Copy the coordinate frame and the stamp of capture into every
-# message that you send, because a later stage cannot recover them.
+# message: a later stage cannot recover them.
 
 # %% tags=["hide-code"]
 record = run(scenario, settings, seed=3)
@@ -171,7 +171,7 @@ table(
     ["frames that the camera took", len(record.timetable.captured)],
     ["plans", len(record.plans)],
     ["first frame", f"taken at {first.captured / 1e3:g} ms, arrived at {first.arrived / 1e3:g} ms"],
-    ["its standard deviation", f"{sure:.0f} mm on each axis"],
+    ["standard deviation of its noise", f"{sure:.0f} mm on each axis"],
     [
         "first plan",
         f"{path.checks} collision checks of {1e6 * settings.check_cost:g} us, "
@@ -220,7 +220,7 @@ plt.show()
 #
 # The next table is for this chapter's target, which moves at 10 mm/s. It shows what a shorter latency or a shorter
 # period would gain. The clocks of camera and controller are not aligned. The *spread* is the standard deviation of the
-# age. Do not confuse it with **jitter**, a period or a latency that varies. Here both are constant.
+# age. **Jitter** is something else: it means that a period or a latency varies. Here both are constant.
 
 # %% tags=["hide-code"]
 speed = 1e3 * np.hypot(*scenario.velocity)  # mm/s
@@ -246,7 +246,8 @@ table(
 # %% [markdown]
 # Halving the latency helps most. The camera's period matters little here because it is much shorter than the latency.
 # Planning time is not in this sum: between plans, the controller moves the end of the path to the newest estimate,
-# without waiting for the planner. If each command had to wait for a new plan, the whole planning time would count.
+# without waiting for the planner. Nobody checks this last part of the path for discs. If each command had to wait for a
+# new plan, the whole planning time would count.
 #
 # An **overrun** is a frame whose processing takes longer than the camera's period. In this chapter that is every frame
 # (100 ms against 20 ms). There are four ways to handle it:
@@ -308,7 +309,7 @@ show("lag_of_the_arm")
 # %% [markdown]
 # Here are the other causes in the budget.
 #
-# * **Bias** reaches the tip unchanged. It is the same in every frame, so averaging frames does not remove it.
+# * **Bias** reaches the tip nearly unchanged. It is the same in every frame, so averaging frames does not remove it.
 # * **Noise** is reduced by the filter first, then by the slow arm. The filter's **noise gain** is the variance of its
 #   output divided by the variance of one frame. At first the filter does not know the target's speed, so its output is
 #   also a little behind the target. A well damped arm is a **low pass**: it follows slow changes of the estimate. It
@@ -321,8 +322,8 @@ show("lag_of_the_arm")
 # * **The physics step** adds an error during the motion. If the step is small, this error is proportional to it. Once
 #   the arm is at rest, the error is gone.
 #
-# **A worked example.** With $k_p$ = 25, $k_d$ = 8 and $c$ = 0.2 (in N m and rad), a joint that follows 0.05 rad/s stays
-# behind by 8.2 · 0.05 / 25 = 0.016 rad. At the end of a link of half a metre that is 8 mm.
+# **A worked example.** This chapter uses $k_p$ = 25, $k_d$ = 8 and $c$ = 0.2 (in N m and rad). A joint that follows
+# 0.05 rad/s stays behind by 8.2 · 0.05 / 25 = 0.016 rad. At the end of a link of half a metre that is 8 mm.
 
 # %%
 show("pictures_without_bias")
@@ -343,8 +344,8 @@ more_claims("filter_calms", "sag_without_kd")
 #
 # A stage's contribution is the final error of the real run minus that of the run with this stage ideal. A second
 # experiment does the opposite: only this stage is real, and all others are ideal. If the errors are small, both
-# experiments give the same mean error for a stage. Their squared errors differ; the part on shares below shows why. If
-# an ideal stage turns a failure into a success, we say that it *cures* the run.
+# experiments give the same mean error for a stage. Their squared errors for a stage can differ; the part on shares
+# below shows why. If an ideal stage turns a failure into a success, we say that it *cures* the run.
 #
 # There are two kinds of error. A *mean* error is the same in every run and has a direction. A *random* error is
 # different in every run. Independent random errors with mean zero add up by their squares: 3 mm and 4 mm make 5 mm.
@@ -425,9 +426,9 @@ show("mending_makes_worse")
 # = +4 mm², and the lag (-15 + 9)/2 = -3 mm². The two add up to the whole, 1 mm². A negative share is no mistake. It
 # means that fixing this stage *increases* the squared error on average, because its error cancels part of another one.
 #
-# We attribute the error to five causes: the four stages, and the age of the data between them. Code and tables call all
-# five stages. Real planning changes the final error in very few runs, so planning is ideal in the chart. Four causes
-# remain, which means 16 combinations of real and ideal.
+# We attribute the error to five causes: the four stages, and the age of the data between them. Code and tables use the
+# word *stage* for all five. Real planning changes the final error in very few runs, so planning is ideal in the chart.
+# Four causes remain, which means 16 combinations of real and ideal.
 #
 # ![Mean errors tip to tail, all sets of real stages, and three parts of the square](../docs/charts/error_budget.png)
 #
@@ -473,11 +474,12 @@ Markdown(
     f"The line of perception is shorter than the bias of ({bias_x:.1f}, {bias_y:.1f}) mm. The "
     "filter does not know the target's speed exactly yet. By formula this adds "
     f"({mean_x - bias_x:.1f}, {mean_y - bias_y:.1f}) mm, against the direction of the bias.\n\n"
-    f"For perception, the predicted and the measured mean square differ by {unexplained:.0f} mm². "
+    "For perception alone, the squares of the predicted and the measured rms error differ by "
+    f"{unexplained:.0f} mm². "
     f"With 1,000 other seeds we measure {other.mean():.0f} ± {doubt:.0f} mm² (one standard error); the "
-    f"formula says {expected**2:.0f} mm². So the difference was chance. But it is larger than the shares "
-    f"of age and control together, {lags:.0f} mm². The chart has only 150 runs. With so few, you would "
-    "not notice that a cause as large as these two is missing."
+    f"formula says {expected**2:.0f} mm². So chance can explain the difference. But it is larger than the shares "
+    f"of age and control together, {lags:.0f} mm². The chart has only 150 runs. With 150 runs, "
+    "chance can hide a missing cause that is as large as age and control together."
 )
 
 # %% [markdown]
@@ -501,7 +503,7 @@ more_claims("root_sum_square")
 # the numbers.
 #
 # In a simulator you can remove most of that uncertainty. Run both variants with the same seeds, so that both face the
-# same noise in the same frames. The part of the noise's effect that both share cancels when you subtract the results.
+# same noise in the same frames. When you subtract the results, the common effect of the noise cancels.
 # These are **common random numbers**. They work only if each stage has its own random-number generator. If one
 # generator serves all stages and one stage draws one number fewer, every later stage gets other numbers. Then the two
 # variants no longer face the same noise.
@@ -608,12 +610,12 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# We found no difference in success. No difference in error is certain either: for Open3D and for all libraries
-# together, the interval only just contains zero. The three rows with images have only 20 runs. Their true success rate
-# may lie anywhere in the interval of the table. MuJoCo's rays give the same images as our camera, so the errors agree
-# exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre. So
-# on this task both libraries interpret the data as we do. One mistake would stay hidden: the table is level, so a wrong
-# sign of gravity has no effect.
+# We found no difference in success, and no certain difference in error. For Open3D and all libraries together it is
+# close: the interval only just contains zero. The three rows with images have only 20 runs. Their true success rate
+# may lie anywhere in the table's interval. MuJoCo's rays give the same images as our camera, so the errors agree
+# exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre.
+# So on this task both libraries interpret the data as we do. One mistake would stay hidden: the table is level, so a
+# wrong sign of gravity has no effect.
 #
 # Our own run is compiled to machine code as a whole. A library that moves or commands the arm is called from Python at
 # every step, and these calls take time. The last row of the *time* panel shows how much: there Python calls our own
@@ -723,7 +725,7 @@ broken_rows = {
     "Everything": (
         "all sliders at extremes",
         "nothing works",
-        "runs until one succeeds, the failed run counted: "
+        "number of runs until one succeeds, including the first failure: "
         f"{by_contracts:.1f} if you reset the slider whose contract broke first and try again, "
         f"{by_sliders:.1f} if you reset the sliders in any order; no clear difference",
     ),
@@ -760,10 +762,10 @@ table(
 
 # %% [markdown]
 # Between 4 and 1 ms, halving the step about halves the error, as expected for a first-order method. At 8 ms, close to
-# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls by more than half, because the
-# reference has an error too: it differs from the exact motion in the same direction. The dashed curve is our own
-# motion, called from Python at every step, as MuJoCo is. Most of the distance from the solid curve is the price of
-# these calls.
+# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls by more than half. The reason is the
+# reference: it has an error in the same direction, which hides a part of every error. At the smallest step it hides
+# the largest part. The dashed curve is our own motion, called from Python at every step, as MuJoCo is. Most of the
+# distance from the solid curve is the price of these calls.
 #
 # Are two parameters enough? We measured bias and noise on rendered images. Then we ran the pipeline both ways, now with
 # equal settings. The chart compares the final errors along the target's motion and across it. Each point is a
@@ -793,10 +795,10 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# The spread is the standard deviation of the final error along the motion. A small $p$ means that equal spreads are
-# implausible. The chart has 40 runs with images and 400 with two parameters. With these runs, a test would detect a
-# shift of the size in the last column four times in five. (It is the Kolmogorov-Smirnov test, which compares two
-# distributions.) Smaller shifts may go unnoticed.
+# The spread is the standard deviation of the final error along the motion. If the spreads were equal, a difference this
+# large would occur with the probability $p$. The chart has 40 runs with images and 400 with two parameters. The
+# Kolmogorov-Smirnov test compares two distributions. If one is shifted against the other by the amount in the last
+# column, this test notices it in four of five experiments with so many runs. Smaller shifts may go unnoticed.
 #
 # With measured noise the tests found no difference between the two versions. The outermost quantiles leave the diagonal
 # by up to two tenths of a millimetre, but they rest on few runs. Now take the noise that the camera *states* in the
@@ -827,9 +829,9 @@ predict("raw_estimate")
 #
 # How often does a frame jump too far? The plan's goal comes from one frame. A later frame has its own noise. Both have
 # noise $s$ on each axis, so their difference has the variance $2 s^2$ on each axis. The difference is longer than $r$
-# with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 %, and this is also the share over a whole run.
-# New goals tend to be bad, because only a frame far from the old goal starts a plan. But plans with a good goal last
-# longer, and the two effects cancel.
+# with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 %. Over a whole run, too, about 37 % of the frames
+# start a new plan. New goals tend to be bad, because only a frame far from the old goal starts a plan. But plans with a
+# good goal last longer, and the two effects cancel.
 
 # %%
 show("raw_estimate_replans")
@@ -846,9 +848,9 @@ more_claims("planner_step", "high_gain_overshoots")
 # ### Clearance, and a disc that is not where the camera saw it
 #
 # A planner keeps a path at a clearance $b$ from each disc. But the camera does not see a disc exactly where it is.
-# Suppose its error is normal with standard deviation $s$ on each axis. A straight path touches the disc if the real
-# disc lies more than $b$ closer to the path than the camera saw it. For $b = 2 s$ that happens in 2.3 % of the cases. A
-# path that bends *around* the disc is close to it on more sides, so it touches more often.
+# Suppose its error is normal with standard deviation $s$ on each axis. A straight path touches the disc if the disc is
+# really nearer to the path than the camera reported, by more than $b$. For $b = 2 s$ that happens in 2.3 % of the
+# cases. A path that bends *around* the disc is close to it on more sides, so it touches more often.
 
 # %% tags=["hide-code"]
 rng_drawing = np.random.default_rng(1)
@@ -948,7 +950,7 @@ table(["angle of the elbow", "largest stable step [ms]"], *rows)
 # motors have a largest torque, which keeps the oscillation small, so the tip still arrives. But the energy shows the
 # problem. Treat the $k_p$ term as a spring. On a level table, the energy of arm and spring together can rise for two
 # reasons only: the reference moves, or a torque differs from the law (a motor at its limit). **Energy from nowhere** is
-# a rise that neither of them explains. The physics step's slider ends at 20 ms.
+# a rise that neither of them explains. The physics step is 2 ms unless we say otherwise; its slider ends at 20 ms.
 
 # %%
 show("largest_step")
@@ -976,8 +978,8 @@ more_claims("step_by_posture")
 #
 # ![Largest gain against the frames of delay, and noise against the gain](../docs/charts/look_and_move.png)
 #
-# The right panel shows the noise that reaches the position. Its horizontal axis is the gain divided by the largest gain
-# for that delay. So the same point on the axis means a smaller gain if the delay is longer, and less noise. At the
+# The right panel shows the noise that reaches the position. Its horizontal axis is the gain divided by the largest
+# gain for that delay. At the same point on this axis, a longer delay means a smaller gain, and so less noise. At the
 # *same* gain, a longer delay lets more noise through.
 
 # %%
@@ -1064,13 +1066,13 @@ Markdown(f"Replays alone were wrong in these runs: {wrong}. What they named ther
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
 # also cures a physics step that is too large. Replays try perception, age, planning, physics and control, in this
-# order. So here they name physics, but only because of this order.
+# order. So they name physics only because of this order.
 
 # %%
 more_claims("last_error_blames")
 
 # %% [markdown]
-# A **false alarm** is a broken contract in a *good* run, one that reaches its target.
+# A broken contract is an *alarm*. In a *good* run, which reaches its target, it is a **false alarm**.
 
 # %% tags=["hide-code"]
 raw_runs = run_many(scenario, replace(settings, noise=0.02, filtered=False), range(60))
@@ -1176,7 +1178,7 @@ head = [
     "successes (95 % interval)",
     "alarms of single frames (closed form, %)",
     "alarms of the mean (closed form, %)",
-    "only other contracts",
+    "runs that break only other contracts",
 ]
 table(head, *rows)
 
@@ -1308,8 +1310,8 @@ path = Way()
 step_costs = -path.cost * path.horizon * np.expm1(-0.01 / path.horizon)
 Markdown(
     f"A walker needs {path.seconds:g} s to the goal. A second costs {path.cost:g} points, spread "
-    "evenly over time. What comes later in a step is discounted a little, so a step of 10 ms costs "
-    f"{step_costs:.3f}, not 1. The goal pays {path.goal:g}. "
+    "evenly over time. The cost that comes later within a step is discounted a little, so a step of 10 ms "
+    f"costs {step_costs:.3f} points, not 1. The goal pays {path.goal:g}. "
     f"*Running* is twice as fast and costs {path.effort:g} points more per second. "
     f"It leads to {path.fall:g} fall per second on average, and a fall costs "
     f"{-path.hurt:g} and ends the task. *Giving up* costs {-path.fee:g}. The discount has a time "
@@ -1364,7 +1366,9 @@ predict("meshes_on_the_gpu")
 # Measure collision detection and contact solver separately before you explain anything. The cell drops one kind of
 # shape after another into a walled square in MuJoCo. (*Hull 200* is a convex body with 200 vertices. *Constraint rows*
 # are the equations that the contact solver has to solve.) The chart splits the time of a step into three parts. Other
-# programs disturb the timing, so we measure several times and show the smallest. The time of a step with spheres is 1.
+# programs disturb the timing, so we measure several times and show the smallest. Even so, the bar of the large hull can
+# come out too high; the factor on the card was measured in shorter pieces, which other programs disturb less. The time
+# of a step with spheres is 1.
 
 # %% tags=["hide-code"]
 from course.oracles.mujoco.heap import Heap
@@ -1416,7 +1420,7 @@ plt.show()
 # contacts, and each contact has several rows. So the same low speed can have different causes. On this core, the
 # largest factor is far below the twenty of the question. We have not explained the rest.
 #
-# We measured nothing on a GPU. Numbers of contacts may carry over from a CPU to a GPU; times never do. The
+# We measured nothing on a GPU. Numbers of contacts may carry over from a CPU to a GPU; times do not. The
 # documentation of two simulators names further causes.
 #
 # * *MJX* runs MuJoCo on a GPU (documentation of MuJoCo 3.7, 2026; our charts use a later version). Its JAX
@@ -1606,7 +1610,8 @@ your_robot(11)
 #
 # The **cross-entropy method** finds a proposal. Score how near each run came to failing. Fit a normal distribution to
 # the worst tenth of the runs, sample from it, and repeat. The **effective number** is $(\sum w)^2/\sum w^2$, summed
-# over the failures. It measures precision: the estimate is as precise as with this many failures of equal weight.
+# over the failures. It measures precision. If it is 50, the estimate is as precise as one from 50 failures that all
+# have the same weight.
 #
 # **A worked example.** Failures happen for $x > 3.3$ with standard normal $x$: five in ten thousand. Sample from a
 # normal distribution around 3.3 instead. Half of the runs now fail, and each of these failures has a weight far below
@@ -1660,16 +1665,16 @@ for key, name in {
 table(["proposal", "actual scatter", "reported error", "too low by three reported errors"], *rows)
 
 # %% [markdown]
-# The *narrow proposal* of the chart is the one that the method fitted. Its answers scatter much more than the reported
-# error says, and some are far too low. The effective number gives no warning. In repeats that are far too low it is on
-# average even *larger*, because the weights in such a repeat are all similar. Repeats with other seeds reveal the
-# problem, because their answers *disagree*.
+# The test on the card had fewer repeats than this one. The *narrow proposal* of the chart is the one that the method
+# fitted. Its answers scatter much more than the reported error says, and some are far too low. The effective number
+# gives no warning. In repeats that are far too low it is on average even *larger*, because the weights in such a
+# repeat are all similar. Repeats with other seeds reveal the problem, because their answers *disagree*.
 #
 # Repeats that agree prove nothing yet. Suppose 70 % of the failures lie in one region and 30 % in another, further
 # away. If every repeat finds only the larger region, all of them agree, with small errors, and all are 30 % too low. So
-# add plain samples, enough to expect ten failures: they visit each region in proportion to its probability. From ten
-# failures you know the rate only to about a third, so it would not show the missing 30 %. But look at the failures
-# themselves. The probability that all ten come from the larger region is $0.7^{10}$, only 3 %.
+# add plain samples, enough to expect ten failures: they visit each region in proportion to its probability. Ten
+# failures give the rate only to about $1/\sqrt{10}$, or 32 %. So the rate itself would not show that 30 % are missing.
+# But look at the failures themselves. The probability that all ten come from the larger region is $0.7^{10}$, only 3 %.
 
 # %%
 show("rare_and_sure")

@@ -79,8 +79,9 @@ def one_repair_cures(result):
 @claim(
     "The stage with the largest error at the end of a run is the one at fault.",
     "This rule can answer only perception or the arm, so it can be right for at most "
-    "{possible:.0%} of ten kinds of faults, and it names {last:.0%} correctly. It blames "
-    "perception in {perception:.0%} of the cases and has no answer for age, planning or physics. "
+    "{possible:.0%} of ten kinds of faults. In one run of each kind it named {last:.0%} correctly. "
+    "It blames perception in {perception:.0%} of the cases and has no answer for age, planning or "
+    "physics. "
     "Contracts from the camera downwards, then replays with one "
     "ideal stage, name {ours:.0%}. That takes a simulator: one of the contracts needs the true "
     "target. The contracts alone name {alone:.0%} with it and {blind:.0%} without it.",
@@ -109,7 +110,7 @@ def last_error_blames(result):
 
 @claim(
     "Whatever the noise of a frame, as long as its variance is the promised one, limits of five or "
-    "six standard deviations practically never raise a false alarm.",
+    "six standard deviations practically never raise an alarm in a run without a fault.",
     "That is right for noise that is Gaussian and independent from frame to frame. With the heavy "
     "tails of Student's t with {tails:.0f} degrees of freedom, the limit on single frames is "
     "exceeded in {heavy:.0%} of the runs without a fault. With a correlation of {memory:.1f} "

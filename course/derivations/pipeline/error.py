@@ -37,8 +37,8 @@ def rms(away):
 
 
 @claim(
-    "Under the law kp (r - q) - kd v, more Kd makes an arm that has settled stay further behind a "
-    "target at constant speed.",
+    "Under the law kp (r - q) - kd v, with more Kd the arm lags further behind a target that moves "
+    "at constant speed.",
     "Kd brakes the joint's own speed, so the spring has to balance all damping. The arm "
     "lags by {formula}. At {speed:.0f} mm/s the tip is {lag:.1f} mm behind, "
     "and {twice:.1f} mm with twice the Kd.",
@@ -395,7 +395,7 @@ def sag_without_kd(result):
 
 
 @claim(
-    "Comparing two settings always takes the fewest runs with fresh random numbers for each.",
+    "A comparison of two settings always needs the fewest runs if each gets fresh random numbers.",
     "With the same seeds both face the same noise, and its common effect cancels in the "
     "difference. To detect the cost of a tenth more noise takes {saved:.0f} times fewer runs "
     "that way, provided that each stage has its own random-number generator. If every second "

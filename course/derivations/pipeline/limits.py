@@ -120,8 +120,8 @@ def step_by_posture(result):
 
 
 @claim(
-    "If the damping torque comes from the old velocity, more Kd makes the largest stable step of a "
-    "semi-implicit simulation smaller.",
+    "A semi-implicit simulation that computes the damping torque from the old velocity needs "
+    "smaller steps to stay stable if Kd is larger.",
     "Held for a long step, that torque reverses the velocity and makes it larger than before. With "
     "the arm stretched and Kp = {kp:.0f}, the limit falls from {none:.1f} ms without Kd to "
     "{much:.1f} ms with Kd = {kd:.0f}. Damping at the new velocity would not lower it.",
@@ -338,8 +338,8 @@ def fails_to_settle(gain, *late):
 
 
 @claim(
-    "If all images are n frames late, and the hand corrects a fraction of the error that it sees, "
-    "never more than all of it, it converges.",
+    "If all images are n frames late, the error settles at zero for any gain that is above 0 and "
+    "at most 1.",
     "With fresh images it does. If all images are n frames late, the gain must stay below "
     "{formula}: {one:.2f} for one frame, {four:.2f} for four. With delays that "
     "switched between two values, the limit of the longer one was enough in all our tests. A "
@@ -453,7 +453,7 @@ def look_and_move_noise(result):
     "around the disc by an angle t is close to it on more sides, which adds {formula}: at two "
     "standard deviations it touches in {bent:.1%} for a quarter turn and in {round:.1%} for a "
     "half turn. Between two discs it is {lane:.1%}. Only the deviation across the path counts:"
-    " noise with a correlation of {together:.1f} makes it {slanted:.1%} on a diagonal path.",
+    " noise with a correlation of {together:.1f} makes it up to {slanted:.1%} on a diagonal path.",
     ask=(
         "A disc was located with noise s on each axis. A path bends around it by an angle t at"
         " the clearance b. By how much does this raise the probability of contact, compared "
