@@ -1250,7 +1250,7 @@ TradeOff(mine)
 # All models take steps of 2 ms; *good* means an error within the scene's tolerance. The *compiled loop* is the
 # course's sweep, compiled and started warm. *Discrete* is a MuJoCo integrator that is implicit in positions and
 # velocities. Compare times only among compiled programs (MuJoCo, the compiled loop), or only among the course's other
-# models, in NumPy. `python -m course.charts contact_table` measures it again.
+# models, in NumPy.
 # %% tags=["hide-code"]
 rows = [line for line in read("contact_table").splitlines() if line[:8].strip() in charts.QUESTIONS]
 retained = (
@@ -1271,7 +1271,7 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 # %% [markdown]
 # The penalty's stiffness is chosen for the tolerance of each scene. Where this makes $\omega h$ of the lightest body
-# too large, it fails. Sweeps that start warm carry the heavy body (the compiled loop); ten from zero do not.
+# too large, it fails. Sweeps that start warm (the compiled loop) carry the heavy body.
 #
 # <details><summary>What the columns for time and iterations count</summary>
 #
@@ -1312,8 +1312,8 @@ more_claims("coal_is_the_truth")
 #   and a depth you accept.
 # * **Games:** one sweep in each of several sub-steps, or ten sweeps with a warm start if mass ratios are small.
 #
-# One argument for constraints is that they are stable at larger steps. Compare them with a penalty force that is
-# evaluated before the step, as in section 2:
+# One argument for constraints is their larger stable step. Compare them with a penalty force that is evaluated
+# before the step:
 # %%
 show("constraints_take_larger_steps")
 # %% [markdown]
