@@ -1469,8 +1469,8 @@ source(control.computed_torque, "half = 0.5")
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and it ends. Predict the
-# outcome of four other presets:
+# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and it ends. Four
+# questions on other presets:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1496,7 +1496,7 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. The upper charts show the largest tracking error of the last 2 s against the sample rate,
+# *wrong* model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample rate,
 # the lower one against computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse dynamics of
 # these libraries. LQR, MPC and MPPI correct the deviation from the planned motion. (In the upper right panel, computed
 # torque and half-sample preview coincide. The triangles at the upper edge are larger errors of MPPI.)
@@ -1865,8 +1865,9 @@ check(mppi_step)
 # A biped on a slope needs contact forces that carry its weight. Each force must lie in its **friction cone**: its
 # tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as in
 # MPC, finds the forces of the lowest cost within these limits. A limit that the solution just reaches is **active**.
-# Its **multiplier** says how fast the lowest cost would fall if this limit were relaxed; it is never negative. With the
-# multipliers of the equations for weight and moment, which can have either sign, they balance the gradient of the cost.
+# Its **multiplier** says how fast the lowest cost would fall if this limit were relaxed; it is never negative. The
+# equations for weight and moment have multipliers of either sign. All these conditions, weighted with their
+# multipliers, balance the gradient of the cost.
 #
 # The left chart shows the steepest slope on which such forces exist, for strong joints and for joints of 13 N m. The
 # right chart shows how much of the allowed friction, and how much torque, the cheapest forces use with strong joints.
