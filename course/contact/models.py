@@ -425,10 +425,13 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
     """Return the residual r (g - P(g - w / r)) of all contacts and its derivative by g.
 
     The residual has shape (n d,) [m/s], its derivative (n d, n d). It is 0 exactly at a solution.
+    P projects each contact's part on its cone, in scaled rows the cone |g_t| <= g_n. The map is
+    that of Facchinei and Pang (2003, sec. 1.5), its use for contact that of Alart and Curnier
+    (1991).
 
     Args:
-        A: scaled response, as for `pgs_sweep`.
-        b: scaled free velocity, as for `pgs_sweep`.
+        A: scaled response, as for `pgs_sweep` [m/s for an impulse of 1].
+        b: scaled free velocity, as for `pgs_sweep` [m/s].
         g: scaled impulses, (n d,).
         d: rows of a contact.
         associated: true for the convex law; Coulomb's law replaces the normal velocity w_n by w_n +
@@ -447,7 +450,8 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
             if slip > 0.0:
                 change[0] += w[i + 1 : i + d] / slip @ A[i + 1 : i + d]
         # Any r > 0 has the same zeros; the trace of the block puts both terms on one scale.
-        r = float(np.trace(A[here, here]))
+        # A contact that no impulse moves has no scale, and 1 does as well.
+        r = float(np.trace(A[here, here])) or 1.0
         y = g[here] - raised / r
         t = math.sqrt(y[1:] @ y[1:])
         if t <= y[0]:  # sticks

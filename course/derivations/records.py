@@ -124,7 +124,7 @@ def differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> Iterab
         new: the entry of a run.
     """
     if old is None:
-        yield "not on record; `python -m course.derivations --record` writes it"
+        yield "not on record; `python -m course.derivations FILE --id ID --record` writes it"
         return
     for name in _TEXTS:
         if old.get(name, "") != new.get(name, ""):

@@ -478,12 +478,21 @@ class Reader:
         return self._cache[0][0] if self._cache else None
 
     def accept(self, number: int, sample: Sample | None) -> None:
-        """Take in a sample, in its writer's order; None stands for one that never comes."""
+        """Take in a sample, or count one that is not handed on.
+
+        A reliable reader gets the samples in their writer's order. With best effort a loss is
+        reported at once, while earlier samples may still be on their way.
+
+        Args:
+            number: of the sample, for the report of a loss.
+            sample: None for one that was lost, or that came after a newer one.
+        """
         if sample is None:
             self.lost += 1
             self.bus.notify(self, "lost", number)
             return
         self.received += 1
+        # A deadline is about how often samples come: one that is too old counts as well.
         if self._deadline:
             self._deadline.touch()
         if sample.expires <= self.bus.ns:

@@ -436,3 +436,14 @@ def test_only_contacts_between_fixed_bodies_are_solved_by_nothing(model: str) ->
     problem = replace(problem, friction=np.full((1, 2), 0.5))
     solution = solve(model, problem)
     assert solution.converged and not solution.impulses.any()
+
+
+def test_a_contact_that_no_impulse_moves_has_a_finite_violation() -> None:
+    """It keeps its velocity: right where the gap is open, too slow by what a depth asks for."""
+    base = block(0.0, 0.5).problem(0.01)
+    fixed = replace(base, jacobian=np.zeros_like(base.jacobian), recovery=0.2)
+    impulses = np.zeros(base.jacobian.shape[:2])
+    opened = replace(fixed, gap=np.full_like(base.gap, 0.1))
+    assert defect(opened, impulses) == 0.0
+    sunk = replace(fixed, gap=np.full_like(base.gap, -1e-3))
+    assert defect(sunk, impulses) == pytest.approx(0.2 * 1e-3 / 0.01)

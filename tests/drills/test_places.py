@@ -31,7 +31,11 @@ def test_exercises_stand_in_their_notebook_in_the_order_of_their_places(chapter)
     mine = [c for c in catalogue.cards() if c.chapter == chapter.number and not c.drill]
     assert [card.place for card in mine] == sorted({card.place for card in mine})
     missing = [card for card in mine if f'card("{card.name}")' not in cells]
-    assert not missing, f"{source.name} lacks these cells:\n\n" + "\n".join(map(pasted, missing))
+    assert not missing, (
+        f"{source.name} lacks these cells. Paste them into its section of exercises, in the order "
+        "of `place` on the cards, below a heading `### ` with the title of the card:\n\n"
+        + "\n".join(map(pasted, missing))
+    )
     where = [cells.index(f'card("{card.name}")') for card in mine]
     assert where == sorted(where), f"{source.name}: the order of the cards' `place` differs"
     for card, k in zip(mine, where, strict=True):

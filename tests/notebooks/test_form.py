@@ -132,7 +132,11 @@ def test_the_first_screen_moves_and_asks(name: str) -> None:
 @pytest.mark.parametrize("name", WRITTEN)
 def test_the_open_prose_is_bounded(name: str) -> None:
     least, longest = limits(name).prose
-    assert least <= form.open_words(BUILT[name].cells) <= longest
+    words = form.open_words(BUILT[name].cells)
+    assert least <= words <= longest, (
+        f"{name} has {words} words of open prose, and tools/form.py allows {least} to {longest}. "
+        "Cut what repeats, or move it into a fold-out."
+    )
 
 
 @pytest.mark.parametrize("name", WRITTEN)
