@@ -75,8 +75,8 @@ def hello_world_winds(result):
     "A joint limit in a MuJoCo model is a wall at which the joint stops.",
     "By default it is a critically damped spring with a time constant T of {ms:.0f} ms. A joint "
     "that arrives with the speed v passes it by about v T / e: a falling rod by {past:.0f} mrad, "
-    "and it came to rest {rest:.2f} mrad beyond. With solreflimit of a quarter, a quarter of it, at "
-    "steps of up to T/8.",
+    "and it came to rest {rest:.2f} mrad beyond. With solreflimit of a quarter, a quarter of it, "
+    "at steps of up to T/8.",
     source="MuJoCo 4.0 manual, 2026, Modeling, Solver parameters, solref",
 )
 def limit_is_a_wall(result):
