@@ -22,12 +22,14 @@ predict("whose_simulator")
 simulation("platforms")
 
 # %% [markdown]
-# Section 3 explains the polygons at the right, and section 5 the numbers below the picture. **After this chapter you
-# can** say what makes two simulators differ before you run them; set up a fair comparison; name what MuJoCo, Drake and
-# PyBullet get wrong, where, and by how much; and choose one of them by comparing measured errors and costs with what
-# your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's law (chapter 2). A robot consists of
-# **links**, its rigid bodies, and joints between them. Its **mass matrix** says which torques at the joints produce
-# which accelerations, when nothing moves yet and there is no gravity (chapter 4).
+# Section 3 explains the polygons at the right, and section 5 the numbers below the picture. The fifth card, Isaac Sim,
+# has no measurements.
+#
+# **After this chapter you can** say what makes two simulators differ before you run them; set up a
+# fair comparison; name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by
+# comparing measured errors and costs with what your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's
+# law (chapter 2). A robot consists of **links**, its rigid bodies, and joints between them. Its **mass matrix** says
+# which torques at the joints produce which accelerations, when nothing moves yet and there is no gravity (chapter 4).
 
 # %% tags=["hide-code"]
 import inspect
@@ -75,7 +77,7 @@ def table(head, rows):
 # %% [markdown]
 # ### Three scenes on four engines
 #
-# Before any table, look at the bodies. Left: a block is launched over the floor and brakes. Middle: five cubes stand on
+# Left: a block is launched over the floor and brakes. Middle: five cubes stand on
 # each other. Right: two fingers hold a part. In the left and middle pictures, all engines have stiff contacts and the
 # same friction: their settings are *fair* (section 1). In the right picture, each engine has its default settings (*as
 # shipped*).
@@ -166,8 +168,7 @@ Image(film.getvalue(), format="png")
 #
 # MuJoCo and our own code (from chapters 1, 2 and 4) run in this notebook. Results of Drake and PyBullet come from a
 # stored record, so you see them whether or not they are installed. `make platforms` installs them (PyBullet needs
-# Python 3.11), and `make charts` measures everything again. You can rerun the checks behind the claims with `python -m
-# course.derivations 3`.
+# Python 3.11), and `make charts` measures everything again.
 #
 # The chapter compares engines on ten small **scenes**, each with a known truth and a tolerance:
 
@@ -446,8 +447,7 @@ for s, name in enumerate(names):
     print(f"{name:<20}" + "".join(f"{x:12.3g}" for x in ratio))
 
 # %% [markdown]
-# Errors grow during a motion, as shipped and with fair settings, but not equally fast. So the factor depends on how
-# long the motion lasts. The next card has shorter motions and therefore other factors: a tumble of one second, a chain
+# The factor depends on how long the motion lasts. The next card has shorter motions: a tumble of one second, a chain
 # of half a second, an arm of a fifth.
 
 # %%
@@ -742,7 +742,7 @@ table(("Job", "Needs", "Pick", "Why"), rows)
 #
 # **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must
 # stay below that, at this cost. MuJoCo meets it, with these settings. If the limit were thirty times tighter, I would
-# take another one." A weak answer is "it depends" and no more.
+# take another one."
 #
 # </div>
 
@@ -868,7 +868,7 @@ predict("millions_a_second")
 # **USD** (Universal Scene Description) is not a simulator. It is Pixar's open format for large scenes. Files can be
 # stacked in layers, so that one file changes another without editing it. Its extension
 # [UsdPhysics](https://docs.omniverse.nvidia.com/kit/docs/pxr-usd-api/latest/pxr/UsdPhysics.html) adds mass, collision
-# shapes, joints, limits and drives (motors of joints). It also marks which links and joints form one robot.
+# shapes, joints, limits and drives (motors of joints).
 #
 # **Converting** is where models break. The three formats don't have the same vocabulary:
 #
@@ -979,7 +979,7 @@ more_claims("radar_area")
 #
 # ### One interface for four engines
 #
-# Engines differ in their conventions, such as the order of a quaternion or the sign of a contact normal. An adapter
+# Engines differ in their conventions, such as the order of a quaternion. An adapter
 # translates each engine's convention into ours. A comparison then needs only two operations: build a run of a scene,
 # and let it run some steps in the engine's own loop.
 
@@ -1079,12 +1079,12 @@ more_claims("hello_world_winds", "damping_realism")
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# Each card of the simulation below is a simulator; click one to bring it to the front. (Isaac Sim's card has no
-# measurements.) Menus choose the scene and the step. One switch chooses fair settings or defaults, the other one the
-# order of the radar's axes. The true path is dashed.
+# Each card of the simulation below is a simulator; click one to bring it to the front. Menus choose the scene and the
+# step. One switch chooses fair settings or defaults, the other one the order of the radar's axes. The true path is
+# dashed.
 #
-# Go through the presets. Before each, say what its engine will do wrong, and why. *Default damping* shows PyBullet's
-# chain with all three of its wrong defaults. Damping is only one of them.
+# Go through the presets. Before each, say what its engine will do wrong. (Section 7 explains why a pyramid steers and
+# why a grasp sinks.) *Default damping* shows PyBullet's chain with all three of its wrong defaults.
 
 # %%
 simulation("platforms", "Default damping")
@@ -1124,8 +1124,7 @@ for preset, (scene, card_, fair) in {
 # largest step of the same panel. A thin bar shows how much the times varied.
 #
 # Some scenes are shorter here than in sections 1 and 3, so their errors are smaller: the tumble lasts 1 s (not 5 s),
-# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only. On the chain of 1 s, Euler may
-# take steps of 2 ms; on the chain of 2 s in section 1, only 0.4 ms.
+# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only.
 #
 # ![Error against cost on five scenes, with the pick at each tolerance](../docs/charts/platform_precision.png)
 
@@ -1142,8 +1141,7 @@ print_figures(
 # RK4 wins. The tolerance of the short tumble is loose, so Euler with a long step is enough.
 #
 # With contact, a cheap step
-# wins. Our solver is exact on the tower, but its step costs over a hundred times as much, because it runs in Python.
-# (Without contact our loops are compiled.)
+# wins. Our solver is exact on the tower, but it runs in Python.
 #
 # ### How the cost grows with the scene
 #
@@ -1166,14 +1164,14 @@ print_figures(
 # %% [markdown]
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python, which saves time.
 # For these three, the panel shows how much of the time is saved by taking 100 steps in one call. On small chains this
-# is about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. On a small scene, a
-# measured rate therefore says little about how fast the engine moves bodies.
+# is about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. Its curve shows the time
+# of a step in an *empty* world as a share of a full step. So on a small scene, a measured rate says little about how
+# fast the engine moves bodies.
 #
 # <details><summary>How PyBullet's curve was measured</summary>
 #
-# For PyBullet the panel shows something else: the time of a step in an *empty* world, divided by that of a full step.
-# With one link this is more than half. An empty step also includes fixed work inside Bullet, so Python's share is less
-# than this.
+# With one link, an empty step takes more than half the time of a full step. It also includes fixed work inside Bullet,
+# so Python's share is less than this.
 #
 # </details>
 #
@@ -1553,7 +1551,7 @@ figures(
 
 # %% [markdown]
 # Chapter 4's reader rejects the most faults. (We wrote both the reader and the faults, so this is no independent test.)
-# It also rejects valid joints of kinds that it doesn't know, and says which. Readers change with versions. In September
+# It also rejects valid joints of kinds that it doesn't know, and says which. In September
 # 2026, an importer lost all damping and friction of joints without a message (Isaac Sim, issue 841). So read the loaded
 # model back and compare.
 

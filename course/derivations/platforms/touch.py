@@ -431,7 +431,7 @@ def _fallen(engine, scene, settings):
     "A tower of n cubes sinks n (n + 1)/2 times as far as one, whatever the engine.",
     "That takes equal springs. With {n:.0f} cubes it is {mujoco:.2f} times in MuJoCo and "
     "{drake:.2f} in Drake with patches, so n^2: on rigid ground half of the compliance is missing. "
-    "PyBullet follows no power: its factor depends on the step and is {pybullet:.1f} here.",
+    "PyBullet follows no power of n, and its factor depends on the step: it is {pybullet:.1f}.",
     needs=("Drake", "PyBullet"),
 )
 def tower_by_engine(result):
