@@ -176,7 +176,7 @@ plt.show()
 # The I term stops changing only when the error is zero. So no error is left if the joint settles. Dry friction can
 # prevent that. **Coulomb friction** is a torque of constant size against the motion. **Static friction** can hold a
 # joint at rest away from the set-point. The I term then grows until the joint breaks loose. If static friction is
-# larger than Coulomb friction, the joint jumps past the set-point and sticks on the other side, again and again. This
+# larger than Coulomb friction, the joint can jump past the set-point and stick on the other side, again and again. This
 # is called **hunting**.
 
 # %%
@@ -353,10 +353,10 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # %% [markdown]
 # ### Stability margins
 #
-# How far is a tuned loop from its limit? Imagine that you cut the loop at the motor and send a sine of torque into it.
-# The joint moves, and the controller answers with another sine of torque. This answer opposes the motion; leave its
-# minus sign out at first. The ratio of the two sizes is the **open-loop gain**, and the shift between the two sines is
-# the **phase lag**.
+# Imagine that you cut the loop at the motor and send a sine of torque into it.
+# The joint moves, and the controller answers with another sine of torque. This torque opposes the motion, so it has a
+# minus sign; ignore this sign at first. The ratio of the two sizes is the **open-loop gain**, and the shift between the
+# two sines is the **phase lag**.
 #
 # A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and a lag of
 # 180 degrees, the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
@@ -407,14 +407,14 @@ plt.show()
 # ### Nyquist plot, sensitivity and bandwidth
 #
 # Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency, gain and phase
-# together form one complex number $L$. Its distance from zero is the open-loop gain, and its angle is the phase (minus
-# the lag). The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees.
-# The distance of the curve from $-1$ is the smallest change of $L$ that can make the loop unstable.
+# together form one complex number $L$. Its distance from zero is the open-loop gain, and its angle is negative for a
+# lag. The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees. The
+# distance of the curve from $-1$ is the smallest change of $L$ that can make the loop unstable.
 #
 # What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that the disturbance would cause
-# without control, and $e$ the error that remains. Once around the loop, the error $e$ becomes the motion $L\,e$ of the
-# joint, which is subtracted from $d$. (The loop is a circle, so $L$ is the same wherever you cut it.) So $e = d -
-# L\,e$, and the ratio $e/d$ is the function $S$ below:
+# without control, and $e$ the error that remains. The loop turns $e$ into the motion $L\,e$ of the joint, and this
+# motion is subtracted from $d$. (The loop is a circle, so $L$ is the same wherever you cut it.) So $e = d - L\,e$, and
+# the ratio $e/d$ is the function $S$ below:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
@@ -468,9 +468,8 @@ for one in stored("pd_triangles")[0].series:
 
 # %% [markdown]
 # Few joints have a sensor for the rate. The controller divides the difference of two angles by $dt$ instead. This is
-# the rate of half a sample ago. If computing takes one sample, too, the highest stable $K_p$ is less than a twentieth
-# of that with the exact rate and no computing time. The right chart
-# belongs to section 7.
+# the rate of half a sample ago. If computing takes one sample, too, both delays together divide the highest stable
+# $K_p$ by more than twenty. The right chart belongs to section 7.
 #
 # ### Encoder, friction and torque limit
 #
@@ -486,9 +485,9 @@ predict("faster_loop")
 # has the least lag and the most noise. A low-pass filter averages the difference over about its time constant. A
 # **tracking observer** predicts angle and rate one sample ahead, and corrects both with the error of the predicted
 # angle. Under constant acceleration, the filtered rate is late by the filter's time constant, plus the half sample of
-# the difference. An observer with the same time constant is about twice as late.
+# the difference. An observer whose errors decay equally fast is about twice as late.
 #
-# The chart compares the three. Down is less noise, left is less lag. At the same lag, the observer (green) has less
+# The chart compares the three. At the same lag, the observer (green) has less
 # noise than the filter (orange):
 #
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
@@ -507,7 +506,7 @@ for one in stored("rate_estimates")[0].series:
 # $\tau_s/K_p$.
 #
 # If static friction does not exceed Coulomb friction, an I term removes this error step by step, with longer and longer
-# pauses in between (blue). If static friction is larger, the joint hunts (orange):
+# pauses in between (blue). If static friction is larger, the joint can hunt (orange):
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -527,11 +526,11 @@ plt.show()
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
 # **Saturation** means that the command is at the torque limit. Then feedback has no effect, and an upright pendulum can
-# fall. In the map, the motor has half of the torque that would hold the pendulum level. Near upright, the motion has
-# two parts. The sum angle + rate$/\sqrt{g/l}$ grows by itself ($g$ is gravity, $l$ the length); the difference angle -
-# rate$/\sqrt{g/l}$ decays. So the controller pushes against the sum. Purple states are caught, orange ones lost (ignore
-# the numbers on the right). On the border, full torque only just stops the fall, so no controller can catch more
-# without a swing-up:
+# fall. In the map, the motor has half of the torque that would hold the pendulum horizontal. Near upright, the motion
+# has two parts. The sum angle + rate$/\sqrt{g/l}$ grows by itself ($g$ is gravity, $l$ the length); the difference
+# angle - rate$/\sqrt{g/l}$ decays. So the controller pushes against the sum. Purple states are caught, orange ones lost
+# (ignore the numbers on the right). On the border, full torque only just stops the fall, so no controller can catch
+# more without letting the pendulum fall first:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -578,8 +577,8 @@ show("ziegler_nichols_is_safe")
 
 # %% [markdown]
 # Another method uses three numbers that you know: $J$, $b$ and the delay. Let $D_t$ be the total delay: hold,
-# difference and communication. (The difference delays only the D term. For simplicity, the formula delays the P term by
-# the same time.) With PD, a motion $e^{st}$ is possible if
+# difference and communication. (For simplicity, the formula gives P the delay of the difference, too.) With PD, a
+# motion $e^{st}$ is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD_t} = 0 .$$
 #
@@ -698,7 +697,7 @@ plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. Feedforward is even ahead of computed torque here, but its gains also make the elbow
+# sample while the arm moves on. Here, feedforward even has the smaller error, but its gains also make the elbow
 # stiffer. It computes the torque for the planned motion only: after a disturbance, the PD terms alone must bring the
 # arm back.
 #
@@ -720,9 +719,9 @@ show("computed_torque_law")
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
 # changes the model's parameters $\hat\theta$ during the motion. The model's torque is a matrix times these parameters,
 # $Y\hat\theta$. The matrix $Y$ is the **regressor** of chapter 4. Here it is computed from the measured $q$ and $\dot
-# q$, and from a reference velocity $\dot q_r = \dot q_d + \Lambda e$ with its derivative $\ddot q_r$. So no
-# acceleration has to be measured. The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the error
-# of the velocity with the error of the angle. The torque is $Y\hat\theta + K s$, and the update is
+# q$, and from a reference velocity $\dot q_r = \dot q_d + \Lambda e$ with its derivative $\ddot q_r$, which contains no
+# measured acceleration. The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the error of the
+# velocity with the error of the angle. The torque is $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
@@ -885,8 +884,7 @@ plt.show()
 # %% [markdown]
 # `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question. You
 # pass it a log and your model. It tries each of seven causes alone: inertia, viscous friction, Coulomb friction,
-# gravity, torque constant, delay and torque limit. It names those with which the model differs from the log by no more
-# than the noise:
+# gravity, torque constant, delay and torque limit. It names each cause that alone explains the log up to the noise:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
@@ -918,10 +916,10 @@ for name, named in causes.items():
     print(f"real change: {name:<18} diagnosed cause: {', '.join(named)}")
 
 # %% [markdown]
-# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral
-# form (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are always named.
-# (*Constant* is the torque constant, *damping* is viscous friction. The torque limit is not drawn.) Only Coulomb
-# friction (green) is lost in the largest noise:
+# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral form
+# (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are always named, and no other
+# one is. (*Constant* is the torque constant, *damping* is viscous friction. The torque limit is not drawn.) Only
+# Coulomb friction (green) is lost in the largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -993,9 +991,9 @@ plt.show()
 # %% [markdown]
 # The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
 # (crosses) contains the braking with the limited force. Left in the next chart, the cost of clipped LQR is divided by
-# that of MPC. Near the target, MPC saves nothing. Beyond the dotted line the command meets both limits. There a longer
-# distance or horizon makes MPC save more. The right chart shows the computing time. A **warm start** begins the search
-# at the previous plan, a **cold start** at zero:
+# that of MPC. Near the target, MPC saves nothing. Beyond the dotted line, the command reaches first one limit, then the
+# other. There MPC saves more at longer distances, up to a bound that grows with the horizon. The right chart shows the
+# computing time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
 #
@@ -1025,8 +1023,7 @@ more_claims("mpc_beats_clipping")
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 #
 # Here is one such sample for a mass of 1 kg. The cost is the sum of the squared distances from the target, plus a
-# little for force. The weighted mean passes the target. Within this short plan, arriving early saves more than passing
-# the target costs:
+# little for force. The weighted mean passes the target. The plan is so short that this costs less than arriving late:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1132,11 +1129,11 @@ plt.show()
 simulation("probe")
 
 # %% [markdown]
-# With a set-point inside the wall, the hand comes to rest where the controller's spring and the wall push equally
-# hard. The same force runs through both springs, and their deflections add up to the depth of the set-point.
-# **Worked example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is
-# 5 N. That is the force at rest. In a vibration, set-point and wall stand still and both springs push the hand back,
-# so their stiffnesses $K$ and $k_e$ add up.
+# With a set-point inside the wall, the hand comes to rest where the controller's spring and the wall push equally hard.
+# The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
+# example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N. When
+# the hand vibrates, the outer ends of both springs are fixed. Then both push the hand back, so their stiffnesses $K$
+# and $k_e$ add up.
 
 # %%
 show("wall_in_series")
@@ -1273,9 +1270,10 @@ plt.show()
 # </details>
 #
 # **Operational space** control (Khatib 1987) writes the equation of motion for the hand instead of the joints. The
-# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the task needs can move without
-# moving the hand. The projector $N = I - J^\mathsf{T}\Lambda J M^{-1}$ removes from any torques $\tau$ the part that
-# accelerates the hand. Such a projector is called **dynamically consistent**. Check: $J M^{-1} N = 0$.
+# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the
+# task needs can move without moving the hand. The projector $N = I - J^\mathsf{T}\Lambda J M^{-1}$ removes from any
+# torques $\tau$ the part that accelerates the hand. Such a projector is called **dynamically consistent**. Check:
+# $J M^{-1} N = 0$.
 #
 # ## 4 · Design: contact regimes and loop rates
 #
@@ -1284,8 +1282,8 @@ plt.show()
 # sample rate, not a recommendation.
 #
 # For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft controller
-# move at this speed to 20 mm inside the wall. The desired force is 10 N. *Surface 2 mm off* is the change of the steady
-# force when the surface is 2 mm nearer than expected.
+# move at this speed to 20 mm inside the wall. Both controllers have critical damping in free space. The desired force
+# is 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1376,9 +1374,9 @@ predict("delay_predicted")
 # the delay in its model.
 #
 # In the left chart, the feed-forward has 90 % of the true torque, so it leaves a tenth of the error. The loops with
-# feed-forward have another advantage: their D term damps the error, that of the other two the motion itself. In the
-# right chart, cascade and observer remove the error of a load, because both contain an integral. The predictor allows
-# the fastest poles, but at equal noise it rejects a load no better than PD:
+# feed-forward have another advantage: their D term uses the error. In the other two it uses the measured rate, so it
+# also brakes the planned motion. In the right chart, cascade and observer remove the error of a load, because both
+# contain an integral. The predictor allows the fastest poles, but at equal noise it rejects a load no better than PD:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1421,8 +1419,8 @@ more_claims(
 #
 # **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position or
 # impedance, task, planner. Say what sets each rate: the motor's electrical time constant for the current, the delay
-# margin for torque and position, the stiffness of the contact for the force, and the camera's frame rate for the
-# planner.
+# margin for torque and position, contact stiffness (for forces) or the camera's frame rate for the task, and computing
+# time for the planner.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
@@ -1440,8 +1438,8 @@ more_claims(
 # The first listing builds the matrix of the closed loop. The state vector contains the state of the **plant** (the
 # controlled joint), the commands that wait in the delay, and the controller's state. `transition` is the plant's own
 # matrix. A command may arrive in the middle of a sample. Until then the old command acts, and after that the new one.
-# `before` and `now` are what they add to the state at the end of the sample. `whole` is the number of whole samples of
-# delay, and `A`, `B`, `C`, `D` describe the controller:
+# `before` is the effect of the old command on the state at the end of the sample, `now` that of the new one. `whole` is
+# the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
@@ -1471,8 +1469,8 @@ source(control.computed_torque, "half = 0.5")
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and it ends. Predict the
-# outcome of four other presets:
+# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and it ends. Four
+# questions on other presets:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1498,11 +1496,10 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. Above is the largest tracking error against the sample rate, below the error against
-# computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse dynamics of these libraries. LQR,
-# MPC and MPPI correct the deviation from the planned motion. (The line at the bottom lists curves that some panels
-# omit. In the upper right panel, computed torque and half-sample preview coincide, and the triangles at the upper edge
-# are larger errors of MPPI.)
+# *wrong* model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample rate,
+# the lower one against computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse dynamics of
+# these libraries. LQR, MPC and MPPI correct the deviation from the planned motion. (In the upper right panel, computed
+# torque and half-sample preview coincide. The triangles at the upper edge are larger errors of MPPI.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1534,8 +1531,8 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
-# about the same time. Compare times with care: only the loops of PD, computed torque and preview are compiled as a
-# whole. In the others, also those of the libraries, Python's own time counts.
+# about the same time. Only the loops of PD, computed torque and preview are compiled as a
+# whole. All other times, also of the libraries, contain Python's own.
 #
 # With the wrong model, a part of the differences comes from the gains. Even with adaptation off, the stiffer adaptive
 # law has only a ninth of computed torque's error. Adaptation then reduces it by a factor of about fifty. LQR has the
@@ -1867,13 +1864,14 @@ check(mppi_step)
 #
 # A biped on a slope needs contact forces that carry its weight. Each force must lie in its **friction cone**: its
 # tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as in
-# MPC, finds the forces of the lowest cost within these limits. A limit that the solution just reaches is **active**:
-# without it, the cost could fall further. At the solution, every active limit pushes back, and together these pushes
-# balance the gradient of the cost. The size of a push is the limit's **multiplier**; it is never negative.
+# MPC, finds the forces of the lowest cost within these limits. A limit that the solution just reaches is **active**.
+# Its **multiplier** says how fast the lowest cost would fall if this limit were relaxed; it is never negative. The
+# equations for weight and moment have multipliers of either sign. All these conditions, weighted with their
+# multipliers, balance the gradient of the cost.
 #
 # The left chart shows the steepest slope on which such forces exist, for strong joints and for joints of 13 N m. The
 # right chart shows how much of the allowed friction, and how much torque, the cheapest forces use with strong joints.
-# Torque costs little there, so they use more than 13 N m:
+# In the right chart torque costs little, so the cheapest forces need more than 13 N m:
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
@@ -1978,10 +1976,10 @@ predict("taught_elsewhere")
 
 # %% [markdown]
 # The example starts from a wrong model, without payload and friction. A weighted sum of 200 sines is fitted to the
-# torque that this model misses; each is the sine of a random combination of the inputs. The example then drives the
-# motion with the improved controller, adds the new data, and repeats this for six rounds. The curves are medians of
-# seven random draws of the sines, the bands reach from the best to the worst. For comparison, adaptive control changes
-# the seven physical parameters of the arm:
+# torque that this model misses. Each sine takes a random combination of the inputs. The example then drives the motion
+# with the improved controller, adds the new data, and repeats this for six rounds. The curves are medians of seven
+# random draws of the sines, the bands reach from the best to the worst. For comparison, adaptive control changes the
+# seven physical parameters of the arm:
 #
 # ![Learned and adapted, on the trained motion and on a larger one](../docs/charts/learned_beside_adaptive.png)
 
@@ -1995,9 +1993,9 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 # %% [markdown]
 # On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error is
 # about 35 times as large, because it has no data there. The adaptive law's is about three times as large: its model has
-# the form of the arm's equations, which are true for both motions, and it goes on adapting. A part of the difference is
-# the higher gains of the adaptive law (last line). On the larger motion, learning divides the error by about 11,
-# adaptation by about 22.
+# the form of the arm's equations, which are true for both motions, and it goes on adapting. The adaptive law also has
+# higher gains; the last line shows its error without adaptation. On the larger motion, learning divides the error by
+# about 11, adaptation by about 22.
 #
 # <details><summary>Five works to read</summary>
 #

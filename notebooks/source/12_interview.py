@@ -14,7 +14,8 @@ simulation("interview")
 
 # %% [markdown]
 # Start here: answer the question aloud while the blue bar runs out. Then click *Reveal*, compare, and rate how well you
-# knew it. If you don't know the answer yet, section 1 explains it. Section 4 explains the curve.
+# knew it. If you don't know the answer yet, section 1 explains it. Section 4 explains the curve. A **policy** is the
+# part of a robot's program that chooses its actions. It is often learned.
 
 # %%
 predict("hundred_runs")
@@ -71,9 +72,9 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Code of this course computes every measured or derived number in an answer; `python -m course.derivations 12` repeats
-# this for the page. Four answers in section 9 tell invented stories, as a pattern for your own. These commands run in a
-# terminal:
+# The code of this course has computed every measured or derived number in an answer.
+# The command `python -m course.derivations 12` computes those of this page again. Four answers in section 9 are
+# invented stories about a person's own work. Replace them with yours. These commands run in a terminal:
 #
 # | Command | What it does |
 # |---|---|
@@ -92,14 +93,14 @@ badges(12)
 # ## 1 · Concept: thirty seconds on each subject
 #
 # An interviewer opens with a broad question, such as "What do you know about contact simulation?" A good answer takes
-# thirty seconds. It says what the thing is, and gives one equation and one measured number. It ends with the limit: the
-# point where the method stops working. Then you stop.
+# thirty seconds. It says what the thing is, and gives one equation and a measured number. It ends with the limit: the
+# point where the method stops working.
 #
-# The table has eight subjects. Below it, each has a text of thirty seconds. Speak about the subject first, then open
-# its text and compare. Each subject uses the terms of one chapter: skip the chapters that you have not read, and learn
-# the subjects on your CV. Each text ends with a measurement from this course: the task, the computing time of our
-# method and of an established library, and a limit. The times are from one machine and one task, so they don't rank the
-# methods in general.
+# The table has eight subjects, each with its equation. Below it, each has a text of thirty seconds. Speak about the
+# subject first, then open its text and compare. Each subject uses the terms of one chapter. Skip a subject if you have
+# not read its chapter, and learn those on your CV. Each text ends with a measurement from this course: the task, the
+# computing time of our method and of an established library, and a limit. The times are from one machine and one task,
+# so they don't rank the methods in general.
 
 # %% tags=["hide-code"]
 sheet = tables.cheat_sheet()
@@ -117,7 +118,7 @@ Markdown("\n\n".join([overview.markdown(), *texts]))
 #
 # **Interview tip.** First the answer, then its number, then its limit; then stop. "I use semi-implicit Euler. For 1 kg
 # on an undamped spring of 100,000 N/m it is stable up to a step of 6.3 ms. In general, the limit is two divided by the
-# angular frequency." That takes ten seconds, and you know the next question: why?
+# angular frequency."
 #
 # </div>
 #
@@ -154,11 +155,11 @@ plt.show()
 #
 # The **Wilson interval** avoids this. Try each possible $p$: compute the standard deviation with this $p$, and keep $p$
 # if the observed rate lies within two of these standard deviations of $p$. The values that you keep are the interval.
-# For 70 successes in 100 runs it goes from 60 % to 78 %. You will program it in section 8.
+# For 70 successes in 100 runs it goes from 60 % to 78 %.
 #
-# Robot teams use such counts for a **gate**: a success rate that a policy has to reach before it may go on, for example
-# from the simulator to the robot. Judge the following claim about it. On such cards, choose *Only under a condition* if
-# the claim is true in some cases only, and does not name them.
+# Robot teams use such counts for a **gate**: a success rate that a policy has to reach before it may go on, for
+# example from the simulator to the robot. Judge the following claim about it. On such cards, choose *Only under a
+# condition* if the claim would be true with one more condition, which it does not name.
 
 # %%
 show("hundred_trials")
@@ -188,17 +189,20 @@ print(f"a policy whose true rate is 70 % reaches them with probability {chance:.
 # means little.
 #
 # A policy whose true rate is exactly 70 % reaches 70 of 100 successes about half of the time. So careful teams demand
-# more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate succeeds less
-# than once in twenty. The cell printed this number. It answers the question of the first panel. A **two-sided test**,
-# also at 5 %, looks for deviations in both directions, with 2.5 % for each.
+# more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate passes less than
+# once in twenty times. The line below the chart has this number: for 100 trials it is 78. The policy in the first
+# panel of this page reached 78, so it just passes. Section 9 answers how many trials you should ask for.
+#
+# A **two-sided test**, also at 5 %, looks for deviations in both directions, with 2.5 % for each. Wilson's interval is
+# two-sided: for 78 of 100 it begins at 69 %, below the gate.
 #
 # ### What does an accelerometer measure?
 #
 # An accelerometer contains a small mass on a spring, inside a housing. It measures the force of the spring on the mass.
-# Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. Every other force on the
-# housing does, for example the force of a table below it. The reading is the **specific force** $f = a - g$, in the
-# axes of the sensor. Here $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector. At
-# the centre of mass, $f$ is the sum of all forces on the body except gravity, divided by its mass.
+# Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. The sum of all other forces on
+# the housing does. An example is the force of a table. The reading is the **specific force** $f = a - g$, in the axes
+# of the sensor. Here $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector. At the
+# centre of mass, $f$ is the sum of all forces on the body except gravity, divided by its mass.
 
 # %%
 show("imu_reads_acceleration")
@@ -206,26 +210,27 @@ show("imu_reads_acceleration")
 # %% [markdown]
 # ### How to say "I measured" honestly
 #
-# If you only repeat a number, the question "on which robot?" is enough to show it. Five habits make a number yours:
+# Five habits make a number yours:
 #
 # * **Say where the number comes from.** "In a course I measured ...", "in a simulation I computed ...", "at work we
 #   measured ...". If you only read it, say where, and from which year it is.
 # * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
 # * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
-#   an interval is Wilson's at 95 %. A gate is tested one-sided at 5 %, unless the text says otherwise. To compare two
-#   policies we test two-sided at 5 %, with so many trials that the power is 80 %.
-# * **Separate assumptions from results.** "I assume 2 m/s² of braking; then the base needs 0.9 m."
+#   an interval is Wilson's at 95 % (1.96 standard deviations). A gate is tested one-sided at 5 %, unless the text says
+#   otherwise. To compare two policies we test two-sided at 5 %, with so many trials that the power is 80 %.
+# * **Separate assumptions from results.** "I assume a speed of 1.5 m/s, a reaction time of 0.2 s and braking with 2
+#   m/s². Then the base needs 0.86 m to stop."
 # * **Say what you would measure next, and what you will do if the result is bad.** A number from another system is a
 #   reason to measure on yours.
 #
 # The numbers of this course are from simulations, and you may quote them as such. If you name a safety standard, give
-# its number and edition, and check before the interview whether there is a newer one. Never quote a limit in a standard
-# from memory: say who looks it up.
+# its number and edition. Never quote a limit in a standard from memory.
 #
 # ### Where are the joints of a planar arm?
 #
 # A standard warm-up for the coding round is forward kinematics in the plane. The arm has links of lengths $L_i$ and
-# joint angles $q_i$. Each angle is measured against the link before it, because that is where the encoder sits.
+# joint angles $q_i$. Each joint has an encoder. It measures the angle between the link after the joint and the link
+# before it.
 
 # %%
 show("joints_by_sums")
@@ -273,9 +278,10 @@ plt.show()
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# How good is "half a sample" for a fast oscillation? Its speed is the angle by which its phase advances from one sample
-# to the next. A sampled loop can represent at most $\pi$. At 1 rad per sample, half a sample is 0.5 rad of phase, and
-# the rule is wrong by at most 0.015 rad. At 3 rad it is wrong by up to 0.9 rad.
+# How good is "half a sample" for a fast oscillation? We state the frequency of an oscillation as the angle by which it
+# advances from one sample to the next. A sampled loop can represent at most $\pi$, which means two samples per period.
+# At 1 rad per sample, half a sample is 0.5 rad of phase, and the rule is wrong by at most 0.015 rad. At 3 rad it is
+# wrong by up to 0.9 rad.
 #
 # So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before any code has run. The time of computing
 # and the time on the bus are added to it. A late command pushes when the joint has already moved on. With a high gain
@@ -288,8 +294,8 @@ more_claims("stiff_is_position")
 # %% [markdown]
 # ## 2 · Concept: the back of the envelope
 #
-# "How many picks per hour can this cell do?" Nobody expects four digits. The interviewer wants to see a short
-# calculation whose inputs you state aloud, so that both of you can see which input matters most.
+# "How many picks per hour can this cell do?" The interviewer wants to see a short calculation whose inputs you state
+# aloud, so that both of you can see which input matters most.
 #
 # The **cycle time** of a picking cell is the time from one part to the next. It has three parts: the motion, gripping
 # and releasing, and the computing during which the arm stands still. For the motion you need one formula. The arm moves
@@ -301,9 +307,8 @@ more_claims("stiff_is_position")
 # \quad\text{otherwise} .$$
 #
 # **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes 0.6 +
-# 0.5 = 1.1 s. At a constant 1 m/s it would take 0.6 s, so speeding up and braking cost 0.5 s. Four such
-# moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s. Planning takes 0.1 s of
-# the computing.
+# 0.5 = 1.1 s. Four such moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s.
+# Planning takes 0.1 s of the computing.
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(
@@ -363,13 +368,14 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 #
 # The table has six numbers about an arm that you should be able to estimate aloud. The **stopping distance** is the
 # distance that a robot travels from the command to stop until it stands still. It includes the distance during the
-# reaction time. The **effective mass** is the mass that you would feel if the arm hit you at this point, in this
+# reaction time. The **effective mass** is the mass that you would feel if a given point of the arm hit you in a given
 # direction. It is usually smaller than the mass of the arm, because not all links have to change their speed for the
 # tip to stop.
 #
 # The position error is the sum of two kinds of errors. A systematic error is the same in each pick: here, the distance
-# $vt$ that the part moves while its image is processed. Random errors with the standard deviations $\sigma_i$ add in
-# squares if they are independent. We count two standard deviations of the sum.
+# $vt$ that the part moves while its image is processed. The other kind are random errors with the standard deviations
+# $\sigma_i$. If they are independent, their sum has the standard deviation $\sqrt{\sum\sigma_i^2}$. We count twice
+# this value.
 #
 # <details><summary>The three random errors</summary>
 #
@@ -436,8 +442,8 @@ for name, given in one.given().items():
 
 # %% [markdown]
 # Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it only by the square root of two.
-# The reason is energy. A contact acts like a spring. At its deepest point it has stored the whole kinetic energy of the
-# effective mass. From this you can derive the formula for the peak force.
+# A contact acts like a spring. At its deepest point it has stored the whole kinetic energy of the effective mass. From
+# this you can derive the formula for the peak force.
 #
 # ### Stop when you feel ten newtons
 #
@@ -480,8 +486,9 @@ lower.set(ylabel="speed [m/s]")
 plt.show()
 
 # %% [markdown]
-# When the force reaches the threshold, the arm still has nearly all of its speed, and the contact has to absorb most of
-# its energy. Three things help: to arrive slowly, to be light, and to be soft.
+# When the force reaches the threshold, the arm still has nearly all of its speed, and the contact has to absorb most
+# of its energy. Three things help: a low speed, a small effective mass, and a soft surface, such as padding. A soft
+# controller helps little, because the mass of the arm is the same.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -509,8 +516,8 @@ plt.show()
 # among people without a word about who is responsible for their safety. A **follow-up** is the question that the
 # interviewer asks next, usually about your weakest point.
 #
-# Here is a whiteboard as it could look after 30 minutes, for a system that empties bins of mixed parts. Follow the
-# arrows from the camera to the torques. An interviewer will ask about the rates and latencies on the arrows.
+# Here is a whiteboard as it could look after 30 minutes. An interviewer will ask about the rates and latencies on the
+# arrows.
 
 # %% tags=["hide-code"]
 SVG(designs.svg(designs.read("pick_and_place")))
@@ -546,7 +553,7 @@ print(f"weakest point: {designs.weakest(fleet, result).asks}")
 # %% [markdown]
 # ## 4 · Code: four coding questions, and how to remember
 #
-# Here are four coding questions that fit into twenty minutes, each with its usual mistake:
+# Here are four coding questions. Each takes at most twenty minutes and has its usual mistake:
 #
 # * **Forward kinematics** of a three-link arm. Sum the angles, then the link vectors (section 1). The usual mistake is
 #   to mix angles against the ground with angles against the link before.
@@ -558,8 +565,7 @@ print(f"weakest point: {designs.weakest(fleet, result).asks}")
 # * **Domain randomisation**, training on random variants of a model. The usual mistake is to change the mass of a body,
 #   but not its inertia.
 #
-# You start one of them in a terminal, for example with `drills start rrt`. Section 9 has code for each, as you could
-# write it in the interview, and a test that you could show.
+# You start one of them in a terminal, for example with `drills start rrt`. Section 9 has code and a test for each.
 #
 # So that you still know the answers on the day, review them with flashcards. This panel shows the cards of chapter 12
 # that are due today. Answer, click *Reveal*, and rate yourself honestly: *again*, *hard*, *good* or *easy*. The panel
@@ -574,10 +580,10 @@ flashcards(chapters=[12])
 predict("when_again")
 
 # %% [markdown]
-# You forget what you learned once, quickly at first and then more slowly. **Spaced repetition** shows a card again when
-# the predicted probability that you still know it has fallen to a chosen value, here 90 %. Each success makes the next
-# gap longer. After a failure the next gap is short again. This is made for remembering over months: before an interview
-# on a fixed date, another plan may need fewer reviews.
+# You forget what you learned once, quickly at first and then more slowly. **Spaced repetition** shows a card again
+# when the predicted probability that you still know it has fallen to a chosen value, here 90 %. Each success makes the
+# next gap longer. After a failure the next gap is short again. This schedule is made for remembering over months. If
+# your interview has a fixed date, another schedule may need fewer reviews.
 #
 # <details><summary>The numbers and bars in the first panel of this page</summary>
 #
@@ -627,9 +633,10 @@ case = diagnose("explodes", seed=4)
 case.show()
 
 # %% [markdown]
-# Let us solve this case together. Eight causes can make the slide move out:
+# The slide should come to rest, but its motion grows. Eight causes are possible:
 #
-# 1. Each stop has two contact points by mistake, so it is twice as stiff as the time step allows.
+# 1. Each stop has two contact points by mistake, so it is twice as stiff as intended. Together with the brake, the
+#    time step is then too long.
 # 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
 # 3. The brake receives the speed late. If it is late by more than a quarter of a swing, it pushes where it should pull.
 # 4. Friction and speed have opposite sign conventions, so friction drives the slide instead of slowing it.
@@ -640,7 +647,8 @@ case.show()
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
 # 8. The integral term of the drive is too strong, so that the damping is too weak to stop the swing.
 #
-# Each case lists only seven of these eight, and `none_of_these`. If the eighth is the cause, `none_of_these` is right.
+# The list of causes in the case names only seven of these eight, and `none_of_these`. If the eighth is the cause,
+# `none_of_these` is right.
 
 # %%
 predict("first_probe")
@@ -649,16 +657,15 @@ predict("first_probe")
 # Before you run anything, say what each cause predicts. If a change doesn't matter, the time ratio is one. If the slide
 # survives, the time ratio is about three, because the run then ends.
 #
-# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6): there are as
-#   many steps between two detections as before, so each is late by half as many seconds. Explicit Euler (2) adds half
-#   as much energy each second, so the slide lasts twice as long. The step doesn't matter for causes 4, 7 and 8. Nor
-#   does it matter for 3, because the brake is late by as many seconds as before.
+# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6). The number
+#   of steps between two detections stays the same, so the time between them is halved. Explicit Euler (2) adds half as
+#   much energy each second, so the slide lasts twice as long. The step doesn't matter for causes 4, 7 and 8. Nor does
+#   it matter for 3, because the brake is late by as many seconds as before.
 # * **No brake** removes causes 3 and 5. It also cures cause 1. A brake that uses the old speed lowers the largest
-#   stable step. With no brake, the doubled stiffness is just stable. The other causes stay.
+#   stable step. With no brake, the doubled stiffness is stable. The other causes stay.
 #
-# We don't have to guess the numbers. We ran the same probes on other machines, each with a single known cause. The
-# table lists the range of their results for each cause. The last row has the results of the failing machine. A range
-# that contains this result is bold:
+# We ran the same probes on other machines, each with a single known cause. The table lists the range of their results
+# for each cause. The last row has the results of the failing machine. A range that contains this result is bold:
 
 # %% tags=["hide-code"]
 PROBES = {
@@ -691,8 +698,7 @@ Markdown("\n".join(rows))
 show("growing_energy")
 
 # %% [markdown]
-# The next five cases are yours. Each shows its program, its symptom and its probes with their prices. Read the
-# program first, write down what each cause predicts, and only then choose a probe.
+# The next five cases are yours. Each shows its program, its symptom and its probes with their prices.
 # <span class="kernel-only">Call `diagnose` with another seed to get another cause, `case.probe("name")` to run a probe,
 # and `case.conclude("cause", "repair")` to finish. The verdict shows which causes your measurements excluded, what the
 # obvious quick fix would have achieved, and the model answer.</span>
@@ -713,10 +719,11 @@ diagnose("late", seed=1).show()
 diagnose("sure", seed=1).show()
 
 # %% [markdown]
-# Which probes are worth their time? Eight causes make 28 pairs. A probe tells a pair apart if its results for the two
-# causes differ by more than its noise. The chart shows the share of pairs that each probe tells apart, and its price in
-# minutes. The model answer of a case prefers probes that tell many pairs apart per minute. They are blue. A grey probe
-# with a long bar is expensive, or it only separates causes that another probe has separated already.
+# Which probes are worth their time? Eight causes make 28 pairs. A probe tells two causes apart if its results for them
+# differ by more than the noise of the result. The chart shows the share of pairs that each probe tells apart, and its
+# price in minutes. The model answer of a case prefers probes that tell many pairs apart per minute. They are blue. (In
+# the worked case, `log_brake` only confirmed the result.) A grey probe with a long bar is expensive, or it only
+# separates causes that another probe has separated already.
 
 # %% tags=["hide-code"]
 import textwrap
@@ -759,8 +766,8 @@ more_claims("error_by_its_shape", "complete_planners")
 #
 # How do you test code when nobody knows the correct output? You test a property that the output must have. An
 # **invariant** is a property that every correct result has, whatever the code does inside. Three examples: a unit
-# quaternion has the length one, the momentum of a free body stays the same, and the contact forces under a body at rest
-# add up to its weight. You need no reference solution to check it.
+# quaternion has the length one, the momentum of a free body stays the same, and the contact forces under a body at
+# rest add up to its weight. To check it, you need no second implementation.
 
 # %%
 predict("round_trip")
@@ -769,9 +776,9 @@ predict("round_trip")
 # Each bug in this museum was in public open-source code and is documented in a public thread. The course has a minimal
 # version of each bug, next to a correct version. Three examples show why the obvious test missed it.
 #
-# **A free fall that slows down (number 4 of the table).** A physics engine damps every body by default, with a
-# coefficient of 0.04 that acts on the speed and on its square. Drop a body, and compare its speed with the
-# gravitational acceleration times the time:
+# **A free fall that slows down (number 4 of the table).** By default, a physics engine damps the motion of every body.
+# The deceleration is 0.04 times the sum of the speed and its square (in SI units). Drop a body, and compare its speed
+# with the gravitational acceleration times the time:
 
 # %% tags=["hide-code"]
 seconds = np.linspace(0.25, 5.0, 20)
@@ -809,9 +816,9 @@ for label, matrix in (("rotation", turn), ("mirror", mirror)):
 
 # %% [markdown]
 # Here are all bugs. The columns "Right" and "Wrong" show by how much the correct and the faulty version violate the
-# invariant, at worst in three random test cases. The number for `refined_ratio` is the error with a quarter of the
-# step, divided by the error with the full step. It is about a quarter if the equations are right, and about one if they
-# are wrong:
+# invariant, at worst in three random test cases. `refined_ratio` divides an error at a quarter of the step by the same
+# error at the full step. With a first-order method, the ratio is about a quarter if the equations are right, and about
+# one if they are wrong:
 
 # %% tags=["hide-code"]
 LABELS = (
@@ -843,7 +850,7 @@ Markdown("\n".join(rows))
 # %% [markdown]
 # Each invariant is a function of the module `course.interview.invariants`. You can test your own implementation with
 # it, in two lines of a unit test. Choose its tolerance and its time step with care. A **false alarm** is a correct
-# implementation that the check rejects. After three of them the team switches the check off.
+# implementation that the check rejects.
 #
 # <details><summary>Four invariants of the module that no exhibit needs</summary>
 #
@@ -863,24 +870,25 @@ Markdown("\n".join(rows))
 predict("learned_or_not")
 
 # %% [markdown]
-# The useful question is not which of the two is better, but under which conditions the learned method wins. With which
-# model error, which computing time, how much data? The value at which the winner changes is the *crossover*. Here is an
-# example. ICP fits the model of a part to the camera's points, and needs a first guess of the part's rotation, the
-# *start*. Either a network guesses it, or ICP runs from several fixed starts and the best fit counts.
+# The useful question is not which of the two is better, but under which conditions the learned method wins. An example
+# is a limit on the computing time. The value at which the winner changes is the *crossover*. Here is one case. ICP
+# fits the model of a part to the camera's points, and needs a first guess of the part's rotation, the *start*. Either a
+# network guesses it, or ICP runs from several fixed starts and the best fit counts.
 #
-# In the left panel, the labels 1, 4 and 8 are numbers of fixed starts. "Axis" starts along the longest direction of the
-# points. Orange squares are for almost four times the camera noise. Compare heights and times: the network is right as
-# often as four starts, in less than half of the time. So if the time limit lies between these two times, take the
-# network. (We did not measure two or three starts. The chart does not include the training of the network.)
+# In the left panel, the labels 1, 4 and 8 are numbers of fixed starts. "Axis" starts along the longest direction of
+# the points. Orange squares are for almost four times the camera noise. The network is right as often as four starts,
+# in less than half of the time. So if the time limit lies between these two times, take the network. (We did not
+# measure two or three starts. The chart does not include the training of the network.)
 #
 # In the right panel, the green points belong to a mirror image of the part. The network has never seen it, and no
-# rotation of the model fits it. One check reveals most of these wrong poses. It counts the pixels at which the camera
-# sees something farther away than the estimated part. If their share is above the dotted line, the pose is refuted.
+# rotation of the model fits it. The error is measured against the rotation of the mirror image. One check reveals most
+# of these wrong poses. It counts the pixels at which the camera sees something farther away than the estimated part.
+# If their share is above the dotted line, the pose is refuted.
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
 # The table has the numbers of this chart, and the crossover in its last column. The fold-out has four more components
-# of a robot. For one of them the crossover is "not measured here". An interviewer respects that answer, too.
+# of a robot. For one of them the crossover is "not measured here".
 
 # %% tags=["hide-code"]
 both = tables.classical_or_learned()
@@ -897,10 +905,10 @@ Markdown(
 
 # %% [markdown]
 # Our measurements with these components allow you to say: on data like those of its training, a learned component can
-# win. It needed fewer states in planning and less time in perception, and it beat a classical method whose model was
-# wrong or incomplete. Outside of its training data it lost in planning, and its error grew in control. For the mirrored
-# part it returned a wrong pose without a warning. And first fit the classical model to measured data: the learned model
-# never beat complete equations whose parameters were fitted.
+# win. In planning it needed fewer checks (without the time of the network), in perception less time, and it beat a
+# classical method whose model was wrong or incomplete. Outside of its training data it lost in planning, and its error
+# grew in control. For the mirrored part it returned a wrong pose without a warning. And first fit the classical model
+# to measured data: the learned model never beat complete equations whose parameters were fitted.
 #
 # Here is what to read: one book, five papers and five code repositories, with a summary of each.
 
@@ -917,9 +925,9 @@ tables.lessons()
 # ## 8 · Exercises
 #
 # These are coding questions of 8 to 30 minutes. `check` tests your function on new random cases and, where it can,
-# explains the mistake. Each function below runs, but contains a common mistake. `truncated_advantages` belongs to
-# reinforcement learning (chapter 9). There, the *advantage* of an action says how much better it was than expected, and
-# a *critic* is a network that predicts the sum of future rewards from a state.
+# explains the mistake. Each function below runs, but contains one or more common mistakes. `truncated_advantages`
+# belongs to reinforcement learning (chapter 9). There, the *advantage* of an action says how much better it was than
+# expected, and a *critic* is a network that predicts the discounted sum of future rewards from a state.
 
 # %%
 card("tip_resolution")
@@ -1038,9 +1046,10 @@ check(silent_gate)
 # ## 9 · Interview
 #
 # Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, the likely
-# follow-up, and what the interviewer listens for. The last question takes half an hour. The answers to coding questions
-# contain code that the tests of the course run. Two terms occur in the questions. In **hardware in the loop**, the real
-# controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each change of the code.
+# follow-up, and what the interviewer listens for. The last question takes half an hour. The answers to coding
+# questions contain code, and the course tests this code. Two terms occur in the questions. In **hardware in the
+# loop**, the real controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each
+# change of the code.
 
 # %%
 interview("interview")
@@ -1048,8 +1057,7 @@ interview("interview")
 # %% [markdown]
 # ### Checkpoint
 #
-# *In your own words: which number in this course surprised you, and what had you expected?* Write it down. It is a good
-# answer to "tell me something that you learned".
+# *In your own words: which number in this course surprised you, and what had you expected?* Write it down.
 
 # %%
 mine = ""

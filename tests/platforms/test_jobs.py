@@ -40,8 +40,22 @@ def test_there_are_seven_jobs_and_the_page_shows_what_is_computed_for_each() -> 
         for o in cell.get("outputs", [])
         if "data" in o
     ]
-    (lines,) = (text.splitlines()[2:] for text in shown if text.startswith("| Job | Pick | Why |"))
-    assert lines == ["| " + " | ".join((job, *jobs.decide(job))) + " |" for job in jobs.JOBS]
+    head = "| Job | Needs | Pick | Why |"
+    (lines,) = (text.splitlines()[2:] for text in shown if text.startswith(head))
+    facts = jobs.facts()["MuJoCo"]
+
+    def limits(job: str) -> str:
+        """Return the needs of a job as the page states them."""
+        return "; ".join(
+            need.row
+            if need.sense == "is"
+            else f"{need.row} {need.sense} {need.limit:g} {facts[need.row].unit}".strip()
+            for need in jobs.JOBS[job][0]
+        )
+
+    assert lines == [
+        "| " + " | ".join((job, limits(job), *jobs.decide(job))) + " |" for job in jobs.JOBS
+    ]
 
 
 @pytest.mark.parametrize("job", MEASURED)

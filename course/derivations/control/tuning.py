@@ -101,8 +101,8 @@ def p_alone_overshoots(result):
     "{slope:g} N m/s leaves {ramp:.3f} rad with a Ki of {ki:g} N m/(rad s). A load above the "
     "torque limit drives the joint away, here by {limited:.2f} rad within {seconds:.0f} s. A loop "
     "whose I term goes on summing at a limit can swing between its limits for ever, although the "
-    "motor could carry the load. With static friction of twice the Coulomb friction the joint "
-    "hunts by {hunting:.3f} rad.",
+    "motor could carry the load. Static friction above Coulomb friction can make a joint hunt: "
+    "with twice the Coulomb friction one hunts by {hunting:.3f} rad.",
 )
 def integral_removes_the_error(result):
     from dataclasses import replace
@@ -127,6 +127,7 @@ def integral_removes_the_error(result):
     # Static friction above Coulomb's: the stick-slip limit cycle that is called hunting.
     sticky = Joint(0.05, 0.05, 0.0, 0.1, 0.2)
     swing = _step(Gains(6.4, 25.6, 0.7, 0.005), joint=sticky, target=0.5, seconds=40.0)[0].q
+    calm = Gains(20, 20, 4, rate="exact")
     result.measure("left_with_p", remaining(Gains(20, 0, 6, rate="exact")))
     result.measure("left_with_i", remaining(), 0.5)
     ramp = result.measure("ramp", remaining(extra=-slope * 2e-3 * np.arange(n)), 1e-3)
@@ -148,7 +149,7 @@ def integral_removes_the_error(result):
     result.statement_holds(
         remaining(extra=-slope * 2e-3 * np.arange(n)) < 1e-3,
         only_if="the loop is stable, load and set-point are constant, the command is within its "
-        "limits in the end, and static friction does not exceed Coulomb friction",
+        "limits in the end, and the joint does not hunt",
         inside=[remaining(g, Joint(J, B, x)) < 1e-4 for g, x in zip(sets, loads, strict=True)]
         # At the limit for a while, and with anti-windup back within it.
         + [
@@ -169,6 +170,8 @@ def integral_removes_the_error(result):
         remaining() < 1e-6,
         abs(ramp / (slope / gains.ki) - 1) < 1e-3,
         np.ptp(swing[-15_000:]) > 0.01,
+        # Static friction above Coulomb's need not make a joint hunt: these gains bring it to rest.
+        abs(_step(calm, joint=Joint(J, B, 0.0, 2.0, 3.0), seconds=20.0)[0].q[-1] - 1.0) < 1e-4,
         # Without anti-windup: the limit is six times the load, and the swing does not end.
         np.ptp(endless[-10_000:]) > 1.0 and _growth(20, 100, 6, dt=2e-3) < 1.0,
     )

@@ -236,7 +236,7 @@ def derivative_is_filtered(result):
 
 
 @claim(
-    "Energy that grows all the time shows that the time integration is unstable.",
+    "If the energy grows all the time, the time integration is unstable.",
     "A force or an impact rule may feed energy in. To tell them apart, halve the time step. The "
     "growth of ln E per second that explicit Euler causes is halved, from {whole:.2f} to "
     "{half:.2f}, and Heun's scheme loses more than half of it. The growth that friction with the "

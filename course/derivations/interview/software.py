@@ -17,7 +17,7 @@ SYMBOLS = {
 
 
 @claim(
-    "A policy that reaches a gate of 70 % in a hundred trials has a true success rate of at least "
+    "If a policy succeeds in 70 of 100 trials, this proves that its true success rate is at least "
     "70 %.",
     "A policy with a true rate of {worse:.2f} passes with probability {lucky:.2f}, and one whose "
     "true rate equals the gate with {fair:.2f}. After {passed:.0f} successes in {n:.0f} trials "

@@ -203,8 +203,8 @@ def hooke(cause: str, seed: int) -> float:
 SCENARIO = Scenario(
     name="explodes",
     title="It explodes after about a thousand steps",
-    prompt="A slide on a rail rests between two elastic stops, and a weak drive centres it. "
-    "A brake and friction should damp the small motion that it has at the start. "
+    prompt="A slide moves on a rail between two elastic stops. A weak drive pulls it to the "
+    "middle. A brake and friction should damp the small motion that it has at the start. "
     "Instead the motion grows, and after about a thousand steps the slide is lost: it has left "
     "its range. Some probes change one thing and return the time ratio: the time until the slide "
     "is lost, divided by the time without the change. Such a run ends after about three times the "
@@ -220,8 +220,8 @@ SCENARIO = Scenario(
         Cause(
             "double_contact",
             "Each stop is detected as two contact points, and each point has the full "
-            "stiffness that was chosen for one. At twice the stiffness, the time step is too "
-            "long for a stable simulation.",
+            "stiffness that was chosen for one. At twice the stiffness, and with the brake, the "
+            "time step is too long for a stable simulation.",
             "share_stiffness",
         ),
         Cause(
