@@ -172,8 +172,8 @@ def compare_engines(
         times: whole multiples of both steps, rising, (n,) [s].
 
     Returns:
-        (place of the block on the second engine less that on the first, (n,) [m]; what the scene's
-        energy has gained on each engine from the start to the last time, (2,) [J]).
+        (position of the block on the second engine minus that on the first, (n,) [m]; what the
+        scene's energy has gained on each engine from the start to the last time, (2,) [J]).
     """
     masses, steps, times = (np.asarray(one, dtype=float) for one in (masses, steps, times))
 

@@ -64,8 +64,8 @@ def _even(expression, over, width):
     "{camera_hz:.0f} Hz, {see_ms:.0f} ms for perception, a planner at {plan_hz:.0f} Hz that needs "
     "{plan_ms:.0f} ms and a loop at {loop_hz:.0f} Hz, the mean age is {mean_ms:.1f} ms instead of "
     "{sum_ms:.1f}. Simulated runs give {simulated_ms:.1f} ms, and no age above the bound of "
-    "{bound_ms:.1f} ms. If the clocks never drift, the mean of a run depends on its start: it lay "
-    "between {locked_least_ms:.0f} and {locked_most_ms:.0f} ms.",
+    "{bound_ms:.1f} ms. If all clocks keep exact time, the mean of a run depends on its start: in "
+    "such runs it lay between {locked_least_ms:.0f} and {locked_most_ms:.0f} ms.",
     ask=(
         "Two stages with clocks of their own read the newest value. What is the mean age of the "
         "information behind the command that is in force?",
@@ -130,7 +130,8 @@ def chain_age(result):
     "The age of the newest value depends on how often it is produced, not on how often it is read: "
     "{formula} at a random moment. Readers at {slow_hz:.0f} and {fast_hz:.0f} Hz got pictures of a "
     "{camera_hz:.0f} Hz camera that were {slow_ms:.1f} and {fast_ms:.1f} ms old. Polling faster "
-    "only shortens the time for which the reader's own result stays in force.",
+    "shortens two other times: until the reader notices a new value, and for which its own result "
+    "stays in force.",
     ask=(
         "A producer with period T needs the time C for each value. How old is its newest value on "
         "average, for somebody who looks at a random moment?",
@@ -163,8 +164,8 @@ def polling_makes_fresh(result):
 
 @claim(
     "Inputs come regularly, and a stage with one worker always needs the same time, longer than "
-    "the interval of its inputs. Then its results are youngest if it starts again as soon as it is "
-    "free, with the newest input.",
+    "the interval of its inputs. Then its newest result is youngest, on average, if it starts "
+    "again as soon as it is free, with the newest input.",
     "That input has already waited. If the planner of this chapter's chain always needs exactly "
     "{plan_ms:.0f} ms, the wait is {exact_wait_ms:.0f} ms on average, and the mean age of the "
     "command is {exact_ms:.0f} ms. If this time varies a little, the wait is half of an interval, "
@@ -172,7 +173,7 @@ def polling_makes_fresh(result):
     "{free_cores:.1f} cores busy. It is better to ignore the inputs that come while the planner is "
     "busy, and to start with the next one, which is fresh: {skip_ms:.0f} ms with {skip_cores:.1f} "
     "cores. At none of {ratios:.0f} ratios of the two times were the results older with this "
-    "rule.",
+    "rule. At some of them both rules give the same age.",
 )
 def start_when_free(result):
     from dataclasses import replace
@@ -312,7 +313,8 @@ def long_run_mean(result):
 
 
 @claim(
-    "The clocks of two computers keep the same phase if both are set to the same rate.",
+    "The clocks of two computers keep the same phase if both are set to the same rate, even "
+    "without synchronisation.",
     "Each computer has a quartz of its own, and the two differ slightly. With a difference "
     "of {ppm:.0f} parts in a million the age at reading is a sawtooth as high as a period, "
     "{high_ms:.1f} ms at {rate_hz:.0f} Hz. One tooth takes {formula}, here "
@@ -556,7 +558,7 @@ def losses_add_up(result):
 
 @claim(
     "Jitter of the execution times does not change the mean age over all phases, if no result "
-    "overtakes another and none is skipped.",
+    "overtakes another and each stage is always free when it has to start.",
     "A late result makes the data older for a moment, an early one makes them newer, and on "
     "average both cancel. With jitter of {jitter:.0%} of each execution time the mean moved by at "
     "most {moved:.1%}. The least age and the bound move apart, by {wider_ms:.0f} ms on each side. "

@@ -34,7 +34,7 @@ CHANGES = (
         "option/impratio",
         "1",
         "10",
-        "Friction ten times as hard as the normal direction: a part that should stick creeps less.",
+        "Friction is ten times as stiff as the resistance to sinking: a part creeps less.",
         _TUNING,
         "bodies",
     ),

@@ -75,8 +75,8 @@ def table(*rows):
 # This chapter is about the connections between the parts of a robot's software. The simulation above draws them as
 # arrows between six boxes and the robot. Click a box to read what goes in and out:
 #
-# * The **simulation engine** takes torques (turning forces) and returns pictures and **joint
-#   states**, the angles and speeds of the joints. It stands for the robot (chapters 1 to 4).
+# * The **simulation** takes torques (turning forces) and returns pictures and **joint states**, the angles and speeds
+#   of the joints. It stands for the robot (chapters 1 to 4).
 # * The **middleware** carries messages from one program to another. It gives each measurement a **time stamp**, the
 #   moment at which it was taken (chapter 10).
 # * **Perception** turns pictures into poses, the positions and orientations of things, with their uncertainty, the
@@ -102,8 +102,8 @@ predict("never_late")
 # times size is the arrow's **bandwidth**. A depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot
 # 480 \cdot 2 \cdot 30 = 18.4$ million bytes per second.
 #
-# The table lists the arrows with the largest bandwidth. Arrows into a simulation or a log have no deadline, because
-# nobody waits for them.
+# The table lists the arrows with the largest bandwidth. The joint loop of a simulation has no deadline, because a
+# simulation can wait. Neither has a log.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -117,9 +117,9 @@ table(
 
 # %% [markdown]
 # Nearly all bytes belong to pictures. Nearly all messages are joint states and torques. Only the loop between control
-# and motors has hard deadlines. These facts decide where the programs run. The joint loop becomes a program with a
-# *core* (one processor of the computer) of its own, so other programs hardly delay it. The pictures stay on one
-# computer, because a network would add a delay that varies.
+# and motors has hard deadlines. So the joint loop becomes a program with a *core* (one processor of the computer) of
+# its own, so other programs hardly delay it. The pictures stay on one computer, because a network would add a delay
+# that varies.
 #
 # ### How old is a command?
 #
@@ -142,7 +142,7 @@ show("chain_age")
 
 # %% [markdown]
 # The next diagram shows how the age grows from 0, the capture of the picture, to the present moment. All values are
-# means. Blue bars are work. Orange bars are waiting:
+# means. Blue bars are work. An orange bar shows how long ago the result in use was finished:
 
 # %% tags=["hide-code"]
 parts, names = [], []
@@ -177,14 +177,14 @@ table(
 
 # %% [markdown]
 # Why half of each period? The planner looks for a pose at a random moment. The newest pose may have come just now, or
-# almost a whole period of perception ago. On average it came half a period ago. In the same way, the joint loop issued
-# the last command half of its period ago, on average.
+# almost a whole period of perception ago. On average it came half a period ago. In the same way, the loop uses a plan
+# that came, on average, half a planner period ago, 50 ms. And the command in force came half a loop period ago.
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
-# by $0.3 \cdot 172.4 = 52$ mm. So the gripper closes 52 mm behind the part.
+# by $0.3 \cdot 172.4 \approx 52$ mm. So the gripper closes 52 mm behind the part.
 #
-# Two clocks do not start at the same moment. The shift between their ticks is their **phase**. Independent clocks
+# One of two clocks starts later than the other. This shift between their ticks is their **phase**. Independent clocks
 # **drift**: no clock keeps its rate exactly, so the phase changes slowly and takes all values while the robot works.
 # The 172.4 ms are the mean over all phases. But suppose that two clocks never drift, and that one ticks exactly three
 # times as often as the other. Then they keep the phase with which they started, and the mean differs from one start of
@@ -235,18 +235,17 @@ show("polling_makes_fresh")
 # intervals of the planner and of the joint loop, because they are readers. The camera and perception have the same
 # interval. So both sums have the same three intervals and the same execution times, and both means are equal.
 #
-# Do both times also have the same distribution? This means that each value is as frequent in one as in the other. For a
-# test, let the execution times vary from run to run. This is called **jitter**. And let some results get lost. With
-# jitter, one of two parallel workers can overtake the other. The simulation then drops the late result of the older
-# picture.
+# Do both times also have the same *distribution*: is each value as frequent in one as in the other? For a test, let the
+# execution times vary from run to run. This is called **jitter**. And let some results get lost. With jitter, one of
+# two parallel workers can overtake the other. The simulation then drops the late result of the older picture.
 
 # %%
 show("reaction_is_age")
 
 # %% [markdown]
-# Günzel and others (ECRTS 2023) proved that the largest data age equals the largest reaction time, for nearly any way
-# in which programs share processors. In practice, log the data age, because you only need a time stamp that travels
-# with the data. Write requirements as reaction times, because people ask how soon a robot reacts.
+# Günzel and others (ECRTS 2023) proved that the largest data age equals the largest reaction time, also if programs
+# share processors. In practice, log the data age, because you only need a time stamp that travels with the data. Write
+# requirements as reaction times, because people ask how soon a robot reacts.
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
@@ -277,12 +276,13 @@ show("start_when_free")
 # Every change costs computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided
 # by interval. Before any change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
 #
-# The table lists what each change of one stage saves, and how many more cores it needs. It uses the formula of section
-# 1, with these waits and intervals for a planner on arrival. With *skip* a pose does not wait, and a plan comes with
-# every second pose, every 66.7 ms. With *queue* a pose waits 16.7 ms on average, if the 60 ms vary a little, and a plan
-# comes every 60 ms. *Pipelined*, no pose waits, and a plan comes every 33.3 ms.
+# The table lists what each change of one stage saves by the formula of section 1, and how many more cores it needs.
+# With *skip* a pose does not wait, and a plan comes with every second pose, every 66.7 ms. With *queue* a pose waits
+# 16.7 ms on average, if the 60 ms vary a little, and a plan comes every 60 ms. *Pipelined*, no pose waits, and a plan
+# comes every 33.3 ms.
 #
-# The change that saves most per core comes first. Changes that break a hard deadline are not listed.
+# The change that saves most per core comes first. A joint loop on arrival would break its hard deadline, so it is not
+# listed.
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -303,8 +303,8 @@ table(
 # remains.
 #
 # To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the prediction
-# has an additional error. The **standard deviation** measures how much a value varies around its mean. For this error
-# it is the speed times the standard deviation of the age.
+# has an additional error. The **standard deviation** measures how much a value varies around its mean. The standard
+# deviation of this error is the speed times the standard deviation of the age.
 #
 # If pictures steer the arm, old pictures can make it *unstable*: it swings more and more. Let the arm swing at $f$ Hz.
 # During the age $A$ it goes through $f A$ cycles of its swing. So the correction comes $f A$ cycles late. As an angle,
@@ -339,10 +339,10 @@ table(
 # %% [markdown]
 # ### What the boxes are built with
 #
-# Most of the boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for
-# planning. A **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a tree
-# whose nodes succeed, fail or continue. In some of these programs you can limit the age of a value. But only you know
-# which age your task allows.
+# Most boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
+# A **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a tree whose
+# nodes succeed, fail or continue. In ROS 2 a message can expire some time after it was sent. But only you know which
+# age your task allows.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -371,9 +371,9 @@ source(role.read, role.Trace.age, role.Trace.reaction)
 
 # %% [markdown]
 # A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds. The
-# names *see*, *plan* and *act* stand for perception, the planner and the joint loop. Here the planner has no clock. It
-# starts on arrival, with the rule *skip*. The next cell compares the formula of section 1, the **closed form**, with
-# 300 simulated runs, each with random phases:
+# names *see*, *plan* and *act* stand for perception, the planner and the joint loop. Here the planner starts on
+# arrival, with the rule *skip*. The next cell compares the formula of section 1, the **closed form**, with 300
+# simulated runs, each with random phases. (Here `age` is the closed form.)
 
 # %% tags=["show-code"]
 chain = [
@@ -397,8 +397,8 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 # click becomes orange, and its arrows become blue. The readout *newest result* is the age of this box's newest result.
 #
 # The bars show how often each age occurs in about thirty seconds of a run. The dashed lines show the closed form:
-# least, mean and bound. The clocks in this simulation drift, so their phases change all the time. The switch *all
-# clocks from one* stops the drift.
+# least, mean and bound. The clocks in this simulation drift much faster than real ones, so half a minute shows all
+# phases. The switch *all clocks from one* stops the drift.
 #
 # Try the presets one after another, and predict the bars before you look. In the preset *Deep queue* the poses wait in
 # a **queue**: a new pose joins at the end, and the planner takes the one at the front. If the queue is full, the pose
@@ -416,7 +416,7 @@ predict("queue_of_ten")
 # chain.
 #
 # The results are compared with a reference, the mean over 8,192 starts whose phases are spread evenly over all values.
-# The blue point is the closed form. For this chain it is exact, so the error of the blue point is really the error of
+# The blue point is the closed form. For this chain it is exact. So the error drawn at the blue point is the error of
 # the reference.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
@@ -426,10 +426,10 @@ figures(read("age_precision"), "closed form", "1000 random", summary="Times and 
 
 # %% [markdown]
 # Each green point is the *median* of nine repeats: half of the errors are larger. The band around it holds the middle
-# half of these errors. At the dotted line the error is 1 ms; in this time a part at 0.3 m/s moves by 0.3 mm. With 1,000
-# starts the median error is about half a millisecond. For this chain the closed form is exact and needs only
-# microseconds, but it gives the mean over all starts. Only the event simulation shows what happens after *one
-# particular* start. Use the formula to design, and the simulation wherever the assumptions of the formula do not hold.
+# half of these errors. At the dotted line the error is 1 ms. With 1,000 starts the median error is about half a
+# millisecond. For this chain the closed form is exact and needs only microseconds, but it gives the mean over all
+# starts. Only the event simulation shows what happens after *one particular* start. Use the formula to design, and the
+# simulation wherever the assumptions of the formula do not hold.
 #
 # ## 6 · Debug: where it fails
 #
@@ -439,9 +439,10 @@ figures(read("age_precision"), "closed form", "1000 random", summary="Times and 
 # runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks that
 # count the swings of the same quartz never drift against each other.
 #
-# But that alone does not fix the phase. At 30 Hz and 9.73 Hz, each tick of the slower clock comes at another moment
-# between two ticks of the faster one. At 30 Hz and 10 Hz it always comes at the same moment. Two clocks are **locked**
-# if they count the same quartz and the ratio of their rates is one of small whole numbers, such as 3 to 1.
+# But that alone does not fix the phase. At 30 Hz and 10 Hz, each tick of the slower clock comes at the same moment
+# between two ticks of the faster one. At 30 Hz and 9.73 Hz it comes at many different moments. Two clocks are
+# **locked** if they do not drift against each other and their rates are in a ratio of two small whole numbers, such as
+# 3 to 1.
 
 # %%
 show("long_run_mean")
@@ -463,8 +464,7 @@ show("same_rate_in_step")
 # the camera's period.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
-# falls at once by one period, and rises again. With a faster reader the curve is mirrored: the age falls slowly and
-# rises at once.
+# falls at once by one period, and rises again.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -475,13 +475,14 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 # ### Clocks on two computers: what an offset does
 #
 # Time stamps help only if the computers agree on the time. Suppose that the clock of the camera's computer is 5 ms
-# ahead of the controller's clock. Then every age in the log is 5 ms too small, and at 0.3 m/s every prediction is wrong
-# by $0.3 \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks as usual.
+# ahead of the clock of the joint loop's computer. Then every age that the joint loop logs is 5 ms too small, and at 0.3
+# m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks
+# as usual.
 #
-# Look at the least and the greatest age instead. If the execution times are constant and the programs' clocks drift, a
-# long log comes close to the sum of the execution times and to the bound of section 1. If both ages are too small, or
-# both too large, by the same amount, suspect an offset. This test fails in two cases. Jitter moves the least and the
-# greatest age. With locked clocks the ages may never come near these limits.
+# Look instead at the least and the greatest age of the commands in force. If the execution times are constant and the
+# programs' clocks drift, these ages come close to the sum of the execution times and to the bound of section 1. If both
+# ages are too small, or both too large, by the same amount, suspect an offset. This test fails in two cases. Jitter
+# moves the least and the greatest age. With locked clocks the ages may never come near these limits.
 #
 # Computers set their clocks over the network. One computer sends a question to another, and the other sends an answer.
 # There are four time stamps. The question leaves at $t_0$ and arrives at $t_1$. The answer leaves at $t_2$ and arrives
@@ -532,9 +533,11 @@ plt.show()
 #
 # Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, but slowly:
 # two clocks at 30 Hz that differ by 10 ppm need almost an hour. Over several hours the mean of section 1 is right.
+#
 # Synchronised clocks do not drift. If PTP or a trigger line synchronises the clocks that start our stages, they are
-# locked, because the rates are 3 to 1 to 100. Then the mean depends on the start. It lies between 156 and 188 ms, as
-# the first claim of section 1 reports.
+# locked, because the rates are 3 to 1 to 100. Then the mean depends on the start. Each pose waits equally long for the
+# planner, up to 33.3 ms, and each plan for the loop, up to 1 ms. So the mean lies between $105.2 + 50 \approx 155$ and
+# $155.2 + 34.3 \approx 190$ ms.
 #
 # ### Queues
 #
@@ -547,9 +550,9 @@ show("deep_queue")
 
 # %% [markdown]
 # What happens in overload if the queue has no limit? Suppose that a sample comes every $T$ and needs the time $C$, and
-# that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind it is only
-# $T$ newer than the one before. So from result to result the age grows by $C - T$, as long as the robot runs. Per
-# second it grows by $(C - T)/C$ seconds.
+# that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind each result
+# is only $T$ newer than the sample behind the result before. So from result to result the age grows by $C - T$, as long
+# as the robot runs. Per second it grows by $(C - T)/C$ seconds.
 #
 # The chart above shows both kinds of queue. Lower right: a queue without a limit. To the right of the dotted line,
 # marked *full*, $C$ is longer than $T$ and the age grows. Lower left: a queue with a limit. A reader at 9.7 Hz is
@@ -572,8 +575,8 @@ for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
 table(*rows)
 
 # %% [markdown]
-# With *queue* each picture has already waited when the stage takes it. With *skip* the stage waits, and the picture is
-# fresh. With a deep queue the age is almost four times as large, for the same computing.
+# With *queue* most pictures have already waited when the stage takes them. With *skip* the stage waits, and the picture
+# is fresh. With a deep queue the age is almost four times as large.
 #
 # The ages in this table are simulated, and each run takes exactly 60 ms. Five runs then last exactly as long as nine
 # pictures. So the same five waits repeat: 0, 0.2, 0.4, 0.6 and 0.8 of $T$. Their mean is $0.4\,T$, about 13 ms. If the
@@ -602,15 +605,16 @@ show("jitter_leaves_the_mean")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used for
-# the first time, log the age of its picture. Plot these ages over at least an hour: one point for each plan. Each line
-# names what you can see there, and then the likely cause:
+# the first time, log the age of its picture. (In use it grows further.)  Plot these ages over at least an hour: one
+# point for each plan. Each line names what you can see there, and then the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
 # * The age rises slowly and falls at once, again and again: clocks that drift, and the reader's is a little too
 #   slow. If it is a little too fast, the age falls slowly and rises at once.
 # * The age is too large by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit.
-# * The ages are scattered without a pattern: jitter, lost samples, or two rates such as 30 Hz and 9.73 Hz.
+# * The ages are scattered without a pattern: jitter, lost samples, or two rates such as 30 Hz and 9.73 Hz, whose plot
+#   is a sawtooth if you enlarge it.
 # * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
 # </div>
@@ -740,15 +744,14 @@ answer("deep_queue", "d*T")
 # %% [markdown]
 # ## 8 · What simulation buys
 #
-# Why simulate at all? The usual answer is a table that compares work without and with simulation. Here is a question
-# about such a table.
+# Why simulate at all? The usual answer is a table such as the one in this question:
 
 # %%
 predict("gold_plated_table")
 
 # %% [markdown]
-# This is the whole table. It comes from an older lesson, from which this course grew. The lesson names no source, so
-# don't repeat these numbers. They only show what people hope for:
+# This is the whole table. It comes from an older lesson, which names no source and does not say what the percentages
+# count, so don't repeat these numbers. They only show what people hope for:
 #
 # | | without simulation | with simulation |
 # |---|---|---|
@@ -837,12 +840,12 @@ table(*rows)
 # such chunks; they also average chunks that overlap.
 #
 # For how many seconds must the actions of a chunk last? If the policy always needs 80 ms, the next chunk arrives one
-# interval after this one. In the last row that is 0.8 s. Suppose that the first action is meant for the moment at which
+# interval after this one. In the last row that is 0.8 s. Suppose that the first action is planned for the moment when
 # the chunk arrives. Then the chunk must last one interval.
 #
-# Suppose instead that the first action is meant for the moment of the observation. Then 80 ms have passed already when
-# the chunk arrives, and it must last 80 ms longer. If the computing time varies, add some more. After a chunk that is
-# too short, the robot has no action until the next one arrives.
+# Suppose instead that the first action is planned for the moment of the observation. Then 80 ms have passed already
+# when the chunk arrives, and it must last 80 ms longer. If the computing time varies, add some more. After a chunk that
+# is too short, the robot has no action until the next one arrives.
 #
 # A **digital twin** is a simulation that runs beside the robot and follows its joint states. It reads the joint states
 # as control does, so its data have an age, too.

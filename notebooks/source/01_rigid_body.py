@@ -2,14 +2,14 @@
 # # 1 · Rigid bodies
 #
 # *Your simulated robot stands still, and its energy grows. A part tumbles through the air and turns the wrong way. A
-# simulation with a stiff gripper explodes at one step size and runs well at another. Each time the fault lies in the
-# time step: it is too long, or a line of code that computes it is wrong.*
+# simulation with a stiff gripper explodes at one step size and runs well at another. Each time the step is the cause:
+# it is too long, or its code is wrong.*
 #
 # A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Does it
 # matter which of the two comes first?
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
-# exercises {exercise minutes} minutes.
+# exercises {exercise minutes} minutes. (This counts half a minute for a folded claim, and no interview.)
 # %%
 from course.cards import predict
 from course.simulations import simulation
@@ -31,9 +31,10 @@ simulation("bouncing_box")
 #
 # ## How this chapter works
 #
-# Every measured number comes from a cell on this page, from a stored chart, or from a check that `python -m
-# course.derivations 1` repeats. The code is the package `course.rigid_body`. Gravity is 9.80665 m/s² in the code, 9.81
-# in worked examples and 9.8 on the *Gravity* slider above. Six exercises wait in section 8:
+# Some cards show a common claim. Answer *only under a condition* if it needs a condition that it does not state.
+# Measured numbers come from code on this page, from saved charts or from checks that `python -m course.derivations 1`
+# repeats. The code is the package `course.rigid_body`. Gravity is 9.80665 m/s² in the code, 9.81 in worked examples and
+# 9.8 on the *Gravity* slider above. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -121,7 +122,7 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
 # ### Free rotation: what stays constant without torque
 #
-# Throw a book into the air with a spin. Nothing touches it, and yet it wobbles. Why?
+# Throw a book into the air with a spin. Nothing touches it, yet it wobbles. Why?
 #
 # A piece of mass $dm$ at the distance $r$ from an axis resists every change of a rotation about it, in proportion to
 # $r^2$. Summed over the body, this gives the **moments of inertia**. About the axes $x$, $y$ and $z$ through the centre
@@ -131,8 +132,8 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 #
 # For most directions of the axes there are also mixed terms such as $-\int xy\,dm$. All these together form the
 # **inertia tensor** $I$, a symmetric 3 × 3 matrix. Like every symmetric matrix it has three perpendicular eigenvectors.
-# An eigenvector of $I$ is called a **principal axis**, and its eigenvalue a principal moment. In these axes $I$ is
-# diagonal. For a box they are parallel to the edges.
+# Each is a **principal axis**, its eigenvalue a principal moment. In these axes $I$ is diagonal. For a box they are
+# parallel to the edges.
 #
 # The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
 # rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
@@ -142,9 +143,9 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # is a spin about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant.
 #
 # In the simulation below, the tip of $\omega$ draws a green curve in space. Seen from the body, its path is the pink
-# curve, the **polhode**. The lines from the origin to these curves form the *space cone* and the *body cone*. The
-# energy $\tfrac12\,\omega\cdot L$ is constant, and $L$ is fixed. So the tip of $\omega$ stays in a plane perpendicular
-# to $L$ (grey).
+# curve, the **polhode**. The lines from the centre to the green curve form the *space cone*, those to the pink curve
+# the *body cone*. The energy $\tfrac12\,\omega\cdot L$ and $L$ are constant, so the part of $\omega$ along $L$ is too:
+# its tip stays in a plane perpendicular to $L$ (grey).
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -165,7 +166,7 @@ simulation("free_body")
 #
 # The product $\omega\times(I\omega)$ is the **gyroscopic term**. It is not a force. It appears because you describe $L$
 # from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The term is zero if $L$ and
-# $\omega$ are parallel: in a spin about a principal axis, or if all three moments are equal, as in a ball or a cube.
+# $\omega$ are parallel: in a spin about a principal axis, or if all three moments are equal.
 #
 # <details><summary>Derive it: where the extra term comes from</summary>
 #
@@ -199,7 +200,7 @@ more_claims(
 # ### Stable and unstable axes
 #
 # Take a brick with three different sides. A spin about any of its three principal axes is an exact solution of the
-# equations. But nobody throws perfectly, so ask what a small disturbance does.
+# equations. But what does a small disturbance do?
 # %%
 predict("brick_that_flips")
 # %%
@@ -380,17 +381,17 @@ except ValueError as problem:
 # **roll** about its new $x$ axis, which points to the nose. With $z$ up, a positive $\theta$ turns the nose down (in
 # aviation up, because $z$ points down).
 #
-# At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There yaw and roll turn about the same line,
-# and none of the three angles turns the nose sideways. This is **gimbal lock**. Watch the blue ring (yaw) and the
-# violet ring (roll), then set the pitch to 90°:
+# At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There yaw and roll turn about the same line:
+# the nose can tip only about the pitch axis. This is **gimbal lock**. Watch the blue ring (yaw) and the violet ring
+# (roll), then set the pitch to 90°:
 # %%
 simulation("gimbal")
 # %% [markdown]
 # A matrix $E$ turns the three angle rates into the angular velocity. Its determinant is $\lvert\det E\rvert =
 # \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two. Then one direction, the *lost axis*, is missing:
-# no angle rates can turn the body about it. Try all angle rates whose vector has the length 1 rad/s. The rate of the
-# slowest turn is the smallest **singular value** of $E$ (*weakest turn* in the simulation). The axis of this turn is
-# the *weakest axis*. At the lock it is the lost axis.
+# no angle rates can turn the body about it. Multiply $E$ by every vector of angle rates of length 1 rad/s. The shortest
+# result (*weakest turn* in the simulation) is as long as the smallest **singular value** of $E$. Its direction is the
+# *weakest axis*, at the lock the lost axis.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the weakest axis")
 for angle in (60.0, 89.0, 90.0):
@@ -507,9 +508,9 @@ more_claims("quaternion_is_unique")
 # ### Explicit and semi-implicit Euler
 #
 # The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state by
-# one time step $h$ (`dt` in code). Write $q$ for all position coordinates, orientations included, $v$ for the velocity,
-# $a$ for the acceleration at $q$, and a prime for values after the step. The obvious method uses only values that are
-# known at the start of the step. **Explicit Euler** does this:
+# one time step $h$ (`dt` in code). Write $q$ for the position coordinates (orientations follow below), $v$ for the
+# velocity, $a$ for the acceleration at $q$, and a prime for values after the step. The obvious method uses only values
+# that are known at the start of the step. **Explicit Euler** does this:
 #
 # $$q' = q + h\,v, \qquad v' = v + h\,a .$$
 #
@@ -559,11 +560,11 @@ more_claims(
 # %% [markdown]
 # ### The stability limit of a step
 #
-# A gripper closes, a stiff pad touches the part, and the simulation explodes. The step that was fine before is suddenly
-# too long. A mass $m$ on a spring is enough to find the limit. If a spring of **stiffness** $k$ is stretched by $x$, it
-# pulls back with the force $kx$. So $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Close to a stable resting
-# position, most systems with forces from a potential energy behave like a set of such springs. There is one for each
-# *mode of vibration*, a pattern in which all parts oscillate at one frequency.
+# A gripper closes on a stiff part, and the simulation explodes. The step is suddenly too long. A mass $m$ on a spring
+# is enough to find the limit. If a spring of **stiffness** $k$ is stretched by $x$, it pulls back with the force $kx$.
+# So $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a stable resting position, most systems with forces from a
+# potential energy act like several independent springs. Each stands for a *mode of vibration*, a pattern in which all
+# parts swing at one frequency.
 #
 # On a spring, a step multiplies the state $(x, v)$ by a fixed matrix $A$. For semi-implicit Euler insert the first line
 # into the second:
@@ -644,9 +645,8 @@ show("semi_implicit_unconditional")
 # </details>
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Semi-implicit Euler needs $h < 2/\omega_{\max}$, so the fastest
-# oscillation in the model decides. A contact that opens and closes needs a smaller step, because it may gain energy
-# even below the limit.
+# **Key insight.** Without damping, semi-implicit Euler needs $h < 2/\omega_{\max}$, so the fastest oscillation in the
+# model decides. A contact that opens and closes needs a smaller step, because it may gain energy even below the limit.
 #
 # </div>
 # %%
@@ -688,7 +688,7 @@ more_claims(
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
-# Choose an integrator, drag the start, and press play to see its evaluations in turn. Dots show where it evaluates the
+# Choose an integrator, drag the start, and press play. Dots show where it evaluates the
 # force. The red ring shows where the step ends.
 # %%
 simulation("force_evaluations", still=0.0)
@@ -704,9 +704,8 @@ simulation("force_evaluations", still=0.0)
 # | implicit midpoint | 2 | several (here about 5), to solve an equation | yes | no limit: every step is stable |
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 \approx 2.828$ |
 #
-# The *yes* in the table holds for forces that depend on positions alone. With several coordinates, the forces must also
-# come from a potential energy. If forces depend on the velocity too, Verlet needs the new velocity for $a'$ and
-# estimates it as $v + ha$.
+# *Yes* holds if forces depend on positions alone and, for several coordinates, come from a potential energy. If forces
+# depend on the velocity too, Verlet needs the new velocity for $a'$ and estimates it as $v + ha$.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -725,11 +724,11 @@ more_claims(
 # Simulate a pendulum for a million steps, with about a hundred steps per swing. The energy error of semi-implicit Euler
 # does not grow. The energy error of RK4 is far smaller, but it grows all the time. The reason is geometric.
 #
-# Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start not with one state but
-# with a patch of them, for example all states within a small circle. As time passes, each state moves, so the patch
-# moves too and changes its shape. If the forces depend on positions alone, its area does not change (Liouville's
-# theorem). With one degree of freedom, an integrator is called **symplectic** if its step leaves the area of every
-# patch unchanged. For such forces semi-implicit Euler has this property, so it is also called symplectic Euler.
+# Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start with a patch of states,
+# for example all within a small circle. As time passes, each state moves, so the patch moves too and changes its shape.
+# If the forces depend on positions alone, its area does not change (Liouville's theorem). With one degree of freedom,
+# an integrator is called **symplectic** if its step leaves the area of every patch unchanged. If forces depend on
+# positions alone, semi-implicit Euler does so. It is also called symplectic Euler.
 #
 # Explicit Euler does not preserve area. On a spring each step enlarges the patch, which spreads to ever higher
 # energies. RK4 shrinks the patch, very slowly. The picture shows a patch of pendulum states under three integrators.
@@ -870,14 +869,14 @@ print("(between quaternions, as drawn, the angles are half of these)")
 #
 # $$\boxed{\; q' = q\,\exp(h\,\omega) \;}\qquad\text{for } \omega \text{ in the body frame.}$$
 #
-# It stays on the sphere, and for a steady spin it is exact. Call the small rotation $s = \exp(h\omega)$. In
-# $q\,s\,(0,r)\,s^*q^*$ it acts on $r$ first, still in body coordinates, and then $q$ takes the result to the world. So
-# $s$ stands on the *right* of $q$. If your $\omega$ is given in world coordinates, the small rotation is the factor on
-# the left: $q' = \exp(h\,\omega)\,q$. Confusing the sides is a classic bug.
+# It stays on the sphere, and for a steady spin it is exact. Call the small rotation $s = \exp(h\omega)$. The new
+# orientation turns $r$ into $q\,s\,(0,r)\,s^*q^*$: first $s$ turns it in body coordinates, then $q$ takes it to the
+# world. So $s$ stands on the *right* of $q$. If your $\omega$ is given in world coordinates, the small rotation is the
+# factor on the left: $q' = \exp(h\,\omega)\,q$.
 #
 # **Worked example.** A wheel spins at 10 rad/s, and the step is 10 ms, so it turns by 0.1 rad per step. Adding and
 # scaling turns it by only $2\arctan(\tfrac12\omega h) = 0.09992$ rad. The lag, about $\tfrac1{12}(\omega h)^3 =
-# 0.00008$ rad, looks harmless. But after 1000 steps the wheel lags by 0.083 rad, or almost five degrees.
+# 0.00008$ rad, looks harmless. But after 1000 steps the wheel lags by 0.083 rad.
 # %%
 more_claims(
     "renormalising_repairs",
@@ -1041,9 +1040,9 @@ axes_.set(
 plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
-# The loop records what it does. *Age* says how old the command is that a step uses, or how old the motion in an image
-# is. A command comes every 2 ms, so every other step uses one that is 1 ms old. An image lies between the last two
-# states (see *Interpolation* below), so it shows the motion one step late:
+# The loop records what it does. *Age* is the age of the command that a step uses, or of the motion that an image shows.
+# A command comes every 2 ms, so every other step uses one that is 1 ms old. The image due at 16.667 ms mixes the last
+# two states (reason below), so it shows the motion of 15.667 ms. The first row ends the step that began at 0 ms:
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1072,9 +1071,9 @@ figures(
 # * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts the program. An
 #   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics never
 #   reads the clock. So with the same inputs at the same steps, two runs on one machine give the same result.
-# * **Interpolation.** An image mixes the last two states. The weight of the newer one is the time left in the
-#   accumulator, divided by $h$. If you draw the latest state instead, each image is too old by a different part of a
-#   step, and the motion looks jerky.
+# * **Interpolation.** In an image, the weight of the newer state is the time left in the accumulator, divided by $h$.
+#   If you draw the latest state instead, each image is too old by a different part of a step, and the motion looks
+#   jerky.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add 0.001 s millions of times, the
 #   rounding errors add up too. Then two clocks in the same program may assign an event to different steps.
 # %% tags=["hide-code"]
@@ -1173,15 +1172,14 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# If you average the four like ordinary vectors, the method has only order 2. Two added cross products of angular
-# velocities (`bracket` in the code, *commutator* in its comments) restore order 4 (Munthe-Kaas and Owren 1999). One
-# corrects the rotation used for the third evaluation. The other corrects the average. For ordinary coordinates both are
-# zero, and the code is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages):
+# Averaged like ordinary vectors, the four give only order 2. Two cross products of angular velocities, which measure
+# how much the order of rotations matters (`bracket` in the code), restore order 4 (Munthe-Kaas and Owren 1999): one
+# corrects the rotation for the third evaluation, the other the average. Without rotations both are zero, and the code
+# is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
-# We test it on a free body with three different moments, over 20 s with a step of 1 ms. The exact motion is known
-# (Jacobi's elliptic functions):
+# We test it on a free body with three different moments, over 20 s with a step of 1 ms. The exact motion is known:
 # %% tags=["hide-code"]
 tumbling = problems.tumble()
 print(f"{'integrator':<20} {'error [rad]':>12} {'drift of energy':>17} {'drift of L':>12}")
@@ -1305,8 +1303,8 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 predict("method_for_a_tumble")
 # %% [markdown]
 # This is the chart of the tumbling satellite, with a tolerance of 1 mrad after 20 s. A cross marks a run that failed.
-# In the grey band errors cannot be judged, because two independent reference solutions differ by as much. *Pick* names
-# the cheapest method:
+# In the grey band an error means nothing: even two very accurate solutions, computed in different ways, differ by as
+# much. *Pick* names the cheapest method of each panel:
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
@@ -1317,8 +1315,8 @@ predict("method_for_a_tumble")
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
 # *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
-# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. Our times are mostly the fixed cost
-# of one call from Python, divided by the number of steps. In a longer run, our steps take even less:
+# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. Most of our time is the fixed cost of
+# starting a run from Python. In a longer run, a step takes even less:
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
@@ -1396,9 +1394,8 @@ figures(
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
-# In the table, *error* is the change of the answer in metres when an effect is neglected (*left out*). *Saves* is
-# MuJoCo's time per step, divided by that of our planar program. It shows what a special program saves, not what this
-# effect alone costs:
+# In the table, *error* is the change of the answer in metres when an effect is neglected (*left out*). *Saves* compares
+# two programs and not one effect: it is MuJoCo's time per step, divided by that of our planar program:
 # %% jupyter={"source_hidden": true}
 figures(
     read("scene_bouncing_box"),
@@ -1416,7 +1413,7 @@ figures(
 # * *A robot with contacts, at 1 kHz*: semi-implicit Euler, or in MuJoCo `implicitfast`. The contacts decide the step
 #   size. If impacts act only at the end of a step, the error is of first order anyway.
 # * *Smooth motion for up to some hundred periods* (free flight, flexible joints): RK4. On the double pendulum and on
-#   the satellite it needed the fewest evaluations.
+#   the satellite it reached the same error with the fewest evaluations.
 # * *Stiff springs whose vibration you don't need*: an implicit method that damps, such as implicit Euler (forces at the
 #   *end* of the step) or MuJoCo's `discrete`. Implicit midpoint is stable too, but the spring continues to vibrate.
 # * *Very long runs in which averages matter and not the exact path*: a symplectic method with a fixed step.
@@ -1426,9 +1423,9 @@ figures(
 # ### The stability limit with damping
 #
 # The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms the motion.
-# In a simulation it depends on the velocity from which the damping force is computed. Semi-implicit Euler uses the old
-# velocity, MuJoCo's `Euler` the new one. The **damping ratio** $\zeta$ says how strong the damper is: at $\zeta = 1$,
-# *critical damping*, the motion no longer swings past zero.
+# A simulation may explode instead. What counts is which velocity the damping force uses: in semi-implicit Euler the old
+# one, in MuJoCo's `Euler` the new one. The **damping ratio** $\zeta$ says how strong the damper is: at $\zeta = 1$,
+# *critical damping*, the motion no longer oscillates.
 # %%
 predict("damping_and_the_limit")
 # %% [markdown]
@@ -1442,9 +1439,9 @@ predict("damping_and_the_limit")
 # | explicit Euler, $\zeta\le1$ | the old velocity | $\omega h < 2\zeta$ |
 #
 # **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of the
-# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table shows the largest $\omega h$ (`omega dt`) at which the
-# amplitude did not grow in our measurement. The values agree with the theory to better than 0.1 % (a few lie just above
-# it). For `discrete`, *none* means that every step was stable.
+# undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table shows the largest stable $\omega h$ (`omega dt`), found
+# by bisection from the eigenvalues of each step. The search stops at an interval of 0.01 % and gives its middle, so
+# some values lie just above the theory. For `discrete`, *none* means that every step was stable.
 # %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
@@ -1462,8 +1459,7 @@ figures(
 #
 # ![Stability maps](../docs/charts/stability_maps.png)
 #
-# Is RK4 in a real engine the RK4 of the textbook? Count its force evaluations, and look for the step at which a spring
-# explodes.
+# Is RK4 in a real engine the RK4 of the textbook?
 # %%
 show("mujoco_rk4")
 # %% [markdown]
@@ -1475,7 +1471,7 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # %% [markdown]
 # ### Energy over a million steps
 #
-# We simulated a pendulum for a million steps. Explicit Euler is useless after a few seconds. RK4 starts with the
+# Over a million steps of a pendulum, explicit Euler is useless after a few seconds. RK4 starts with the
 # smallest error, but this error grows in proportion to time. At the end it is larger than the error of implicit
 # midpoint, though still far smaller than that of semi-implicit Euler. The errors of the symplectic methods do not grow:
 #
@@ -1491,9 +1487,10 @@ figures(
 )
 # %% [markdown]
 # Keep the step of a symplectic method fixed, or the energy may grow. Alternate two steps that are both below the limit,
-# $\omega h$ = 1.7 and 1.2, and the oscillation explodes. So do far smaller steps that vary in tune with it, in the
-# chart five of 0.3 and sixteen of 0.1 in turn. Two area-preserving steps together preserve area, but they may stretch
-# the patch in the same direction again and again. Even with a fixed step, the period is slightly wrong:
+# $\omega h$ = 1.7 and 1.2, and the oscillation explodes. Far smaller steps explode too if they vary in the rhythm of
+# the oscillation: in the chart, five of $\omega h$ = 0.3, then sixteen of 0.1, and so on. Two area-preserving steps
+# together preserve area, but they may stretch the patch in the same direction again and again. Even with a fixed step,
+# the period is slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1504,9 +1501,8 @@ figures(
 # %% [markdown]
 # ### Impacts and the order of a method
 #
-# The order of a method comes from a Taylor series, which needs a smooth motion. At an impact the velocity jumps. If the
-# program notices the impact only at the end of a step, the impact comes late by up to $h$. No accuracy elsewhere can
-# repair that.
+# A method has its order only on a smooth motion. At an impact the velocity jumps. If the
+# program notices the impact only at the end of a step, the impact comes late by up to $h$.
 # %%
 show("order_survives_bounces")
 # %% [markdown]
@@ -1556,8 +1552,8 @@ simulation("tunnelling", still=3.3)
 # There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
 # step. Once its centre has passed the middle of the wall, the contact pushes it out on the other side. This happens at
 # the penetration $D/2$. Let $b$ be the largest overlap that sends the ball back: $D$ in our check, $D/2$ in MuJoCo. The
-# chart divides the travel per step by $b$. The dashed curve shows what MuJoCo would do with $b = D$. The measured
-# points lie elsewhere:
+# chart's axis is the travel per step, divided by $b$. If $b$ were $D$ in MuJoCo too, its points would lie on the dashed
+# curve:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
@@ -1590,7 +1586,8 @@ predict("impacts_at_rest")
 # If impacts act at the end of a step, a box that should lie still bounces for another reason. In each step gravity
 # gives it the speed $gh$, the step ends below the floor, and the impact turns the speed upwards. The ball's endless
 # bounces and the box's bounces are both called **chatter**. The remedy is a **rest speed**: after a slower impact, the
-# program sets the body to rest. This works if impacts are found within the step.
+# program sets the body to rest. This works if impacts are found within the step. There, in the chart, semi-implicit
+# flight needs a rest speed, velocity Verlet none. MuJoCo's *spring* chatters too.
 #
 # If impacts act only at the end of a step, a rest speed must be higher. A ball that should lie still leaves each impact
 # with $ev$, and gravity takes $gh$ away. So it hits again with $v = gh - ev$. Once $v$ stays the same, it is
@@ -1680,9 +1677,10 @@ predict("perfect_energy_wrong_momentum")
 # <td>$q$ compared with $-q$</td> <td>look at the dot product of the two quaternions</td> <td>flip the sign of one if it
 # is negative</td></tr> <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world
 # frame</td> <td>body rate multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the
-# world. Repeat with three equal moments, which have no gyroscopic term, and a start other than $q = 1$. If the error is
-# gone, the sign was wrong; if not, the side of the product</td> <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$
-# for world rates; $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td>
+# world. Repeat with three equal moments (no gyroscopic term) and a start that is tilted against the spin axis. If the
+# error is gone, the sign was wrong. If not, the side of the product was</td> <td>$q\exp(h\omega)$ for body rates,
+# $\exp(h\omega)\,q$ for world rates; $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without
+# torque</td>
 # <td>the Euler step computes the gyroscopic term from the old rates</td> <td>plot the kinetic energy over time</td>
 # <td>RK4, implicit midpoint, smaller step</td></tr> <tr><td>joints creep without a command</td> <td>no motor balances
 # gravity, or the engine's friction is soft and slips slowly under load</td> <td>switch gravity off; halve $h$</td>
@@ -1920,8 +1918,9 @@ check(tumble)
 # %% [markdown]
 # ### Formulas
 #
-# The largest stable step of RK4 on an undamped spring of angular frequency $\omega$, and that of semi-implicit Euler on
-# a mass $m$ with a spring $k$: <span class="kernel-only">replace the text in quotes.</span> Any equivalent form counts.
+# What is the largest stable step of RK4 on an undamped spring of angular frequency $\omega$? And that of semi-implicit
+# Euler on a mass $m$ with a spring $k$? <span class="kernel-only">Replace the text in quotes.</span> Any equivalent
+# form counts.
 
 # %%
 answer("rk4_limit", "2/omega")
@@ -2025,7 +2024,8 @@ for dt in (1e-2, 1e-3):
 # right. A block is thrown, bounces, slides and is pushed. We record it with 1 mm of noise and recover its restitution,
 # friction coefficient and mass. The number after `+-` is the *standard error*, the scatter that the noise causes.
 # `chi^2 per degree` is the mean squared error of the fit, divided by that of the noise. (The mean divides by the number
-# of data minus the number of parameters.) Near 1, the remaining error is as large as the noise:
+# of data minus the number of parameters, because a fit partly follows the noise.) Near 1, the remaining error is as
+# large as the noise:
 # %% tags=["show-code"]
 # The push: from 1.2 s to 1.5 s with 8 N.
 scene = Setup(position=(0.0, 0.5), velocity=(2.0, 0.0), push=((1.2, 1.5, 8.0),))

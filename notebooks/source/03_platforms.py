@@ -3,7 +3,8 @@
 #
 # *You load one robot into four simulators, and get four motions. Which one should you believe, and why do they differ?*
 # Below, four simulators, also called **engines**, run the same model with the same time step: MuJoCo, Drake, PyBullet,
-# and this course's own code. Predict first what decides their errors.
+# and this course's own code. Each moves its model forward in small time steps, by a rule called its *scheme*. Predict
+# first what decides their errors.
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
@@ -21,12 +22,14 @@ predict("whose_simulator")
 simulation("platforms")
 
 # %% [markdown]
-# Section 3 explains the polygons at the right, and section 5 the numbers below the picture. **After this chapter you
-# can** say what makes two simulators differ before you run them; set up a fair comparison; name what MuJoCo, Drake and
-# PyBullet get wrong, where, and by how much; and choose one of them by comparing measured errors and costs with what
-# your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's law (chapter 2). A robot consists of
-# **links**, its rigid bodies, and joints between them. Its **mass matrix** turns accelerations of the joints into the
-# torques that they need at zero speed and without gravity (chapter 4).
+# Section 3 explains the polygons at the right, and section 5 the numbers below the picture. The fifth card, Isaac Sim,
+# has no measurements.
+#
+# **After this chapter you can** say what makes two simulators differ before you run them; set up a
+# fair comparison; name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by
+# comparing measured errors and costs with what your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's
+# law (chapter 2). A robot consists of **links**, its rigid bodies, and joints between them. Its **mass matrix** says
+# which torques at the joints produce which accelerations, when nothing moves yet and there is no gravity (chapter 4).
 
 # %% tags=["hide-code"]
 import inspect
@@ -74,7 +77,7 @@ def table(head, rows):
 # %% [markdown]
 # ### Three scenes on four engines
 #
-# Before any table, look at the bodies. Left: a block is launched over the floor and brakes. Middle: five cubes stand on
+# Left: a block is launched over the floor and brakes. Middle: five cubes stand on
 # each other. Right: two fingers hold a part. In the left and middle pictures, all engines have stiff contacts and the
 # same friction: their settings are *fair* (section 1). In the right picture, each engine has its default settings (*as
 # shipped*).
@@ -150,11 +153,12 @@ print(", ".join(f"{name} {max(0.0, x):.2f} mm" for name, x in highest.items()))
 Image(film.getvalue(), format="png")
 
 # %% [markdown]
-# All positions are from runs at a step of 1 ms. MuJoCo by default, and PyBullet with an option, limit friction
-# separately along two fixed directions on the floor, the **axes of the contact**, because this is easier to compute.
-# The block is launched at 22.5 degrees to one of them. The fingers press with 1.02 times the smallest force that can
-# hold the part. The heights of Drake's and PyBullet's blocks were not recorded. In a similar run they hardly left the
-# floor, so they are drawn on it. The thin lines are the paths of the blocks' lower edges.
+# All positions are from runs at a step of 1 ms. Coulomb's law limits the length of the friction force. MuJoCo by
+# default, and PyBullet with an option, use a simpler limit. It depends on two fixed directions on the floor, the **axes
+# of the contact** (section 7). The block is launched at 22.5 degrees to one of them. The fingers press with 1.02 times
+# the smallest force that can hold the part. The heights of Drake's and PyBullet's blocks were not recorded. In a
+# similar run they hardly left the floor, so they are drawn on it. The thin lines are the paths of the blocks' lower
+# edges.
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher with
 # the stiff contacts used here. **Towers sag**: a soft contact yields under load, so the cubes overlap. **Parts creep**:
@@ -164,8 +168,7 @@ Image(film.getvalue(), format="png")
 #
 # MuJoCo and our own code (from chapters 1, 2 and 4) run in this notebook. Results of Drake and PyBullet come from a
 # stored record, so you see them whether or not they are installed. `make platforms` installs them (PyBullet needs
-# Python 3.11), and `make charts` measures everything again. You can rerun the checks behind the claims with `python -m
-# course.derivations 3`.
+# Python 3.11), and `make charts` measures everything again.
 #
 # The chapter compares engines on ten small **scenes**, each with a known truth and a tolerance:
 
@@ -329,8 +332,8 @@ for make in ("tumble", "chain", "arm"):
 # The chart shows all four engines. The first three panels show the error against the step. The last panel compares the
 # other programs' errors with ours: it shows the difference, divided by our error. MuJoCo and PyBullet agree with us
 # nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because only there an
-# orientation is updated. (The card's explanation reports a smaller share, because its runs are shorter. *RK4* is
-# explained below the card. *At the coarse end* means over the three largest steps.)
+# orientation is updated. (The card has shorter runs, and so a smaller difference. In the printed lines, *RK4* is
+# another scheme, explained below the card. *At the coarse end* means over the three largest steps.)
 #
 # ![Error against the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -394,8 +397,8 @@ predict("out_of_the_box")
 
 # %% [markdown]
 # To compare engines rather than their defaults, all engines must simulate the same thing. The list of fair settings
-# does two things. First, it removes what an engine changes in the scene: it adds air resistance, motors, or inertias
-# that are not in the file, combines friction coefficients by a rule of its own, or restarts a failed run (`autoreset`).
+# does two things. First, it removes whatever an engine adds or changes: air resistance, motors, inertias that are not
+# in the file, its own rule for friction coefficients, and restarts of failed runs (`autoreset`).
 #
 # MuJoCo also changes the **friction cone**, the set of contact forces that friction allows. By Coulomb's law it is
 # round. MuJoCo's default is a **pyramid** inside it, because flat sides are easier to compute with.
@@ -444,8 +447,7 @@ for s, name in enumerate(names):
     print(f"{name:<20}" + "".join(f"{x:12.3g}" for x in ratio))
 
 # %% [markdown]
-# Errors grow during a motion, as shipped and with fair settings, but not equally fast. So the factor depends on how
-# long the motion lasts. The next card has shorter motions and therefore other factors: a tumble of one second, a chain
+# The factor depends on how long the motion lasts. The next card has shorter motions: a tumble of one second, a chain
 # of half a second, an arm of a fifth.
 
 # %%
@@ -508,8 +510,9 @@ for cone in ("elliptic", "pyramidal"):
 # ### The price of a stiff contact: the block that hops
 #
 # Fair settings don't remove every difference: MuJoCo's block hops. With Coulomb's exact law, the contact forces are
-# hard to compute. MuJoCo solves a **convex relaxation** instead: a similar problem that is easier, because every local
-# minimum is also the lowest one. Its soft contacts make the solution unique.
+# hard to compute. MuJoCo instead finds the forces by minimising a cost. Its problem is a **convex relaxation** of the
+# exact one: it is similar, but easier, because every local minimum of the cost is also the lowest one. Soft contacts
+# make the solution unique.
 #
 # In the relaxed problem, a contact that slides also separates (chapter 2, *the block that hops*). Here is the braking
 # block, launched along an axis. In this direction pyramid and cone allow the same friction, so the error at the end is
@@ -543,10 +546,10 @@ for label, engine, how in (
 
 # %% [markdown]
 # *In the air* is the share of the braking time, up to the dotted line, in which no contact presses on the block. The
-# stiffer `solref` reduced sinking at rest and increased the hops. The block still stops in the right place. Over a
-# whole hop, the average push of the floor equals the weight, as if the block had stayed down. Sliding friction is $\mu$
-# times this push, so on average the block brakes as it should. The final position does not reveal the hops. Report the
-# largest error on the way (during the motion) as well.
+# stiffer `solref` reduced sinking at rest and increased the hops. The block still stops in the right place. The block
+# has no vertical speed at the start, and none at the end. So on average the floor pushed with the block's weight, as if
+# it had stayed down. Sliding friction is $\mu$ times this push, so on average the block brakes as it should. The final
+# position does not reveal the hops. Report the largest error on the way (during the motion) as well.
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -565,8 +568,8 @@ for label, engine, how in (
 # Without contact there is one right answer. With contact, each engine solves a different problem, on purpose. An ideal
 # rigid body doesn't deform, so its contact force can't be computed from positions, as the force of a spring can. Each
 # engine fills this gap differently: it softens the contact, or accepts one of many possible solutions, or solves
-# Coulomb's law exactly. In the panel, Drake has its default, contact at a point. Its tower falls, and its curve leaves
-# the picture:
+# Coulomb's law exactly. The simulation below shows the tower of five cubes, with the engines as shipped. Drake's
+# contact is then at a point. Its tower falls, and its curve leaves the picture:
 
 # %%
 simulation("platforms", "Collapsing tower")
@@ -632,8 +635,8 @@ for settings in (AS_SHIPPED, FAIR):
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
 # engine reached? They do, up to rounding. For rigid contacts the residual of complementarity would be 0. Here it is a
-# few mm/s, because a soft contact pushes while bodies overlap. (The code converts force and gap to speeds before it
-# compares them, so the unit is m/s.) No force leaves the cone.
+# few mm/s, because a soft contact pushes while bodies overlap. (The code divides the impulse, force times step, by a
+# mass, and the gap by the step, before it compares them. So the unit is m/s.) No force leaves the cone.
 #
 # ### Does a better scheme help with contact?
 #
@@ -696,8 +699,8 @@ print_figures(
 
 # %% [markdown]
 # Apply the same tolerance on the way. With fair settings, the cube of *drop* then fails in each simulator as it lands,
-# although it ends well: MuJoCo's error is more than twice the tolerance, Drake's and PyBullet's are just above it. In
-# *brake*, MuJoCo's hop is the largest difference between the engines that fair settings leave.
+# although it ends well: MuJoCo's error is more than twice the tolerance, Drake's and PyBullet's are just above it.
+# Among the braking blocks, MuJoCo's hop is the largest difference that remains.
 #
 # <details><summary>Does Drake's block hop, too?</summary>
 #
@@ -739,7 +742,7 @@ table(("Job", "Needs", "Pick", "Why"), rows)
 #
 # **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must
 # stay below that, at this cost. MuJoCo meets it, with these settings. If the limit were thirty times tighter, I would
-# take another one." A weak answer is "it depends" and no more.
+# take another one."
 #
 # </div>
 
@@ -865,7 +868,7 @@ predict("millions_a_second")
 # **USD** (Universal Scene Description) is not a simulator. It is Pixar's open format for large scenes. Files can be
 # stacked in layers, so that one file changes another without editing it. Its extension
 # [UsdPhysics](https://docs.omniverse.nvidia.com/kit/docs/pxr-usd-api/latest/pxr/UsdPhysics.html) adds mass, collision
-# shapes, joints, limits and drives (motors of joints). It also marks which links and joints form one robot.
+# shapes, joints, limits and drives (motors of joints).
 #
 # **Converting** is where models break. The three formats don't have the same vocabulary:
 #
@@ -976,7 +979,7 @@ more_claims("radar_area")
 #
 # ### One interface for four engines
 #
-# Engines differ in their conventions, such as the order of a quaternion or the sign of a contact normal. An adapter
+# Engines differ in their conventions, such as the order of a quaternion. An adapter
 # translates each engine's convention into ours. A comparison then needs only two operations: build a run of a scene,
 # and let it run some steps in the engine's own loop.
 
@@ -1076,12 +1079,12 @@ more_claims("hello_world_winds", "damping_realism")
 # %% [markdown]
 # ## 5 · The simulation in full
 #
-# Each card of the simulation below is a simulator; click one to bring it to the front. (Isaac Sim's card has no
-# measurements.) Menus choose the scene and the step. One switch chooses fair settings or defaults, the other one the
-# order of the radar's axes. The true path is dashed.
+# Each card of the simulation below is a simulator; click one to bring it to the front. Menus choose the scene and the
+# step. One switch chooses fair settings or defaults, the other one the order of the radar's axes. The true path is
+# dashed.
 #
-# Go through the presets. Before each, say what its engine will do wrong, and why. *Default damping* shows PyBullet's
-# chain with all three of its wrong defaults. Damping is only one of them.
+# Go through the presets. Before each, say what its engine will do wrong. (Section 7 explains why a pyramid steers and
+# why a grasp sinks.) *Default damping* shows PyBullet's chain with all three of its wrong defaults.
 
 # %%
 simulation("platforms", "Default damping")
@@ -1121,8 +1124,7 @@ for preset, (scene, card_, fair) in {
 # largest step of the same panel. A thin bar shows how much the times varied.
 #
 # Some scenes are shorter here than in sections 1 and 3, so their errors are smaller: the tumble lasts 1 s (not 5 s),
-# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only. On the chain of 1 s, Euler may
-# take steps of 2 ms; on the chain of 2 s in section 1, only 0.4 ms.
+# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only.
 #
 # ![Error against cost on five scenes, with the pick at each tolerance](../docs/charts/platform_precision.png)
 
@@ -1139,8 +1141,7 @@ print_figures(
 # RK4 wins. The tolerance of the short tumble is loose, so Euler with a long step is enough.
 #
 # With contact, a cheap step
-# wins. Our solver is exact on the tower, but its step costs over a hundred times as much, because it runs in Python.
-# (Without contact our loops are compiled.)
+# wins. Our solver is exact on the tower, but it runs in Python.
 #
 # ### How the cost grows with the scene
 #
@@ -1162,15 +1163,15 @@ print_figures(
 
 # %% [markdown]
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python, which saves time.
-# For these three, the panel shows which share of the time 100 steps per call save. On small chains this is about half
-# or more, and in our compiled loop nearly all. PyBullet makes one step per call. On a small scene, a measured rate
-# therefore says little about how fast the engine moves bodies.
+# For these three, the panel shows how much of the time is saved by taking 100 steps in one call. On small chains this
+# is about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. Its curve shows the time
+# of a step in an *empty* world as a share of a full step. So on a small scene, a measured rate says little about how
+# fast the engine moves bodies.
 #
 # <details><summary>How PyBullet's curve was measured</summary>
 #
-# For PyBullet the panel shows something else: the time of a step in an *empty* world, divided by that of a full step.
-# With one link this is more than half. An empty step also includes fixed work inside Bullet, so Python's share is less
-# than this.
+# With one link, an empty step takes more than half the time of a full step. It also includes fixed work inside Bullet,
+# so Python's share is less than this.
 #
 # </details>
 #
@@ -1216,7 +1217,7 @@ print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too fa
 
 # %% [markdown]
 # Along an axis, engines with fair settings lie nearly on one line: they use the same scheme, and their contact models
-# hardly change where the block stops. (At the longest step they do: PyBullet leaves the line.)
+# hardly change where the block stops. (Only at the longest step, PyBullet leaves the line.)
 #
 # The large deviations come from defaults. In the printed lines, a negative share means that the block went too far. Its
 # position is taken at the end of the scene, which lasts one and a half times Coulomb's stopping time. PyBullet
@@ -1269,7 +1270,7 @@ plt.show()
 
 # %% [markdown]
 # The coloured arrows show the friction force that each shape returns for the black direction of motion. Friction brakes
-# as strongly as the shape allows: of all forces within it, friction is the one that reaches furthest against the
+# as strongly as the shape allows: of all forces within the shape, it is the one with the largest component against the
 # motion. On the circle, this force is exactly opposite to the motion. On a square, it is usually a *corner*, which
 # points elsewhere.
 
@@ -1315,8 +1316,8 @@ predict("part_that_sinks")
 
 # %% [markdown]
 # The creep speed follows from two effects. First, a soft contact yields to the load $f_t$ along its surface: in MuJoCo,
-# the sliding speeds up by $R_t f_t$ per second. The factor $R_t$ [1/kg] is the **compliance** of the contact, its
-# softness. Second, the contact damps the sliding: at the speed $v$, it slows down by $b\,v$ per second. The damping
+# the load accelerates the sliding by $R_t f_t$. The factor $R_t$ [1/kg] is the **compliance** of the contact, its
+# softness. Second, the contact damps the sliding: at the speed $v$, it decelerates the sliding by $b\,v$. The damping
 # rate $b$ [1/s] follows from `solref`. In steady creep the two effects cancel, so $v = R_t\,f_t/b$.
 #
 # A harder contact
@@ -1385,9 +1386,9 @@ for name, share in least.items():
 # fails there.
 #
 # At 1 ms, MuJoCo and Drake have a threshold: the part is held at every squeeze above it. So has our code, which ran at
-# 8 ms only. Our code and MuJoCo drop the part close to Coulomb's force. Drake's patches hold down to 0.98 of it. There
-# the part sinks by 12 mm in half a second, the patches tilt, and the reported forces leave the cone by 2 %. The part
-# counts as held only because it sinks evenly.
+# 8 ms only. Our code and MuJoCo drop the part close to Coulomb's force. With Drake's patches, the part counts as held
+# down to 0.98 of this force, but only because it sinks evenly. At 0.98 it sinks by 12 mm in half a second. The patches
+# tilt, and they report forces 2 % outside the cone.
 #
 # PyBullet has no threshold at 1 ms: the part counts as held at some squeezes, and is dropped at a larger one. *Held*
 # says little here. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second (section 3). The
@@ -1471,8 +1472,8 @@ world.close()
 
 # %% [markdown]
 # An engine may store more than positions and velocities, such as the contacts and forces of the last step, from which
-# its solver starts (the **warm start**). In MuJoCo this changes the last digits only, and the run repeats once the
-# warm start is written back, too. Test your own scene, and reset it in the middle of a contact.
+# its solver starts (the **warm start**). In this run of MuJoCo, it changed the last digits only, and the run repeated
+# once the warm start was written back, too. Test your own scene, and reset it in the middle of a contact.
 #
 # ### A joint limit and a mimic joint
 #
@@ -1493,13 +1494,13 @@ print_figures("platform_joints", "limit, own", "limit, MuJoCo:", "limit, PyB", "
 # <details><summary>What each engine does, and the cures</summary>
 #
 # Upper row: the left panel shows one start, the right one the worst of four. Drake's joint stops at the limit
-# (overshoots below 0.1 mrad are drawn at 0.1 mrad). In MuJoCo the rod passes it by about $v\,T/e$ at any step. Here $v$
-# is its speed at the impact and $T$ the time constant in `solreflimit`, by default 20 ms (line *theory*). PyBullet
-# notices the limit up to one step late, so half the step is about half the overshoot; correcting the overshoot throws
-# the rod back.
+# (overshoots below 0.1 mrad are drawn at 0.1 mrad). In MuJoCo the rod passes it by about $v\,T/e$, at any step. Here
+# $v$ is its speed at the impact and $T$ the time constant in `solreflimit`, by default 20 ms (line *theory*). MuJoCo
+# raises $T$ to at least two steps, so *stiffer* (5 ms) becomes 8 ms at the step of 4 ms. PyBullet notices the limit up
+# to one step late, so half the step is about half the overshoot; correcting the overshoot throws the rod back.
 #
-# Lower row: with an exact copy, the error is proportional to the step. In MuJoCo smaller steps don't help; a smaller
-# time constant (*stiffer*, 5 ms) does. In PyBullet the joint swings freely. The cure is `createConstraint` with
+# Lower row: with an exact copy, the error is proportional to the step. In MuJoCo, steps below 1 ms hardly help; a
+# smaller time constant (*stiffer*) does. In PyBullet the joint swings freely. The cure is `createConstraint` with
 # `JOINT_GEAR`.
 #
 # </details>
@@ -1550,7 +1551,7 @@ figures(
 
 # %% [markdown]
 # Chapter 4's reader rejects the most faults. (We wrote both the reader and the faults, so this is no independent test.)
-# It also rejects valid joints of kinds that it doesn't know, and says which. Readers change with versions. In September
+# It also rejects valid joints of kinds that it doesn't know, and says which. In September
 # 2026, an importer lost all damping and friction of joints without a message (Isaac Sim, issue 841). So read the loaded
 # model back and compare.
 
@@ -1618,14 +1619,16 @@ simulation("platforms", "Sinking grasp")
 
 # %% [markdown]
 # <table> <tr><th>symptom</th> <th>likely cause</th> <th>test</th> <th>fix</th></tr> <tr><td>the model moves differently
-# from the robot, with equal torques</td> <td>inertias, damping, armature, friction</td> <td>torques for a given motion
-# against Pinocchio's in several postures; push a joint and let it slow down by itself</td> <td>read the model back;
-# identify parameters (chapter 8)</td></tr> <tr><td>correct at rest, but the motion comes too early or too late</td>
-# <td>the drive's own control loop is missing</td> <td>a position step on both</td> <td>position actuators with the
+# from the robot, with equal torques</td> <td>inertias, damping, armature, friction</td> <td>compare the torques for one
+# motion with Pinocchio's, in several postures; push a joint and let it slow down by itself</td> <td>read the model
+# back; identify parameters (chapter 8)</td></tr> <tr><td>correct at rest, but the motion comes too early or too
+# late</td> <td>the drive's own control loop is missing</td> <td>command the same sudden change of angle to robot and
+# model</td> <td>position actuators with the
 # drive's gains, rate and limit</td></tr> <tr><td>a held part sinks</td> <td>creep</td> <td>divide the tangential by the
-# normal force: is the result below µ?</td> <td>`impratio`, noslip</td></tr> <tr><td>a block stops beside its
-# heading</td> <td>pyramid</td> <td>the same at 0 and 22.5 degrees</td> <td>elliptic cone</td></tr> <tr><td>a sliding
-# block leaves the floor</td> <td>convex contact, set stiff</td> <td>height and contact count on the way</td>
+# normal force: the result is below µ</td> <td>`impratio`, noslip</td></tr> <tr><td>a block stops beside its
+# heading</td> <td>pyramid</td> <td>launch it at 0 and at 22.5 degrees</td> <td>elliptic cone</td></tr> <tr><td>a
+# sliding block leaves the floor</td> <td>convex contact, set stiff</td> <td>record its height and its number of
+# contacts on the way</td>
 # <td>another engine, if the hop matters; a softer `solref` lowers it</td></tr> <tr><td>after a reset, the same run ends
 # differently</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore a
 # saved state</td></tr> </table>
@@ -1807,9 +1810,9 @@ answer("braking_short", "v*dt/2")
 # %% [markdown]
 # ## 9 · Frontier: many worlds, several solvers
 #
-# Nothing in this table was measured here: it all needs a GPU, and its speed on a CPU would mislead. One word first: a
-# simulator is **differentiable** if it also computes how a motion changes with its causes, such as forces or masses
-# (the gradient).
+# Nothing in this table was measured here: it is all made for GPUs, and its speed on a CPU would mislead. One word
+# first: a simulator is **differentiable** if it also computes how a motion changes with its causes, such as forces or
+# masses (the gradient).
 #
 # <table> <tr><th>project</th> <th>what is new</th> <th>status, source</th></tr> <tr><td>MuJoCo Warp, MJX</td>
 # <td>MuJoCo rewritten for NVIDIA's GPUs; MJX, the JAX interface (since MuJoCo 3.0, 2023), can use it</td> <td>beta in
@@ -1858,9 +1861,9 @@ for (name, settings), one in reach.items():
 #
 # Let $q$ be the small deviation from the target, and $d$ the same for all joints. Then $M\ddot q + (2\,\omega M -
 # d)\,\dot q + \omega^2 M q = 0$. Along an eigenvector of $M$ with the eigenvalue $m$ (the inertia in this direction),
-# the remaining damping is $2\,\omega m - d$. If it is negative, the arm is unstable: some $m$ is below $d/(2\,\omega)$.
-# The cell runs this reach for 3 s on an arm without damping. (The reach above took 1.5 s on an arm with damping, so
-# don't compare the two errors.)
+# the remaining damping is $2\,\omega m - d$. If it is negative, the arm is unstable. This happens if some $m$ is below
+# $d/(2\,\omega)$. The cell runs this reach for 3 s on an arm without damping. (The reach above took 1.5 s on an arm
+# with damping, so don't compare the two errors.)
 
 
 # %% tags=["hide-code"]
@@ -1892,7 +1895,7 @@ for share in (0.0, 0.5, 0.9, 1.2, 2.0):
 # %% [markdown]
 # Below the limit the reach barely changes, because at rest nothing is damped and nothing is missing. At 1.2 times the
 # limit and more, the arm flies apart within the 3 s. (Just above the limit, a deviation also grows exponentially, but
-# so slowly that a short run may not show it.) So *whether a reach succeeds says little about the model*. Compare the
+# so slowly that a short run may not show it.) So *a reach that succeeds says little about the model*. Compare the
 # torques during the motion instead.
 
 # %%
@@ -1922,17 +1925,17 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # *Which scheme and step in each? Which settings were left as shipped? Where did the truth come from?* If both ran the
 # same scheme at the same step, I'd expect nearly the same error as long as nothing touches.
 #
-# First run: a smooth scene with a closed form, fair settings, at one step and at half of it. Both errors should fall
-# by the same factor, on one line. An engine that leaves the line has a default that nobody undid. Second run: the
-# smallest scene with the contact that the job needs, such as a block launched between two axes, or a grasp with the
-# least squeeze, compared with its law. There the engines may differ by design. Then the tolerance of the job decides,
-# not the name. I also look at the largest error on the way.
+# First run: a smooth scene with a closed form, fair settings, at one step and at half of it. Both errors should fall by
+# the same factor, on one line. An engine that leaves the line has another scheme, a default that nobody undid, or a
+# bug. Second run: the smallest scene with the contact that the job needs, such as a block launched between two axes, or
+# a grasp with the least squeeze, compared with its law. There the engines may differ by design. Then the tolerance of
+# the job decides, not the name. I also look at the largest error on the way.
 #
 # </details>
 #
-# Five questions on this chapter, drawn by a seed. On pyramids, section 10's answer about the box that bends away helps
-# (*In full*); section 7 has the law of creep. The folded explanations of section 2 have RK4's limit, and those of
-# section 6 the cost of many worlds.
+# Five questions on this chapter, drawn by a seed. If you need help: for pyramids, open the answer about the box that
+# bends away (above, *In full*); for RK4's limit, the folded explanations of section 2; for the cost of many worlds,
+# those of section 6; for creep, read section 7.
 
 # %%
 checkpoint("platforms", ["", "", "", "", ""], seed=1)

@@ -41,11 +41,20 @@ def test_there_are_seven_jobs_and_the_page_shows_what_is_computed_for_each() -> 
         if "data" in o
     ]
     head = "| Job | Needs | Pick | Why |"
-    tables = [text.splitlines()[2:] for text in shown if text.startswith(head)]
-    assert len(tables) == 1, f"page 3 shows {len(tables)} tables that begin with {head}"
-    rows = [line.strip("| ").split(" | ") for line in tables[0]]
-    assert [[job, pick, why] for job, _, pick, why in rows] == [
-        [job, *jobs.decide(job)] for job in jobs.JOBS
+    (lines,) = (text.splitlines()[2:] for text in shown if text.startswith(head))
+    facts = jobs.facts()["MuJoCo"]
+
+    def limits(job: str) -> str:
+        """Return the needs of a job as the page states them."""
+        return "; ".join(
+            need.row
+            if need.sense == "is"
+            else f"{need.row} {need.sense} {need.limit:g} {facts[need.row].unit}".strip()
+            for need in jobs.JOBS[job][0]
+        )
+
+    assert lines == [
+        "| " + " | ".join((job, limits(job), *jobs.decide(job))) + " |" for job in jobs.JOBS
     ]
 
 

@@ -75,7 +75,7 @@ JOBS: Mapping[str, tuple[list[Need], str]] = {
 }  # fmt: skip
 DOCUMENTED = {
     CAMERAS.row: "Isaac Sim renders with path tracing on an RTX card (its manual, 2026)",
-    CERTIFICATE.row: "Drake certifies states of a *model* (its manual, 2026)",
+    CERTIFICATE.row: "Drake can prove that states of a *model* are safe (its manual, 2026)",
     ELEMENTS.row: "SOFA (its README, 2024); PhysX has soft bodies (Isaac Lab's manual, 2026)",
 }
 

@@ -125,7 +125,7 @@ def defaults_differ(result):
     "With fair settings and where nothing touches, half the step leaves about half the error in "
     "each engine's default scheme.",
     "Each default scheme is of first order: on a tumble and a short fall the four came to "
-    "{lowest:.3f} to {highest:.3f}. MuJoCo's other scheme, RK4, is of order {rk4:.1f}. With "
+    "{lowest:.3f} to {highest:.3f}. MuJoCo's RK4 is of order {rk4:.1f}. With "
     "settings as shipped this fails: half the step left {left:.1%} of PyBullet's error on the "
     "tumble, because its damping is no error of the step.",
     needs=("Drake", "PyBullet"),

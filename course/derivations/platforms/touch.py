@@ -303,7 +303,9 @@ def grasp_threshold(result):
     # Chosen to break it: just above the threshold, at any friction and step; and a soft friction.
     close = result.rng.uniform((1.005, 0.1, 1.0), (1.02, 1.0, 5.0), (8, 3))
     soft = [sinks(mujoco, float(x), float(y), settings=AS_SHIPPED) < 1.0 for x, y in draws]
-    result.statement = "A part of 0.2 kg for 0.5 s, held if it sinks by less than a millimetre."
+    result.statement = (
+        "A part of 0.2 kg for 0.5 s at 2 ms, held if it sinks by less than a millimetre."
+    )
     result.statement_holds(
         max(deep, held) < 1.0,
         only_if="pads share their load and friction hardly creeps, as in MuJoCo with fair settings",
@@ -429,7 +431,7 @@ def _fallen(engine, scene, settings):
     "A tower of n cubes sinks n (n + 1)/2 times as far as one, whatever the engine.",
     "That takes equal springs. With {n:.0f} cubes it is {mujoco:.2f} times in MuJoCo and "
     "{drake:.2f} in Drake with patches, so n^2: on rigid ground half of the compliance is missing. "
-    "PyBullet gives {pybullet:.1f} and follows no power.",
+    "PyBullet follows no power of n, and its factor depends on the step: it is {pybullet:.1f}.",
     needs=("Drake", "PyBullet"),
 )
 def tower_by_engine(result):

@@ -124,7 +124,7 @@ def explicit_in_the_listing_grows(result):
 
 
 @claim(
-    "An object flies through another when it moves farther than its own thickness in a step.",
+    "An object flies through another as soon as it moves farther than its own thickness in a step.",
     "What counts is the sum of both thicknesses along the motion, w + d, and the relative speed v. "
     "Up to v dt = w + d the two overlap at the end of at least one step. For {body_mm:g} mm, "
     "{wall_mm:g} mm and a step of {step_ms:g} ms that is {limit_m_per_s:g} m/s. Beyond it, a throw "
