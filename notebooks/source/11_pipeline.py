@@ -297,8 +297,8 @@ more_claims("every_stage_its_clock")
 # We start with the arm. A PD law that brakes the joint's own speed resists every motion, also the desired one. Let the
 # reference angle grow at a constant rate $v$. After a while the joint follows at the same rate, a constant angle $e$
 # behind the reference. Now the torques balance. The $k_p$ term pulls forward like a spring, with $k_p\,e$. Damping and
-# friction pull back, with $k_d\,v$ and $c\,v$. Solve for $e$. The answer in the cell below is wrong on purpose<span
-# class="kernel-only">; correct it</span>.
+# friction pull back, with $k_d\,v$ and $c\,v$. Solve for $e$. The answer in the cell below is wrong on
+# purpose<span class="kernel-only">; correct it</span>.
 
 # %%
 answer("lag_of_the_arm", "kd*v/kp")
