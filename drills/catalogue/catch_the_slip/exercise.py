@@ -267,7 +267,7 @@ EXERCISE = Exercise(
     judge=judge_of(cases, 1e-12, "whole numbers"),
     examples=(
         "catch_the_slip([[np.eye(3)] * 10, [np.diag([1, 1, -1])] * 10, [np.eye(3)] * 10], "
-        "[np.zeros((10, 3)) + [0, 0, 1e-3], np.ones((10, 3)), np.ones((10, 3))], "
+        "[np.zeros((10, 3)) + [0, 0, 1e-8], np.ones((10, 3)), np.ones((10, 3))], "
         "[[2, 3, 4]] * 3, 0.004)",
     ),
     slips=SLIPS + value_slips("catch_the_slip", in_part=False, whole=False),
