@@ -61,7 +61,7 @@ LIVE_TAG = "live"
 RECORDED = {
     "pipeline": (
         "its planner is a Python function that you can replace, which a browser cannot compile; in "
-        "a notebook each change runs the whole pipeline more than 20 times, which takes 0.2 s"
+        "a notebook each change runs the whole pipeline more than 20 times, which takes 0.1 to 1 s"
     ),
 }
 
