@@ -195,7 +195,7 @@ _SHORT = word(*_NAMED)[0]
     "reviews of all four",
     " days",
     "never rated",
-    "all four, now",
+    "chance to recall each of the four cards now",
     "time left to answer",
     " s",
     "Reveal",

@@ -14,8 +14,8 @@ simulation("interview")
 
 # %% [markdown]
 # Start here: answer the question aloud while the blue bar runs out. Then click *Reveal*, compare, and rate how well you
-# knew it. If you don't know the answer yet, section 1 explains it. Section 4 explains the curve. A **policy** is the
-# part of a robot's program that chooses its actions. It is often learned.
+# knew it. If you don't know the answer yet, section 1 explains it. Section 4 explains the curve, and the bars (orange:
+# below 90 %). A **policy** is the part of a robot's program that chooses its actions. It is often learned.
 
 # %%
 predict("hundred_runs")
@@ -28,10 +28,11 @@ predict("hundred_runs")
 #
 # ## How this chapter works
 #
-# Interviews for robotics jobs often have four rounds and a last question. Each has its own sections on this page. On
-# the phone you explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you
-# design a system. In the coding round you write twenty lines, and a program tests them. In the debugging round you find
-# out why a program fails. The last question is broad. An example: would you learn a component or write it?
+# Interviews for robotics jobs often have four rounds and a last question. The picture shows where each is on this page.
+# Section 9 has more questions for all of them. On the phone you explain a concept in half a minute, judge a statement
+# and estimate a number. At the whiteboard you design a system. In the coding round you write twenty lines, and a
+# program tests them. In the debugging round you find out why a program fails. The last question is broad. An example:
+# would you learn a component or write it?
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -53,7 +54,7 @@ ROUNDS = {
     "whiteboard": "section 3",
     "coding": "sections 4, 8",
     "debugging": "sections 5, 6",
-    "last question": "sections 7, 9",
+    "last question": "section 7",
 }
 figure_, axis = plt.subplots(figsize=(9.5, 1.2), layout="constrained")
 for place, (name, where) in enumerate(ROUNDS.items()):
@@ -72,9 +73,9 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# The code of this course has computed every measured or derived number in an answer.
-# The command `python -m course.derivations 12` computes those of this page again. Four answers in section 9 are
-# invented stories about a person's own work. Replace them with yours. These commands run in a terminal:
+# The code of this course has computed every measured or derived number in an answer. The command
+# `python -m course.derivations 12` computes the numbers of this page again. Four answers in section 9 are invented
+# stories about a person's own work. Replace them with yours. These commands run in a terminal:
 #
 # | Command | What it does |
 # |---|---|
@@ -98,9 +99,9 @@ badges(12)
 #
 # The table has eight subjects, each with its equation. Below it, each has a text of thirty seconds. Speak about the
 # subject first, then open its text and compare. Each subject uses the terms of one chapter. Skip a subject if you have
-# not read its chapter, and learn those on your CV. Each text ends with a measurement from this course: the task, the
-# computing time of our method and of an established library, and a limit. The times are from one machine and one task,
-# so they don't rank the methods in general.
+# not read its chapter, but learn the subjects that are on your CV. Each text ends with a measurement from this course:
+# the task, the computing time of our method and of an established library, and a limit. The times are from one machine
+# and one task, so they don't rank the methods in general.
 
 # %% tags=["hide-code"]
 sheet = tables.cheat_sheet()
@@ -124,10 +125,9 @@ Markdown("\n\n".join([overview.markdown(), *texts]))
 #
 # ### How good is a policy that passed a test?
 #
-# The prediction at the top was about seventy successes in a hundred runs. Suppose that each run succeeds
-# with the same probability $p$, the true success rate, and that no run affects another. Then the number of successes in
-# $n$ runs follows a binomial distribution. The observed rate, successes divided by runs, scatters around $p$ with the
-# standard deviation
+# Suppose that each run of a policy succeeds with the same probability $p$, the true success rate, and that no run
+# affects another. Then the number of successes in $n$ runs follows a binomial distribution. The observed rate,
+# successes divided by runs, scatters around $p$ with the standard deviation
 #
 # $$\sigma = \sqrt{\frac{p\,(1 - p)}{n}} .$$
 #
@@ -149,23 +149,29 @@ plt.show()
 # halve this width you need four times as many runs.
 #
 # In practice you know the observed rate and look for the true one. A **confidence interval** is the set of true rates
-# that are compatible with the observed count, at a chosen level of confidence. Two standard deviations correspond to a
-# level of about 95 %. A shortcut is to insert the observed rate for $p$ in the formula. But after ten successes in ten
-# runs this returns a standard deviation of zero, as if the true rate were certain.
+# that are compatible with the observed count, at a chosen **level of confidence**. Suppose that you repeat the test
+# many times, and compute an interval each time. The level is the share of these intervals that contain the true rate.
+# Two standard deviations correspond to a level of about 95 %.
+#
+# A shortcut is to insert the observed rate for $p$ in the formula. But after ten successes in ten runs this returns a
+# standard deviation of zero, as if the true rate were certain.
 #
 # The **Wilson interval** avoids this. Try each possible $p$: compute the standard deviation with this $p$, and keep $p$
 # if the observed rate lies within two of these standard deviations of $p$. The values that you keep are the interval.
 # For 70 successes in 100 runs it goes from 60 % to 78 %.
 #
 # Robot teams use such counts for a **gate**: a success rate that a policy has to reach before it may go on, for
-# example from the simulator to the robot. Judge the following claim about it. On such cards, choose *Only under a
+# example from the simulator to the robot. Judge the following claim about a gate. On such cards, choose *Only under a
 # condition* if the claim would be true with one more condition, which it does not name.
 
 # %%
 show("hundred_trials")
 
 # %% [markdown]
-# The chart shows how likely a policy is to pass the gate of 70 %, depending on how good it truly is:
+# A policy whose true rate is exactly 70 % reaches 70 of 100 successes about half of the time. So careful teams demand
+# more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate passes less than
+# once in twenty times. The printed lines below say how many that is for 100 trials. The chart shows the gate without
+# this test: how likely is a policy to succeed in at least 70 % of the trials, depending on its true rate?
 
 # %% tags=["hide-code"]
 rate = np.linspace(0.4, 1.0, 121)
@@ -174,7 +180,7 @@ for n in (20, 100, 500):
     passes = binom.sf(np.ceil(0.7 * n) - 1, n, rate)
     axis.plot(rate, passes, label=f"{n} trials")
 axis.axvline(0.7, color="0.6", lw=1, ls="--")
-axis.set(xlabel="true success rate", ylabel="probability to pass 70 %")
+axis.set(xlabel="true success rate", ylabel="probability of 70 %\nor more successes")
 axis.legend(fontsize=8)
 plt.show()
 bar = next(k for k in range(70, 101) if binom.sf(k - 1, 100, 0.7) < 0.05)
@@ -184,25 +190,22 @@ print(f"a policy whose true rate is 70 % reaches them with probability {chance:.
 
 # %% [markdown]
 # A perfect gate would be a step at 0.7. More trials make the curve steeper, but it never becomes a step. So first
-# decide which two rates you have to tell apart, and then choose the number of trials. The **power** of a test is the
-# probability that it detects a difference that really exists. If the power was low, "the test found no difference"
-# means little.
+# decide which two rates you have to tell apart, for example 70 % and 80 %, and then choose the number of trials. The
+# **power** of a test is the probability that it detects a difference that really exists. If the power was low, "the
+# test found no difference" means little.
 #
-# A policy whose true rate is exactly 70 % reaches 70 of 100 successes about half of the time. So careful teams demand
-# more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate passes less than
-# once in twenty times. The line below the chart has this number: for 100 trials it is 78. The policy in the first
-# panel of this page reached 78, so it just passes. Section 9 answers how many trials you should ask for.
-#
-# A **two-sided test**, also at 5 %, looks for deviations in both directions, with 2.5 % for each. Wilson's interval is
-# two-sided: for 78 of 100 it begins at 69 %, below the gate.
+# The policy in the first panel of this page reached 78 of 100, so it just passes the one-sided test. A **two-sided
+# test**, also at 5 %, looks for deviations in both directions, with 2.5 % for each. Wilson's interval is two-sided. For
+# 78 of 100 it begins at 69 %, so the same policy does not pass the two-sided test. Section 9 answers how many trials
+# you should ask for.
 #
 # ### What does an accelerometer measure?
 #
 # An accelerometer contains a small mass on a spring, inside a housing. It measures the force of the spring on the mass.
-# Gravity pulls on the mass and on the housing alike, so it does not stretch the spring. The sum of all other forces on
-# the housing does. An example is the force of a table. The reading is the **specific force** $f = a - g$, in the axes
-# of the sensor. Here $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector. At the
-# centre of mass, $f$ is the sum of all forces on the body except gravity, divided by its mass.
+# Gravity gives the mass and the housing the same acceleration, so in free fall the spring stays slack. Any other force,
+# such as that of a table, acts on the housing only. The spring has to pass it on to the mass, and this stretches the
+# spring. The reading is the **specific force** $f = a - g$, in the axes of the sensor. Here $a$ is the acceleration of
+# the point at which the sensor sits, and $g$ the gravity vector.
 
 # %%
 show("imu_reads_acceleration")
@@ -217,11 +220,11 @@ show("imu_reads_acceleration")
 # * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
 # * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
 #   an interval is Wilson's at 95 % (1.96 standard deviations). A gate is tested one-sided at 5 %, unless the text says
-#   otherwise. To compare two policies we test two-sided at 5 %, with so many trials that the power is 80 %.
+#   otherwise. To compare two policies we test two-sided at 5 %. We plan so many trials that the power is 80 % for the
+#   difference that matters.
 # * **Separate assumptions from results.** "I assume a speed of 1.5 m/s, a reaction time of 0.2 s and braking with 2
 #   m/s². Then the base needs 0.86 m to stop."
-# * **Say what you would measure next, and what you will do if the result is bad.** A number from another system is a
-#   reason to measure on yours.
+# * **Say what you would measure next, and what you will do if the result is bad.**
 #
 # The numbers of this course are from simulations, and you may quote them as such. If you name a safety standard, give
 # its number and edition. Never quote a limit in a standard from memory.
@@ -258,9 +261,9 @@ plt.show()
 # ### What does a sampled controller cost?
 #
 # A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
-# the staircase that the motor receives. The dotted curve makes the lag of the staircase visible. Each of its points is
-# the mean of the staircase over one sample, half before the point and half after it, so the averaging adds no lag of
-# its own. The dotted curve has nearly the shape of the ideal command, but it is late.
+# the staircase that the motor receives. The dotted curve averages the staircase over one sample, half before each point
+# and half after it, so the averaging adds no lag of its own. The dotted curve has nearly the shape of the ideal
+# command, but it is late.
 
 # %% tags=["hide-code"]
 time = np.linspace(0.0, 8.0, 801)
@@ -278,15 +281,14 @@ plt.show()
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# How good is "half a sample" for a fast oscillation? We state the frequency of an oscillation as the angle by which it
-# advances from one sample to the next. A sampled loop can represent at most $\pi$, which means two samples per period.
-# At 1 rad per sample, half a sample is 0.5 rad of phase, and the rule is wrong by at most 0.015 rad. At 3 rad it is
-# wrong by up to 0.9 rad.
+# How good is "half a sample" for a fast oscillation? We state its frequency as the angle by which it advances from one
+# sample to the next. The largest possible angle is $\pi$: two samples per period. At 1 rad per sample, half a sample is
+# 0.5 rad of phase. We tried joints with different inertia and friction: the rule is wrong by at most 0.015 rad. At 3
+# rad per sample it is wrong by up to 0.9 rad.
 #
-# So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands, before any code has run. The time of computing
-# and the time on the bus are added to it. A late command pushes when the joint has already moved on. With a high gain
-# this makes the joint oscillate. So the answer to "how stiff can you make this joint?" has to begin with the sample
-# time.
+# So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands. Computing and the bus add their own delays. A
+# late command pushes when the joint has already moved on. With a high gain this makes the joint oscillate. So the
+# answer to "how stiff can you make this joint?" has to begin with the sample time.
 
 # %%
 more_claims("stiff_is_position")
@@ -372,17 +374,15 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # direction. It is usually smaller than the mass of the arm, because not all links have to change their speed for the
 # tip to stop.
 #
-# The position error is the sum of two kinds of errors. A systematic error is the same in each pick: here, the distance
-# $vt$ that the part moves while its image is processed. The other kind are random errors with the standard deviations
-# $\sigma_i$. If they are independent, their sum has the standard deviation $\sqrt{\sum\sigma_i^2}$. We count twice
-# this value.
+# The position error is the sum of two kinds of errors. A systematic error is the same in each pick: here, the part lies
+# on a moving belt, and moves by $vt$ while its image is processed. The other kind are random errors with the standard
+# deviations $\sigma_i$. If they are independent, their sum has the standard deviation $\sqrt{\sum\sigma_i^2}$. We count
+# twice this value. In each row, the last column says what the letters mean.
 #
-# <details><summary>The three random errors</summary>
+# <details><summary>Why the hand-eye error counts as random</summary>
 #
-# The pixel error is multiplied by the distance and divided by the focal length. The error of the hand-eye angle (the
-# angle between camera and arm) is multiplied by the distance. The error of the arm is added as it is. Once a robot is
-# calibrated, its hand-eye error is systematic. Here the robot is not built yet, so nobody knows this error, and it
-# counts as random.
+# The hand-eye angle is the angle between the camera and the arm. Once a robot is calibrated, the error of this angle is
+# systematic. Here the robot is not built yet, so nobody knows this error, and it counts as random.
 #
 # </details>
 
@@ -396,7 +396,7 @@ INPUTS = {
     "range_m": ("distance to the camera", "m"),
     "pixel_spread_px": ("pixel error", "px"),
     "focal_px": ("focal length", "px"),
-    "hand_eye_spread_mrad": ("error of the hand-eye angle", "mrad"),
+    "hand_eye_spread_mrad": ("hand-eye error (angle between camera and arm)", "mrad"),
     "arm_spread_mm": ("error of the arm", "mm"),
     "speed_m_per_s": ("speed v", "m/s"),
     "delay_ms": ("time t for the image", "ms"),
@@ -409,27 +409,32 @@ INPUTS = {
     "stiffness_n_per_m": ("stiffness k", "N/m"),
     "robot_kg": ("effective mass m", "kg"),
 }
+POSITION = (
+    r"$vt + 2\sqrt{\sum\sigma_i^2}$<br>$\sigma_1$: pixel error × distance / focal length<br>"
+    r"$\sigma_2$: hand-eye error × distance<br>$\sigma_3$: error of the arm"
+)
 LABELS = {
     "cycle": ("Time of one pick and place", "moves + gripping + waiting"),
     "computing_share": ("Share of computing in that time", "waiting / cycle"),
-    "finger_error": ("Position error at the fingertip", r"$vt + 2\sqrt{\sum\sigma_i^2}$"),
+    "finger_error": ("Position error at the fingertip", POSITION),
     "grip_force": ("Force of each finger that lifts a part", r"$S\,m(g + a)/(n\mu)$"),
     "stopping": ("Stopping distance of the arm", r"$vt + v^2/(2a)$"),
     "contact_clamped": ("Peak force on something that cannot move", r"$v\sqrt{km}$"),
 }
-rows = ["| Estimate | Formula | Value | Inputs |", "|---|---|---:|---|"]
+rows, last = ["| Estimate | Formula | Value | Inputs |", "|---|---|---:|---|"], ""
 for name, (label, formula) in LABELS.items():
     one = ESTIMATES[name]
     inputs = "; ".join(
         f"{INPUTS[key][0]} {', '.join(f'{x:g}' for x in np.atleast_1d(value))} {INPUTS[key][1]}".strip()
         for key, value in one.given().items()
     )
-    rows.append(f"| {label} | {formula} | {one.value():.3g} {one.unit} | {inputs} |")
+    shown, last = ("as in the row above" if inputs == last else inputs), inputs
+    rows.append(f"| {label} | {formula} | {one.value():.3g} {one.unit} | {shown} |")
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# (This robot cell is not the one above: it has other moves and more computing.) Which input matters most? Double one
-# input after the other, and look at the factor. Here we do this for the peak force:
+# (This is another robot cell than the one above.) Which input matters most? Double one input after the other, and look
+# at the factor. Here we do this for the peak force:
 
 # %%
 one = ESTIMATES["contact_clamped"]
@@ -441,9 +446,8 @@ for name, given in one.given().items():
         print(f"{label:<22} {given:8.3g} -> {2 * given:8.3g}   peak force x {factor:.2f}")
 
 # %% [markdown]
-# Twice the speed doubles the force. Twice the stiffness or twice the mass multiplies it only by the square root of two.
-# A contact acts like a spring. At its deepest point it has stored the whole kinetic energy of the effective mass. From
-# this you can derive the formula for the peak force.
+# So the speed matters most. A contact acts like a spring. At its deepest point it has stored the whole kinetic energy
+# of the effective mass. From this you can derive the formula for the peak force.
 #
 # ### Stop when you feel ten newtons
 #
@@ -486,8 +490,8 @@ lower.set(ylabel="speed [m/s]")
 plt.show()
 
 # %% [markdown]
-# When the force reaches the threshold, the arm still has nearly all of its speed, and the contact has to absorb most
-# of its energy. Three things help: a low speed, a small effective mass, and a soft surface, such as padding. A soft
+# When the force reaches the threshold, the arm still has nearly all of its speed, and the contact has to absorb most of
+# its energy. Three things help: a low speed, a small effective mass, and a soft surface, such as padding. A soft
 # controller helps little, because the mass of the arm is the same.
 #
 # <div class="alert alert-block alert-warning">
@@ -507,7 +511,7 @@ plt.show()
 # | 5 | Ask. A **clarifying question** is one whose answer changes the design: how many picks per hour, what does a miss cost, do the parts change, who else is in the cell? |
 # | 5 | Estimate. The cycle time, the accuracy at the fingertip, the amount of data: a minute each, as in section 2. |
 # | 20 | Draw boxes and arrows. Write three things on each arrow: what flows, its latency, and its rate if it is periodic. |
-# | 10 | Explain the box that decides about success in detail, and say when you would choose something else. |
+# | 10 | Explain in detail the one box that decides about success, and say when you would choose something else. |
 # | 5 | Say how you would find out that the design is wrong: what you measure, and which number stops the release. |
 #
 # Interviewers grade with a **rubric**, a list of the points that a good answer covers. For every point your answer gets
@@ -516,8 +520,7 @@ plt.show()
 # among people without a word about who is responsible for their safety. A **follow-up** is the question that the
 # interviewer asks next, usually about your weakest point.
 #
-# Here is a whiteboard as it could look after 30 minutes. An interviewer will ask about the rates and latencies on the
-# arrows.
+# Here is a whiteboard for the first of the four designs as it could look after 30 minutes:
 
 # %% tags=["hide-code"]
 SVG(designs.svg(designs.read("pick_and_place")))
@@ -541,35 +544,35 @@ Markdown(designs.read("among_people").markdown(figure))
 # %% [markdown]
 # A small program can grade a written answer by the rubric. It looks for key words, for a number with a unit close to
 # them, and for a condition that would change the decision. It cannot judge whether a number is correct: check that
-# yourself, with the section that it names. Here it grades a first sentence about the second design, the simulation of a
-# fleet of robots:
+# yourself. Here it grades a first sentence about the second design, the simulation of a fleet of robots. It prints the
+# score and the point of the rubric that needs the most work:
 
 # %% tags=["nbval-ignore-output"]
 mine = "I would ask first which failures the nightly simulation has to find."
 result = designs.levels(fleet, mine)
 print(f"score: {designs.score(fleet, result):.0%} of the points")
-print(f"weakest point: {designs.weakest(fleet, result).asks}")
+print(f"the weakest point asks for: {designs.weakest(fleet, result).asks}")
 
 # %% [markdown]
 # ## 4 · Code: four coding questions, and how to remember
 #
-# Here are four coding questions. Each takes at most twenty minutes and has its usual mistake:
+# Each of these four coding questions takes at most twenty minutes and has its usual mistake:
 #
 # * **Forward kinematics** of a three-link arm. Sum the angles, then the link vectors (section 1). The usual mistake is
-#   to mix angles against the ground with angles against the link before.
+#   to mix up the angle between a link and the ground with the angle between two links.
 # * **RRT** (rapidly-exploring random tree), a planner that grows a tree of random samples. The usual mistake is to
 #   check only the two ends of an edge for collisions, and not the segment between them.
 # * **PID** (proportional, integral and derivative control) with a motor that reaches its limit. The usual mistake is to
-#   let the integral grow while the motor is at its limit, so that the arm overshoots afterwards. To stop the integral
-#   there is called anti-windup.
+#   let the integral grow while the motor is at its limit, so that the arm overshoots afterwards. Code that stops the
+#   integral there is called anti-windup.
 # * **Domain randomisation**, training on random variants of a model. The usual mistake is to change the mass of a body,
 #   but not its inertia.
 #
 # You start one of them in a terminal, for example with `drills start rrt`. Section 9 has code and a test for each.
 #
-# So that you still know the answers on the day, review them with flashcards. This panel shows the cards of chapter 12
-# that are due today. Answer, click *Reveal*, and rate yourself honestly: *again*, *hard*, *good* or *easy*. The panel
-# stores the rating and computes the day of the next review:
+# So that you still know the answers on the day of the interview, review them with flashcards. This panel shows the
+# cards of chapter 12 that are due today. Answer, click *Reveal*, and rate yourself honestly: *again*, *hard*, *good* or
+# *easy*. The panel stores the rating and computes the day of the next review:
 
 # %% tags=["nbval-ignore-output"]
 from drills.interview.panel import flashcards
@@ -580,10 +583,10 @@ flashcards(chapters=[12])
 predict("when_again")
 
 # %% [markdown]
-# You forget what you learned once, quickly at first and then more slowly. **Spaced repetition** shows a card again
-# when the predicted probability that you still know it has fallen to a chosen value, here 90 %. Each success makes the
-# next gap longer. After a failure the next gap is short again. This schedule is made for remembering over months. If
-# your interview has a fixed date, another schedule may need fewer reviews.
+# You forget what you learned once, quickly at first and then more slowly. **Spaced repetition** shows a card again when
+# the predicted probability that you still know it has fallen to a chosen value, here 90 %. Each success makes the next
+# gap longer. After a failure the next gap is short again. This schedule is made for remembering over months. If your
+# interview has a fixed date, another schedule may need fewer reviews.
 #
 # <details><summary>The numbers and bars in the first panel of this page</summary>
 #
@@ -595,8 +598,8 @@ predict("when_again")
 # </details>
 #
 # The chart shows the gaps between reviews that the scheduler of this course computes. One curve is for a card that you
-# rate *good* each time, the other for one failure. Within the first day the scheduler repeats a new card after ten
-# minutes:
+# rate *good* each time, the other for one failure at the fourth review. A new or forgotten card comes back after ten
+# minutes (`<1` in the list):
 
 # %% tags=["hide-code"]
 from datetime import UTC, datetime, timedelta
@@ -635,37 +638,38 @@ case.show()
 # %% [markdown]
 # The slide should come to rest, but its motion grows. Eight causes are possible:
 #
-# 1. Each stop has two contact points by mistake, so it is twice as stiff as intended. Together with the brake, the
-#    time step is then too long.
+# 1. Each stop has two contact points by mistake, so it is twice as stiff as intended. With this stiffness and the
+#    brake, the simulation is unstable at this time step.
 # 2. The position is updated with the old speed. That is explicit Euler, which adds energy to a spring at every step.
-# 3. The brake receives the speed late. If it is late by more than a quarter of a swing, it pushes where it should pull.
+# 3. The brake receives the speed late. If it is late by more than a quarter of a period, it pushes where it should
+#    pull.
 # 4. Friction and speed have opposite sign conventions, so friction drives the slide instead of slowing it.
-# 5. The damping is entered twice. A brake that uses the old speed becomes unstable if damping times step exceeds twice
-#    the mass.
+# 5. The damping is entered twice. The brake uses the old speed, and such a brake becomes unstable if damping times step
+#    exceeds twice the mass.
 # 6. Contacts are detected only every few steps. In between, a stop pushes with an old depth. So it pushes too late,
 #    which adds energy.
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
-# 8. The integral term of the drive is too strong, so that the damping is too weak to stop the swing.
+# 8. The integral term of the drive is too strong, so that the damping is too weak to stop the oscillation.
 #
-# The list of causes in the case names only seven of these eight, and `none_of_these`. If the eighth is the cause,
-# `none_of_these` is right.
+# The fold above offers seven of these causes and `none_of_these`. Number 8 is missing: if it were the cause,
+# `none_of_these` would be right. Each of the six cases has eight causes and offers seven.
 
 # %%
 predict("first_probe")
 
 # %% [markdown]
-# Before you run anything, say what each cause predicts. If a change doesn't matter, the time ratio is one. If the slide
-# survives, the time ratio is about three, because the run then ends.
+# Before you run anything, say what each cause predicts. A time ratio of one means that the change doesn't matter, and
+# about three that the slide survives.
 #
-# * **Half the step** cures the doubled stiffness and brake (1, 5). It nearly cures the late contacts (6). The number
-#   of steps between two detections stays the same, so the time between them is halved. Explicit Euler (2) adds half as
-#   much energy each second, so the slide lasts twice as long. The step doesn't matter for causes 4, 7 and 8. Nor does
-#   it matter for 3, because the brake is late by as many seconds as before.
-# * **No brake** removes causes 3 and 5. It also cures cause 1. A brake that uses the old speed lowers the largest
-#   stable step. With no brake, the doubled stiffness is stable. The other causes stay.
+# * **Half the step** cures the doubled stiffness (1) and the doubled brake (5). It nearly cures the late contacts (6):
+#   the number of steps between two detections stays the same, so the time between them is halved. Explicit Euler (2)
+#   adds half as much energy each second, so the slide lasts twice as long. The step doesn't matter for causes 4, 7 and
+#   8. Nor does it matter for 3, because the brake is late by as many seconds as before.
+# * **No brake** removes causes 3 and 5. It also cures cause 1. This brake uses the old speed, which lowers the largest
+#   stable step. Without the brake, the doubled stiffness is stable. The other causes stay.
 #
 # We ran the same probes on other machines, each with a single known cause. The table lists the range of their results
-# for each cause. The last row has the results of the failing machine. A range that contains this result is bold:
+# for each cause. A range is bold if it contains the result of the failing machine, which is in the last row:
 
 # %% tags=["hide-code"]
 PROBES = {
@@ -686,10 +690,10 @@ rows.append(f"| Measured | {' | '.join(f'{value:.3g}' for value in measured.valu
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# Read the table column by column: a cause stays only if the measured number lies in its range. Half the step leaves
-# four causes. Of these four, only the late brake has a bold range in the second column. The last column confirms it
-# independently: the brake acts many steps after the speed was measured. So the fix is to give the brake the present
-# speed. Half the step, the tempting fix, made almost no difference.
+# Read the table column by column. Half the step leaves four causes. Of these four, only the late brake also has a bold
+# range under *No brake*. The last column confirms this cause independently: the brake acts many steps after the speed
+# was measured. So the fix is to give the brake the present speed. Half the step, the tempting fix, made almost no
+# difference.
 #
 # Half the step is a good probe even where it is a poor fix. An error of the time integration shrinks with the step. The
 # effect of a force that has the wrong sign, or that is late by a fixed time, does not.
@@ -698,10 +702,10 @@ Markdown("\n".join(rows))
 show("growing_energy")
 
 # %% [markdown]
-# The next five cases are yours. Each shows its program, its symptom and its probes with their prices.
-# <span class="kernel-only">Call `diagnose` with another seed to get another cause, `case.probe("name")` to run a probe,
-# and `case.conclude("cause", "repair")` to finish. The verdict shows which causes your measurements excluded, what the
-# obvious quick fix would have achieved, and the model answer.</span>
+# The next five cases are yours. Each shows its symptom, its program and its probes with their prices in minutes.
+# <span class="kernel-only">Call `diagnose` with another seed to get another cause.</span>
+# <span class="kernel-only">Run a probe with `case.probe("name")`; end with `case.conclude("cause", "repair")`.</span>
+# <span class="kernel-only">The verdict names the excluded causes, the effect of the quick fix and the answer.</span>
 
 # %%
 diagnose("policy", seed=1).show()
@@ -731,7 +735,7 @@ from itertools import combinations
 
 from course.interview.scenarios import scenario_names, tells_apart
 
-figure_, axes = plt.subplots(2, 3, figsize=(10, 6.6), layout="constrained", sharex=True)
+figure_, axes = plt.subplots(2, 3, figsize=(10, 7.4), layout="constrained", sharex=True)
 for axis, name in zip(axes.flat, scenario_names(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
@@ -744,17 +748,17 @@ for axis, name in zip(axes.flat, scenario_names(), strict=True):
     axis.barh(range(len(order)), [parted[probe] for probe in order], color=colours)
     minutes = {p.name: p.minutes for p in one.probes}
     labels = [f"{probe}, {minutes[probe]:g} min" for probe in order]
-    axis.set_yticks(range(len(order)), labels, fontsize=8)
-    axis.set_title(textwrap.fill(f"{name}: {one.title}", 36), fontsize=9)
-    axis.set(xlabel="share of pairs told apart", xlim=(0, 1))
-_ = figure_.suptitle("blue: probes of the model answer", fontsize=9)
+    axis.set_yticks(range(len(order)), labels, fontsize=9)
+    axis.set_title(textwrap.fill(f"{name}: {one.title}", 32), fontsize=10)
+    axis.set(xlim=(0, 1))
+figure_.supxlabel("share of the 28 pairs of causes that the probe tells apart", fontsize=10)
+_ = figure_.suptitle("blue: probes of the model answer", fontsize=10)
 plt.show()
 
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** Before you change anything, say what you expect to observe for each cause. If you expect the same
-# for all of them, the experiment is not worth its time, however fast it is.
+# **Debugging tip.** Before you change anything, say what you expect to observe for each cause.
 #
 # </div>
 
@@ -766,22 +770,22 @@ more_claims("error_by_its_shape", "complete_planners")
 #
 # How do you test code when nobody knows the correct output? You test a property that the output must have. An
 # **invariant** is a property that every correct result has, whatever the code does inside. Three examples: a unit
-# quaternion has the length one, the momentum of a free body stays the same, and the contact forces under a body at
-# rest add up to its weight. To check it, you need no second implementation.
+# quaternion has the length one, the momentum of a free body stays the same, and the contact forces under a body at rest
+# add up to its weight.
 
 # %%
 predict("round_trip")
 
 # %% [markdown]
 # Each bug in this museum was in public open-source code and is documented in a public thread. The course has a minimal
-# version of each bug, next to a correct version. Three examples show why the obvious test missed it.
+# version of each bug, next to a correct version. Three examples show why an obvious test misses the bug.
 #
-# **A free fall that slows down (number 4 of the table).** By default, a physics engine damps the motion of every body.
-# The deceleration is 0.04 times the sum of the speed and its square (in SI units). Drop a body, and compare its speed
-# with the gravitational acceleration times the time:
+# **A free fall that slows down (number 4 of the table below).** One physics engine damps every motion by default. The
+# deceleration is 0.04 times the sum of the speed and its square (in SI units). Drop a body, and compare its speed with
+# the gravitational acceleration times the time:
 
 # %% tags=["hide-code"]
-seconds = np.linspace(0.25, 5.0, 20)
+seconds = np.linspace(0.0, 5.0, 21)
 figure_, axis = plt.subplots(figsize=(6.5, 2.4), layout="constrained")
 for slip, label, colour in ((False, "correct", BLUE), (True, "with the default damping", ORANGE)):
     speeds = [museum.fall(1.0, float(t), 1 / 240, slip) for t in seconds]
@@ -791,8 +795,8 @@ axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# The obvious test drops a light and a heavy body and checks that they fall alike. They do, both too slowly. The
-# invariant "speed equals gravitational acceleration times time" reveals the damping at once.
+# The obvious test drops a light and a heavy body and checks that they fall alike. They do fall alike, but both too
+# slowly. The invariant "speed equals gravitational acceleration times time" reveals the damping at once.
 #
 # **A quaternion rate in the wrong frame (6).** A function computes the rate of a quaternion from an angular velocity.
 # The obvious test converts there and back, and gets the same numbers. But both directions use the same wrong frame. An
@@ -815,10 +819,10 @@ for label, matrix in (("rotation", turn), ("mirror", mirror)):
     )
 
 # %% [markdown]
-# Here are all bugs. The columns "Right" and "Wrong" show by how much the correct and the faulty version violate the
-# invariant, at worst in three random test cases. `refined_ratio` divides an error at a quarter of the step by the same
-# error at the full step. With a first-order method, the ratio is about a quarter if the equations are right, and about
-# one if they are wrong:
+# Here are all bugs. The columns *Right* and *Wrong* show by how much the correct and the faulty version violate the
+# invariant: the largest violation in three random test cases. Row 3 has a ratio instead: the error of the energy at a
+# quarter of the step, divided by the error at the full step. The method is of first order, so the ratio is about a
+# quarter if the equations are right, and about one if they are wrong:
 
 # %% tags=["hide-code"]
 LABELS = (
@@ -828,7 +832,7 @@ LABELS = (
     "a free fall that slows down",
     "a velocity that is read in one frame and written in another",
     "a quaternion rate in the wrong frame",
-    "an acceleration that belongs to no point of the body",
+    "an acceleration of a point that lacks the part towards the axis of rotation",
     "a rotation that mirrors",
     "a planner that reports success away from the goal",
     "path costs in a tree that are not updated after a change",
@@ -837,20 +841,37 @@ LABELS = (
     "stored steps that lead from one episode into the next",
     "network layers whose output is never used",
 )
+PROPERTIES = (
+    "at rest, the contact forces add up to the weight (relative)",
+    "the mirrored input causes the mirrored motion",
+    "the error of the energy shrinks with the step (ratio)",
+    "speed = gravitational acceleration × time (relative)",
+    "writing back what was read changes nothing",
+    "the angular momentum of a free body is constant (relative)",
+    "the acceleration is the time derivative of the velocity (relative)",
+    "$R^\\top R$ is the identity, the determinant is +1",
+    "a path that counts as solved ends at the goal",
+    "the cost of a node is the length of its path from the root",
+    "an episode has the same advantages alone and in a buffer with others",
+    "a reward of 1 in each step, for ever, is worth 1 / (1 - discount) (relative)",
+    "a stored step goes forward in time, and none is missing (count)",
+    "each layer has a gradient (count of layers without)",
+)
 rows = ["| | Bug | Public thread | Invariant | Right | Wrong |", "|---:|---|---|---|---:|---:|"]
-for place, (one, label) in enumerate(zip(museum.EXHIBITS, LABELS, strict=True), 1):
+for place, one in enumerate(museum.EXHIBITS, 1):
+    label, rule = LABELS[place - 1], PROPERTIES[place - 1]
     right, wrong = (max(one.evidence(slip, seed) for seed in range(3)) for slip in (False, True))
     years = "-".join(str(year) for year in sorted({min(one.years), max(one.years)}))
     rows.append(
-        f"| {place} | {label} | {one.threads[0]} ({years}) | `{one.invariant}` "
+        f"| {place} | {label} | {one.threads[0]} ({years}) | `{one.invariant}`: {rule} "
         f"| {right:.0e} | {wrong:.1g} |"
     )
 Markdown("\n".join(rows))
 
 # %% [markdown]
 # Each invariant is a function of the module `course.interview.invariants`. You can test your own implementation with
-# it, in two lines of a unit test. Choose its tolerance and its time step with care. A **false alarm** is a correct
-# implementation that the check rejects.
+# it, in two lines of a unit test. Choose the tolerance and the time step with care, or you get a **false alarm**: the
+# check rejects a correct implementation.
 #
 # <details><summary>Four invariants of the module that no exhibit needs</summary>
 #
@@ -864,31 +885,32 @@ Markdown("\n".join(rows))
 # ## 7 · Frontier: classical or learned, and what to read
 #
 # "Would you learn this or write it by hand?" is a good last question. There is no general answer, but a measurement can
-# answer it for your case. Start with a small one:
+# answer it for your case. Start with a small example:
 
 # %%
 predict("learned_or_not")
 
 # %% [markdown]
 # The useful question is not which of the two is better, but under which conditions the learned method wins. An example
-# is a limit on the computing time. The value at which the winner changes is the *crossover*. Here is one case. ICP
-# fits the model of a part to the camera's points, and needs a first guess of the part's rotation, the *start*. Either a
-# network guesses it, or ICP runs from several fixed starts and the best fit counts.
-#
-# In the left panel, the labels 1, 4 and 8 are numbers of fixed starts. "Axis" starts along the longest direction of
-# the points. Orange squares are for almost four times the camera noise. The network is right as often as four starts,
-# in less than half of the time. So if the time limit lies between these two times, take the network. (We did not
-# measure two or three starts. The chart does not include the training of the network.)
-#
-# In the right panel, the green points belong to a mirror image of the part. The network has never seen it, and no
-# rotation of the model fits it. The error is measured against the rotation of the mirror image. One check reveals most
-# of these wrong poses. It counts the pixels at which the camera sees something farther away than the estimated part.
-# If their share is above the dotted line, the pose is refuted.
+# is a limit on the computing time. The value at which the winner changes is the *crossover*. ICP (iterative closest
+# point) fits the model of a part to the camera's points. It needs a first guess of the part's rotation, the *start*.
+# Either a network guesses it, or ICP runs from several fixed starts and the best fit counts:
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
+# The left panel shows how often the pose is right, and what it costs in computing time. The labels 1, 4 and 8 are
+# numbers of fixed starts. "Axis" starts along the longest direction of the points. Orange squares are for almost four
+# times the camera noise. The network is right as often as four starts, in less than half of the time. So if the time
+# limit lies between these two times, take the network. (We did not measure two or three starts. The chart does not
+# include the training of the network.)
+#
+# The right panel shows a check of each pose over the true error of its rotation. The check counts the pixels at which
+# the camera sees something farther away than the estimated part. If their share is above the dotted line, the pose is
+# refuted. The green points belong to a mirror image of the part. The network has never seen it, and no rotation of the
+# model fits it. All of these rotations are wrong, and the check refutes most of them.
+#
 # The table has the numbers of this chart, and the crossover in its last column. The fold-out has four more components
-# of a robot. For one of them the crossover is "not measured here".
+# of a robot.
 
 # %% tags=["hide-code"]
 both = tables.classical_or_learned()
@@ -905,12 +927,14 @@ Markdown(
 
 # %% [markdown]
 # Our measurements with these components allow you to say: on data like those of its training, a learned component can
-# win. In planning it needed fewer checks (without the time of the network), in perception less time, and it beat a
+# win. In planning it needed fewer checks (not counting the time of the network), in perception less time, and it beat a
 # classical method whose model was wrong or incomplete. Outside of its training data it lost in planning, and its error
-# grew in control. For the mirrored part it returned a wrong pose without a warning. And first fit the classical model
-# to measured data: the learned model never beat complete equations whose parameters were fitted.
+# grew in control. For the mirrored part it returned a wrong pose without a warning.
 #
-# Here is what to read: one book, five papers and five code repositories, with a summary of each.
+# So fit the classical model to measured data first: the learned model never beat complete equations whose parameters
+# were fitted.
+#
+# Here is what to read:
 
 # %%
 tables.reading()
@@ -1046,10 +1070,9 @@ check(silent_gate)
 # ## 9 · Interview
 #
 # Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, the likely
-# follow-up, and what the interviewer listens for. The last question takes half an hour. The answers to coding
-# questions contain code, and the course tests this code. Two terms occur in the questions. In **hardware in the
-# loop**, the real controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each
-# change of the code.
+# follow-up, and what the interviewer listens for. The last question takes half an hour. The answers to coding questions
+# contain code, and the course tests this code. Two terms occur in the questions. In **hardware in the loop**, the real
+# controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each change of the code.
 
 # %%
 interview("interview")

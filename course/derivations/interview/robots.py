@@ -140,7 +140,8 @@ def stop_at_ten_newtons(result):
     "{sag:.1f} mm for {mass:g} kg. A position controller with an integral term removes this "
     "steady-state error: {left:.0e} mm remain after {seconds:.0f} s.",
     ask=(
-        "A spring of stiffness k holds a hand. By how much does a payload of mass m pull it down?",
+        "A robot's hand is controlled like a spring of stiffness k. By how much does a payload of "
+        "mass m pull it down?",
         "m*g/k",
         {
             "m/k": "A mass is not a force: multiply it by gravity.",

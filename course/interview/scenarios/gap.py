@@ -262,7 +262,7 @@ SCENARIO = Scenario(
         Cause(
             "goal_inside",
             "The goal is closer to a shelf than half the width of the carriage, so it lies in "
-            "the region that the carriage's center must not enter.",
+            "the region that the carriage's centre must not enter.",
             "stand_off",
         ),
         Cause(
@@ -273,7 +273,7 @@ SCENARIO = Scenario(
         Cause(
             "start_inside",
             "As the planner measures it, the carriage is closer to a wall than half its "
-            "width, so the start lies in the region that its center must not enter.",
+            "width, so the start lies in the region that its centre must not enter.",
             "drive_out",
         ),
         Cause(
@@ -318,7 +318,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "measure_door",
-            "width of the door that is free for the carriage's center, according to the planner",
+            "width of the door that is free for the carriage's centre, according to the planner",
             "m",
             5,
             door_width,
@@ -326,7 +326,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "flood",
-            "area that the carriage's center can reach from the start, according to the planner",
+            "area that the carriage's centre can reach from the start, according to the planner",
             "m^2",
             12,
             flood,

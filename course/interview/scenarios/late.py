@@ -152,10 +152,13 @@ def echo(cause: str, seed: int) -> float:
 SCENARIO = Scenario(
     name="late",
     title="The tool lags behind the target",
-    prompt="A camera observes parts on a moving belt, and a tool follows them. At this belt speed "
-    "the tool should lag by less than twenty millimetres, which the gripper tolerates. It lags by "
-    "about forty. You can read the program, but not the parameters of the line, which are on its "
-    "controller; you can only run the probes below. What causes the lag, and what do you change?",
+    prompt="A camera observes parts on a moving belt, and a tool follows them. Each image goes "
+    "over a link into a queue. A vision node takes it from there and computes the position of the "
+    "part. A control loop filters the positions and sends commands to the drive of the tool. At "
+    "this belt speed the tool should lag by less than twenty millimetres, which the gripper "
+    "tolerates. It lags by about forty. You can read the program, but not the parameters of the "
+    "line, which are on its controller; you can only run the probes below. What causes the lag, "
+    "and what do you change?",
     symptom_words="lag of the tool",
     unit="mm",
     symptom=symptom,

@@ -305,7 +305,8 @@ SCENARIO = Scenario(
     probes=(
         Probe(
             "print_statistics",
-            "standard deviation of the angle after scaling, in poses like those of training",
+            "standard deviation of the angle after the policy has scaled it, in poses like those "
+            "of training",
             "",
             4,
             statistics,
@@ -313,8 +314,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "swap_statistics",
-            "fraction of keys pressed and held if the angle is scaled with the mean and deviation "
-            "that were saved in training",
+            "fraction of keys pressed and held if the policy scales the angle with the mean and "
+            "standard deviation that were saved in training",
             "",
             10,
             swapped,
@@ -322,7 +323,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "freeze_target",
-            "the target is the arm's current angle: how far the arm moves away from it",
+            "how far the arm moves if its target is its current angle",
             "mrad",
             6,
             frozen,
@@ -330,8 +331,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_early",
-            "the torques of a press on the model are replayed: difference of the angles in the "
-            "first 80 ms",
+            "difference of the angles in the first 80 ms when the torques of a press on the model "
+            "are replayed",
             "mrad",
             15,
             replayed(0, 20),
@@ -339,7 +340,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_late",
-            "the same replay: difference of the angles in the last 80 of 400 ms",
+            "difference of the angles in the last 80 of 400 ms of the same replay",
             "mrad",
             15,
             replayed(80, 100),
@@ -347,7 +348,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_positions",
-            "a slow servo moves the arm deep into a key: torque beyond what the model needs",
+            "torque beyond what the model needs when a slow servo moves the arm deep into a key",
             "N m",
             20,
             positions,

@@ -262,7 +262,7 @@ SCENARIO = Scenario(
         Probe("read_residual", "residual (remaining error) of the fit", "mm", 1, residual, 0.8),
         Probe(
             "hold_still",
-            "the hand at rest: distance from the grasp point",
+            "distance from the grasp point with the hand at rest",
             "mm",
             3,
             after(still, 4),
@@ -270,7 +270,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "look_closer",
-            "the camera at half the distance from the box: distance from the grasp point",
+            "distance from the grasp point with the camera at half the distance from the box",
             "mm",
             4,
             after(closer, 5),
@@ -278,7 +278,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "look_straight",
-            "the box in the center of the image: distance from the grasp point",
+            "distance from the grasp point with the box in the centre of the image",
             "mm",
             4,
             after(centred, 6),
@@ -286,8 +286,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "turn_hand",
-            "the camera rotated by 180 degrees: distance between this estimate and the original "
-            "one",
+            "distance between the original estimate and one with the camera rotated by 180 degrees",
             "mm",
             6,
             difference_after(turned_hand, 7),
@@ -295,8 +294,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "turn_box",
-            "the box rotated by 180 degrees about its grasp point: distance between this estimate "
-            "and the original one",
+            "distance between the original estimate and one with the box rotated by 180 degrees "
+            "about its grasp point",
             "mm",
             5,
             difference_after(turned_box, 8),
