@@ -169,7 +169,7 @@ def blind_directions(
 def point_in_base(
     pixels: ArrayLike, stamp: float, camera: ArrayLike, mount: ArrayLike, log: ArrayLike
 ) -> np.ndarray:
-    """Return where what a camera at a moving arm has seen is in the base.
+    """Return the positions in the base of points that a moving camera saw.
 
     Args:
         pixels: columns (u, v, z), shape (3, n) [px, px, m].

@@ -17,13 +17,16 @@ predict("lost_plate")
 # %% [markdown]
 # ![A table under a depth camera](attachment:perception.png)
 #
-# *Each dot is a measured point. Grey dots count as table: they are within 8 mm (dashed red) of its plane (solid red).
-# Each other colour is one part. Green outlines are estimated poses; they hide the dashed outlines of the true ones.*
+# *Each dot is a measured point. Grey dots count as table: in this picture, they are within 8 mm (dashed red) of its
+# plane (solid red). Each other colour is one part. Green outlines are estimated poses; they hide the dashed outlines of
+# the true ones.*
 
 # %%
 simulation("perception")
 
 # %% [markdown]
+# The last of these numbers should be near zero; section 3 explains it.
+#
 # **You will be able to** calculate how accurately a depth camera measures before you buy it; follow a part through
 # every stage of a perception pipeline and name the stage that loses it; compute a pose together with its uncertainty;
 # say which motions of a part an image cannot determine; and detect wrong poses that look right. **Know first:** chapter
@@ -32,8 +35,8 @@ simulation("perception")
 # ## The pipeline in six stages
 #
 # A gripper needs a position and an orientation: six numbers. A depth camera delivers tens of thousands, one per pixel.
-# Between them lie six stages, and each of them can lose the part or shift it. The figure below shows them. (The list
-# above the figure is your progress in the exercises of section 8.)
+# Between them lie six stages, and each of them can lose the part or shift it. The figure below shows them. (Above the
+# figure is your progress in the exercises of section 8.)
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -82,9 +85,17 @@ def curve(chart, label, panel=0):
     return np.array(one.x), np.array(one.y)
 
 
+CLEARER = {
+    "two sensors in one image": "a noisier sensor in every second stripe",
+    "shadow of the second eye": "pixels hidden from the second camera",
+    "a second image": "the scene computed from there, too",
+}
+
+
 def omitted():
     """Return the effects that the chapter's world omits, the shift of each [mm], and its model."""
     lines = [re.split(r"\s{2,}", line) for line in read("scene_known_part").splitlines()]
+    lines = [[CLEARER.get(word, word) for word in line] for line in lines]
     return [(one[0], f"{1e3 * float(one[2]):.2f}", one[4]) for one in lines if "left out" in one]
 
 
@@ -96,7 +107,7 @@ def table_of(*rows):
 
 # %% tags=["hide-code"]
 STAGES = {
-    "image": "a distance\nfor each pixel",
+    "image": "a depth\nfor each pixel",
     "points": "x, y, z of\neach pixel",
     "table": "the plane, which\nis removed",
     "clusters": "one group of\npoints per part",
@@ -109,14 +120,24 @@ ERRORS = (
     ("image", "noise of one pixel", one_pixel, BLUE),
     (
         "points",
-        f"half a pixel in the principal\npoint, at {figure('half_a_pixel', 'far'):.2f} m",
+        f"image centre off by half\na pixel, at {figure('half_a_pixel', 'far'):.2f} m",
         figure("half_a_pixel", "shift_mm"),
         ORANGE,
     ),
-    ("table", "plane fitted to points,\nnot to 1/z (0.3 px noise)", plane_offset, ORANGE),
-    ("clusters", "height: 3 times the\nnoise of one pixel", 3.0 * one_pixel, "none"),
-    ("poses", "independent noise", 1e3 * curve("pose_precision", "shape")[1].min(), BLUE),
-    ("poses", "noise shared\nover 5 px", 1e3 * curve("pose_precision", "shape", 1)[1].min(), BLUE),
+    ("table", "plane from the usual fit\n(0.3 px noise, section 2)", plane_offset, ORANGE),
+    ("clusters", "lowest part: 3 times the\nnoise of one pixel", 3.0 * one_pixel, "none"),
+    (
+        "poses",
+        "pixels with\nindependent errors",
+        1e3 * curve("pose_precision", "shape")[1].min(),
+        BLUE,
+    ),
+    (
+        "poses",
+        "neighbours\nsharing errors",
+        1e3 * curve("pose_precision", "shape", 1)[1].min(),
+        BLUE,
+    ),
     (
         "grasp",
         "3 touched points,\nfor calibration",
@@ -145,32 +166,33 @@ for name, label, mm, colour in ERRORS:
         places[name] - 0.36, mm, "o", mfc=colour, mec=BLUE if colour == "none" else colour
     )
     side = "top" if 0.9 < mm < 2.0 else "center"  # clear of the line of the tolerance
-    _ = axis.text(places[name] - 0.29, mm, f"{label}\n{mm:.2g} mm", fontsize=8, va=side)
+    text = f"{label}\n{mm:.3g} mm" if name in ("image", "clusters") else f"{label}\n{mm:.2g} mm"
+    _ = axis.text(places[name] - 0.29, mm, text, fontsize=8, va=side)
 _ = axis.axhline(2.0, color=GREY, ls="--")
-_ = axis.text(-0.48, 2.2, "tolerance 2 mm", fontsize=8, color=GREY)
+_ = axis.text(-0.48, 2.2, "the gripper allows 2 mm", fontsize=8, color=GREY)
 _ = axis.set(yscale="log", ylim=(0.015, 45), xticks=[], ylabel="error or height [mm]")
 plt.show()
 
 # %% [markdown]
 # *Above: the six stages and what each one passes on. Below: the main error of each stage, in this chapter's
-# experiments. Orange points are avoidable mistakes. Blue points remain when you work carefully. The hollow point is a
-# height, not an error: with a tolerance of three times the noise of one pixel, parts much lower than this are taken for
-# table.*
+# experiments. Orange points are avoidable mistakes. Blue points remain when you work carefully; which of the two in
+# stage 5 remains depends on the camera (section 1). The hollow point is a height, not an error: much lower parts
+# disappear in the noise of the table.*
 #
-# The noise of a single pixel is nearly as large as the tolerance. The pose is far more accurate, because it averages
-# thousands of pixels. The two largest errors don't come from the noise of the image. One is the age of the pose: the
-# part moves on before the gripper closes. The other is a poor calibration: to find out where the camera is, the arm
-# touched only three points that the camera sees. Their small errors grow with the distance from these points.
+# The noise of a single pixel is nearly as large as the 2 mm that the gripper allows. The pose is far more accurate,
+# because it averages thousands of pixels. The two largest errors don't come from the noise of the image. One is the age
+# of the pose: the part moves on before the gripper closes. The other is a poor calibration: to find out where the
+# camera is, the arm touched only three points that the camera sees. Far from these points, their small errors become
+# large ones.
 #
-# The values come from different experiments, so they don't add up to a total. All images are computed, so the true
-# poses are known.
+# All images are computed, so the true poses are known.
 #
 # ## 1 · Concept: what a depth camera measures
 #
 # ### The pinhole camera and its depth image
 #
-# A program that misreads one convention of its camera may be right in the middle of the image and centimetres off at
-# its edge. So let us fix the conventions first.
+# A program that misreads one convention of its camera can be centimetres off at the edge of the image. So let us fix
+# the conventions first.
 #
 # A **depth image** is a table of numbers. For each pixel it holds the **depth** $z$: the distance *along the camera's
 # axis*, not along the ray from the camera to the point. In the camera's frame, $x$ points to the right and $y$ down. A
@@ -185,7 +207,7 @@ plt.show()
 # **A worked example.** With $f = 300$ pixels, a part that is 30 mm wide and 1 m away covers $300 \cdot 0.03 / 1 = 9$
 # pixels. At half the distance it covers 18.
 #
-# Here is the scene of this chapter: a table with a box, a can and a thin plate.
+# This chapter's scene is a table with a box, a can and a thin plate.
 
 # %% tags=["hide-code"]
 can, plate = shape("cylinder", 0.03, 0.04), shape("box", 0.03, 0.03, 0.003)
@@ -231,8 +253,7 @@ print(
 
 # %% [markdown]
 # *Left: the exact depth. Middle: the error of the noisy image. Right: which part each pixel sees.* The error grows
-# towards the top of the image, where the table is farther away; the section on noise says by how much. From the worked
-# example you can answer this:
+# towards the top of the image, where the table is farther away. From the worked example you can answer this:
 
 # %%
 show("small_parts_have_few_pixels")
@@ -247,15 +268,15 @@ show("small_parts_have_few_pixels")
 # Many drivers write 0. ROS follows REP 118: a depth image in metres marks a missing measurement with NaN ("not a
 # number"), and uses infinities for what is out of range. Both marks are dangerous if your program does not expect them.
 # A zero that is treated as a depth becomes a point at the centre of the camera. A NaN turns every sum that it enters
-# into NaN. And every comparison with NaN except `!=` is false, so a test for errors may pass silently.
+# into NaN. And every comparison with NaN except `!=` is false, so a test such as `if z < 0` finds no error.
 #
 # So convert once, when you read the image. This chapter's `Camera.picture` turns every NaN and every infinity into 0,
 # and every later stage skips zeros.
 #
-# The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera, the sensor and
-# the shape of a known part. It returns a list of estimated poses, each with a **status** that says what the caller may
-# do with it: *found* means that the pose may be used. We remove a tenth of the pixels and mark them once with 0, once
-# with NaN:
+# The cell below uses **`locate`**, this chapter's complete pipeline. It takes a depth image, the camera (its
+# intrinsics), the sensor (its noise) and the shape of a known part. It returns a list of estimated poses, each with a
+# **status** that says what the caller may do with it: *found* means that the pose may be used. We remove a tenth of the
+# pixels and mark them first with 0, then with NaN:
 
 # %% tags=["hide-code"]
 missing = np.random.default_rng(1).random(noticed.shape) < 0.1
@@ -356,8 +377,6 @@ predict("twice_as_far")
 #
 # $$\boxed{\;\sigma_z = \frac{z^2}{f\,B}\,s\;}$$
 #
-# In words: the noise of a depth is the square of the distance times the noise of the disparity, divided by focal length
-# and baseline.
 #
 # **A worked example.** With $f = 300$ pixels, $B = 5$ cm and $s = 0.1$ pixel, at one metre the noise is $0.1 / (300
 # \cdot 0.05)$ m, which is 6.7 mm. At half a metre it is a quarter of that.
@@ -376,8 +395,8 @@ predict("twice_as_far")
 show("noise_is_one_number")
 
 # %% [markdown]
-# Here are two stereo cameras whose disparity has a noise of a tenth of a pixel. The first is a RealSense D435. The
-# second has a longer focal length and a wider baseline:
+# Here are two stereo cameras, both with $s = 0.1$ pixel: a RealSense D435, and one with a longer focal length and a
+# wider baseline:
 
 # %% tags=["hide-code"]
 z = np.linspace(0.2, 3.0, 50)
@@ -398,9 +417,9 @@ plt.show()
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Before you choose any algorithm, calculate $z^2 s/(fB)$ for your camera and distance. Every tolerance
-# in depth should be several times this noise. A part that is only one or two $\sigma_z$ high cannot be distinguished
-# from the table by single pixels.
+# **Key insight.** Before you choose any algorithm, calculate $z^2 s/(fB)$ for your camera and distance. Depths that
+# differ by only a few times this noise may belong to the same surface. A part that is only one or two $\sigma_z$ high
+# cannot be distinguished from the table by single pixels.
 #
 # </div>
 #
@@ -414,9 +433,9 @@ plt.show()
 # But a stereo camera compares *windows* of several pixels, and the windows of two neighbours overlap almost completely.
 # Both therefore make nearly the same error: they have **shared noise**.
 #
-# Many sensors also round the disparity to **steps**, such as an eighth of a pixel. Without noise, all pixels of a wall
-# that faces the camera are rounded to the same step, so their mean has the whole error of the rounding. With enough
-# noise, some pixels are rounded up and others down, and the error of the mean shrinks.
+# Many sensors also round the disparity to a multiple of a **step**, such as an eighth of a pixel. Without noise, all
+# pixels of a wall that faces the camera are rounded to the same value, so their mean has the whole error of the
+# rounding. With enough noise, some pixels are rounded up and others down, and the error of the mean shrinks.
 
 # %%
 show("pixels_are_independent")
@@ -425,17 +444,17 @@ show("pixels_are_independent")
 # ![The law of noise, what averaging leaves, and shared noise](../docs/charts/depth_noise.png)
 #
 # *Upper left: measured noise against the distance, with the law as a line. Upper right: the true disparity lies a
-# quarter of a step above a step. The curve shows the error of the mean against the noise; both axes are in steps.
-# Below: the mean of a square patch of pixels, and how many times noisier it is with overlapping windows than with
-# independent pixels.*
+# quarter of a step above a value that the sensor can report. The curve shows the error of the mean against the noise;
+# both axes are in steps. Below: the mean of a square patch of pixels, and how many times noisier it is with overlapping
+# windows than with independent pixels.*
 
 # %%
 print_figures("depth_noise", "a quarter", "window 5")
 
 # %% [markdown]
-# For a patch much larger than the window, the spread (standard deviation) of the mean grows by about the width of the
-# window, here 5. (Theory gives 4.9 for 64 x 64 pixels; the printed value differs by chance.) A program that treats the
-# pixels of such a patch as independent reports a variance that is about $5^2 = 25$ times too small.
+# For a patch much larger than the window, shared noise multiplies the spread (standard deviation) of the mean by about
+# the width of the window, here 5. A program that treats the pixels of such a patch as independent reports a variance
+# that is about $5^2 = 25$ times too small.
 
 # %%
 more_claims("averaging_removes_all")
@@ -530,11 +549,12 @@ plt.show()
 
 # %% [markdown]
 # *One row of the image, back-projected: the table on both sides, the box between. The grid shows the cubes, whose edge
-# is 10 mm; one mean is left of each. The slanted points at the right of the box are its side.*
+# is 10 mm; the points in a cube become one mean. The slanted points at the right are a side of the box. At both ends of
+# the box, the next pixel sees the table far behind it, hence the gaps.*
 #
-# Be careful with the principal point. If the centre of the first pixel has the coordinate 0, the middle of $W$ columns
-# is $(W-1)/2$ and not $W/2$. An error of half a pixel moves each point sideways in proportion to its depth. All points
-# move almost alike, so no test inside the pipeline notices.
+# If the centre of the first pixel has the coordinate 0, the middle of $W$ columns is $(W-1)/2$ and not $W/2$. A
+# principal point that is half a pixel off moves each point sideways in proportion to its depth. The depths on a table
+# are similar, so all points move almost alike, and no test inside the pipeline notices.
 #
 # ### The table: RANSAC
 #
@@ -543,7 +563,7 @@ plt.show()
 # and voting:
 #
 # 1. Sample three points and compute the plane through them.
-# 2. Count the points within a tolerance of the plane. Each is an **inlier**.
+# 2. Count the points whose distance from the plane is at most the **plane tolerance**. Each is an **inlier**.
 # 3. Repeat. Keep the plane with the most inliers.
 # 4. Fit the plane again, to all its inliers.
 
@@ -570,8 +590,8 @@ for axis, pair, name in ((axes[0], (3, 40), "a bad sample"), (axes[1], (1, 0), "
 plt.show()
 
 # %% [markdown]
-# *RANSAC in two dimensions: two sampled points (circles) define a line. Points within the tolerance (dashed) are its
-# inliers (orange).*
+# *RANSAC in two dimensions: two sampled points (circles) define a line. Points within the plane tolerance (dashed) are
+# its inliers (orange).*
 #
 # How many samples do you need? Let a share $w$ of the points lie on the table. Three random points all lie on it with
 # probability $w^3$, and $n$ samples all fail with probability $(1 - w^3)^n$. If at least one sample is to succeed with
@@ -582,8 +602,9 @@ plt.show()
 # **A worked example.** With half of the points on the table, $w^3 = 1/8$. For $P = 0.99$ you need $\log 0.01 / \log
 # 0.875$, which is about 35 samples.
 #
-# So the formula promises one sample of three points of the table. A run finds the table if nine of ten table points are
-# inliers of its plane. Do the three points already give such a plane?
+# So the formula promises one sample of three table points. But we want more: we say that a run *finds* the table if its
+# plane has at least nine tenths as many table points among its inliers as the true plane. Is the plane through three
+# table points already that good?
 
 # %%
 show("draws_find_the_plane")
@@ -591,18 +612,19 @@ show("draws_find_the_plane")
 # %% [markdown]
 # ![How often the plane is found with the number of samples that the formula gives](../docs/charts/ransac_draws.png)
 #
-# *Share of runs that find the plane, against the tolerance in units of the noise. Dotted: the promised probability.
-# Three noisy points make a tilted plane, so the plain algorithm stays below the promise. A fit to all inliers (refit),
-# and a second one, repair most of it.*
+# *Share of runs that find the table, against the plane tolerance divided by the noise. Dotted: the promised
+# probability. Three noisy points make a tilted plane, so without step 4 (no refit) the share stays below the promise.
+# Step 4 (one refit), and repeating it (two refits), repair most of this.*
 #
-# How should the final fit be done? Write the plane as $1 = a\,x + b\,y + c\,z$, with three unknown numbers $a$, $b$ and
-# $c$, and divide by $z$:
+# For the fit of step 4, write the plane as $1 = a\,x + b\,y + c\,z$, with three unknown numbers $a$, $b$ and $c$, and
+# divide by $z$:
 #
 # $$\frac{1}{z} = a\,\frac{x}{z} + b\,\frac{y}{z} + c .$$
 #
-# The ratios $x/z$ and $y/z$ follow from the column and the row of the pixel, which are exact. Only the left side has
-# noise. It is proportional to the disparity, whose noise is the same everywhere. So an ordinary least-squares fit to
-# $1/z$ gives every pixel the right weight. In a fit to the points themselves, the far, noisy points pull hardest.
+# The ratios $x/z$ and $y/z$ follow from the column and the row of the pixel, which are exact. Only $1/z$, on the left,
+# has noise. And $1/z$ is proportional to the disparity, whose noise is the same everywhere. So an ordinary
+# least-squares fit to $1/z$ gives every pixel the right weight. In a fit to the points themselves, the far, noisy
+# points pull hardest.
 
 # %%
 show("inverse_depth_is_better")
@@ -610,11 +632,11 @@ show("inverse_depth_is_better")
 # %% [markdown]
 # ![Angle of the table against time, and its offset against the noise](../docs/charts/plane_precision.png)
 #
-# *The camera has 320 x 240 pixels and a baseline of 75 mm, so the offsets are smaller than in the card. Left: error of
-# the plane's angle against computing time. From point to point of a RANSAC curve, more samples are drawn; after the
-# second point this hardly helps. From point to point of the other curves, more pixels are used. Small differences of
-# time are scatter. Dotted: a tilt of 0.2 mm on 100 mm. Right: systematic offset of the plane against the noise. The fit
-# of $1/z$ (inverse depth) has none; the fit to the points, by a singular value decomposition (SVD), has one.*
+# *This camera has smaller offsets than the one in the card. Left: error of the plane's angle against computing time.
+# Along a RANSAC curve, the number of samples grows; after the second point this hardly helps. Along the other curves,
+# the number of pixels grows. Dotted: a tilt of 0.2 mm on 100 mm. Right: systematic offset of the plane against the
+# noise. The fit of $1/z$ (inverse depth) has none; the fit to the points, by a singular value decomposition (SVD), has
+# one.*
 #
 # Is the largest plane the table? It may be a wall, or the lid of a large box. Three tests are cheap. Is the plane where
 # the calibration puts the table? Does its normal, the direction perpendicular to it, point up? Are the other points
@@ -625,9 +647,9 @@ show("inverse_depth_is_better")
 # Above the table remain the parts, the walls of a bin, the robot's own hand, and noise.
 #
 # **DBSCAN** (Ester and others 1996) groups points by density. A point with enough neighbours within a radius `eps` is a
-# **core point**. Core points that are neighbours of each other belong to the same cluster. A point without any core
-# point nearby is noise. So two parts become one cluster if they have core points closer than `eps` to each other, and a
-# part with too few points vanishes as noise.
+# **core point**. Core points that are neighbours of each other belong to the same cluster. A point that is no core
+# point joins the cluster of a core point within `eps`. Without one, it is noise. So two parts become one cluster if
+# core points of both are within `eps` of each other, and a part with too few points vanishes as noise.
 #
 # In a depth image there is a faster method. A **connected component** is a set of adjacent pixels whose depths differ
 # by less than a given limit from one pixel to the next. No search for neighbours is needed, because the image already
@@ -640,6 +662,9 @@ show("inverse_depth_is_better")
 
 # %%
 show("fifty_neighbours")
+
+# %% [markdown]
+# So the points at an edge need a limit below half of $\pi\epsilon^2/v^2$. Require a third, for example.
 
 # %% tags=["hide-code"]
 points, pixels = perception.back_project(noticed, EYE)
@@ -671,8 +696,6 @@ print(f"pixels: clusters of {counts[counts >= 40]}, {counts[counts < 40].sum()} 
 # %% [markdown]
 # *The same image, clustered in two ways: by DBSCAN in metres (left), and as connected components of the image (right).
 # Colours are clusters, black is noise.*
-#
-# So require less than half of the points of a whole disc, for example a third.
 
 # %%
 more_claims(
@@ -757,8 +780,8 @@ plt.show()
 #
 # *Left: error of the final turn against the error of the starting turn, for prisms with different numbers of sides. One
 # start of the prism with 4 sides is so close to the middle between two poses that ICP stops where it began. Right:
-# iterations against the error of the start. Point-to-plane, and the shape given by a formula, need about a tenth of the
-# iterations of point-to-point.*
+# iterations against the error of the start. Point-to-plane (planes), and the shape given by a formula, need about a
+# tenth of the iterations of point-to-point (points).*
 
 # %%
 print_figures("icp_basin", "3", "4", "6", "points", "planes", "shape")
@@ -785,9 +808,9 @@ more_claims("icp_comes_home", "own_points_come_home", "picture_to_picture")
 # $$J = \big(\,n^\mathsf{T},\; (q \times n)^\mathsf{T}\,\big), \qquad \text{information} = \sum \frac{J^\mathsf{T}
 # J}{\sigma^2}, \qquad \text{covariance} = \text{information}^{-1} .$$
 #
-# **A worked example.** A hundred points on one flat face have 1 mm of independent noise each. In their middle, they
-# determine the position along the normal to $1/\sqrt{100}$, which is 0.1 mm. About a shift *along* the face they say
-# nothing at all: that entry of every row is zero.
+# **A worked example.** A hundred points on one flat face have 1 mm of independent noise each. At the middle of these
+# points, the height of the face, measured along its normal, has a standard deviation of $1/\sqrt{100}$ mm, which is 0.1
+# mm. About a shift *along* the face the points say nothing at all: the entries for such a shift are zero in every row.
 #
 # In least squares, the information matrix is called the **normal matrix**, which has nothing to do with the normal of a
 # face. Each step of point-to-plane ICP solves a linear system with it. A motion without information is **unobserved**.
@@ -811,21 +834,24 @@ show("what_is_not_seen")
 show("normal_matrix_is_covariance")
 
 # %% [markdown]
+# The last iterations of `icp` therefore compare each point with the shape *along its own ray*: where does this pixel's
+# ray hit the model?
+#
 # ![Squared error over predicted variance, and shared noise](../docs/charts/pose_covariance.png)
 #
-# *Left: squared error divided by predicted variance, for 150 images of each view (the card used fewer, so its numbers
-# differ a little). Right: the spread of the pose, divided by its spread with independent pixels, against the width of
-# the matching window. The band reaches from the smallest to the largest of the pose's six numbers. The thin line is the
-# width of the window, the limit for large patches (section 1).*
+# *Left: squared error divided by predicted variance, for a box of which the camera sees three, two or one faces, a
+# cylinder and a sphere. (The card used fewer images, so its numbers differ a little.) Right: the spread of the pose,
+# divided by its spread with independent pixels, against the width of the matching window. The band reaches from the
+# smallest to the largest of the pose's six numbers. The thin line is the width of the window, the limit for large
+# patches (section 1).*
 
 # %%
 print_figures("pose_covariance", "closest", "along", "window 7")
 
 # %% [markdown]
-# The last iterations of `icp` therefore compare each point with the shape *along its own ray*: where does this pixel's
-# ray hit the model? And as in section 1, shared noise makes every covariance too small. For a window of $w$ pixels, the
-# variances grow by up to $w^2$. Multiply by $w^2$ to be on the safe side. Or measure the spread of repeated poses of a
-# part at rest.
+# As in section 1, shared noise makes every reported covariance too small. For a window of $w$ pixels, the true
+# variances are up to $w^2$ times as large. Multiply the covariance by $w^2$ to be on the safe side. Or measure the
+# spread of repeated poses of a part at rest.
 #
 # ### The outline of a part
 #
@@ -833,13 +859,43 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 # tilts, and nothing else. Yet you can *see* where it is, because you see its edge.
 #
 # The **outline** is the set of border pixels of the part, where it hides something farther away. The true edge lies
-# between the centre of such a pixel and that of its outer neighbour. So the point midway between them is wrong by half
-# a pixel at most. Draw the edge of the model into the image, too. The distance of each midpoint from this edge, in
-# pixels, is one more error for the fit to reduce.
+# between the centre of such a pixel and that of its outer neighbour. So the midpoint of the two is wrong by half a
+# pixel at most. Draw the edge of the model into the image, too, and measure the distance of each midpoint from this
+# edge in pixels.
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
+edge_of = np.poly1d([0.22, 3.2])  # row at which the true edge crosses a column
+drawn = np.poly1d([0.22, 2.55])
+inside = np.arange(7)[:, None] > edge_of(np.arange(12))[None, :]
+_ = axis.pcolormesh(
+    np.arange(13) - 0.5,
+    np.arange(8) - 0.5,
+    inside,
+    cmap=ListedColormap(["#ffffff", "#cfd8dc"]),
+    edgecolors="#b0b0b0",
+    lw=0.5,
+)
+top_row = np.argmax(inside, axis=0)
+line = np.array([-0.5, 11.5])
+_ = axis.plot(line, edge_of(line), color="black", label="true edge")
+_ = axis.plot(line, drawn(line), color=BLUE, label="drawn edge of the model")
+_ = axis.plot(np.arange(12), top_row - 0.5, "o", color=ORANGE, ms=5, label="midpoints")
+for column, row_ in enumerate(top_row - 0.5):
+    foot = column + 0.22 * (row_ - drawn(column)) / (1 + 0.22**2)
+    _ = axis.plot([column, foot], [row_, drawn(foot)], color=GREY, lw=1)
+_ = axis.set(aspect="equal", xlim=(-0.5, 11.5), ylim=(6.5, -0.5), xticks=[], yticks=[])
+_ = figure_.legend(fontsize=8, loc="outside right center")
+plt.show()
+
+# %% [markdown]
+# *Pixels of the part are grey. The fit moves the model until the grey lines, from the midpoints to the drawn edge, are
+# as short as possible.*
 #
-# Each border pixel adds a row $(m^\mathsf{T}, (q \times m)^\mathsf{T})$. Here $q$ is the point of the part on the drawn
-# edge. The vector $m$ has three numbers, like the normal $n$ above. It points out of the part, across its edge. Its
-# length is about $f/z$, the number of pixels per metre. These rows determine $x$, $y$ and the turn.
+# Each border pixel adds a row $(m^\mathsf{T}, (q \times m)^\mathsf{T})$. Here $q$ is the point of the part that appears
+# on the drawn edge, nearest to the midpoint. The vector $m$ has three numbers, like the normal $n$ above. It points out
+# of the part, across its edge. Its length is about $f/z$, the number of pixels per metre. These rows determine $x$, $y$
+# and the turn.
 #
 # Where something nearer covers the part, the border belongs to *that* object and must not be used.
 
@@ -858,13 +914,13 @@ predict("which_number_tells")
 #
 # The **see-through** test uses this. Draw the model at its estimated pose into the image. Count the pixels in which the
 # part should be and the camera measured something clearly *behind* it. Divide by the number of all pixels of the model.
-# For a right pose this share is a few per cent at most. `locate` refutes a pose if it is more than a tenth.
+# For a right pose this share is a few per cent at most. `locate` refutes a pose if this share is more than a tenth.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.3), layout="constrained")
-cases = ("right", "turned by 90 degrees", "twins: one block")
+cases = ("right", "turned by 90 degrees", "across two equal parts")
 for axis, title in zip(axes, cases, strict=True):
-    if title.startswith("twins"):
+    if title.startswith("across"):
         measured = ((-1.5, 0, 1.5, 0.6), (0, 0, 1.5, 0.6))
         model = (-0.75, 0, 1.5, 0.6)
     elif title == "right":
@@ -929,10 +985,10 @@ table_of(*rows)
 
 # %% [markdown]
 # The quarter turn has a large residual *and* a large see-through share. The cut-off box lies more than half outside the
-# image, and half of its poses are right. The others are centimetres off, but their residual is less than twice the
-# right one. See-through refutes four of these six. Depths that are one per cent too long move
-# every pose by several millimetres. Neither number shows it, because the fitted pose moves with the image. A known
-# table reveals it: the measured one is more than 6 mm away.
+# image, and half of its poses are right. The others are centimetres off, but their residual is less than twice that of
+# a right pose. See-through refutes four of these six. Depths that are one per cent too long move every pose by several
+# millimetres. Neither number shows this, because the fitted pose moves with the image. A known table reveals it: the
+# measured table is more than 6 mm away from it.
 
 # %% tags=["hide-code"]
 upwards = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
@@ -966,9 +1022,9 @@ more_claims("a_residual_tells")
 # The arm needs the pose in its base frame, so you need the camera's own pose in the base: its **extrinsics**.
 #
 # **A fixed camera.** Touch several points with the arm and measure them with the camera. This is a rigid fit. Its
-# residual says little about its quality. Take three points. A rigid motion doesn't change their three distances, so
-# only errors of these leave a residual. It stays small even if the pose is poor. The error at the part depends on the
-# number of points, and on how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
+# residual may be small although the pose is poor. With three points, the fit absorbs every error that leaves the
+# distances between them unchanged; only errors of these distances remain. The error at the part depends on the number
+# of points, and on how far the part lies outside of them (Fitzpatrick, West and Maurer 1998).
 #
 # **A camera on the hand.** Let $X$ be the camera's pose in the hand's frame. Move the arm while the camera watches a
 # fixed target. The arm reports the hand's motion $A$, and the images show the camera's motion $B$. Two paths lead from
@@ -1018,7 +1074,10 @@ plt.show()
 print(
     f"planar arm      {figure('motions_calibrate_any_arm', 'rank'):.0f} of 3 directions of the shift determined"
 )
-print(f"error there     {figure('motions_calibrate_any_arm', 'off_mm'):.0f} mm along the axis")
+print(
+    "along the axis  the solver returns 0, the truth is "
+    f"{figure('motions_calibrate_any_arm', 'off_mm'):.0f} mm"
+)
 
 # %% [markdown]
 # Turn the hand about at least two clearly different axes, by large angles. And calibrate the lens first, because $B$ is
@@ -1041,9 +1100,9 @@ more_claims("motions_calibrate_any_arm")
 #
 # ![Averages of a part that moves, and prediction over an age](../docs/charts/tracking.png)
 #
-# *Each coordinate of a pose has 1 mm of noise here. Left: error of the mean of the last images, against their number,
-# for a part at rest and for moving ones. Right: error (root mean square) against the age of the pose, for parts that
-# move at about 150 mm/s.*
+# *Each coordinate of a pose has 1 mm of noise here, and there are 30 images per second. Left: error of the mean of the
+# last 1 to 16 images, for a part at rest and for moving ones. Right: error (root mean square) against the age of the
+# pose, for parts that move at about 150 mm/s.*
 
 # %%
 print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
@@ -1057,7 +1116,8 @@ print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
 more_claims("averaging_pictures_helps")
 
 # %% [markdown]
-# A Kalman filter can also estimate a robot's own motion.
+# A Kalman filter can also estimate a robot's own motion. If a measurement is not linear in the estimated numbers, the
+# *extended* Kalman filter uses its derivative instead.
 #
 # <details><summary>The height of a hopping robot: when may the filter use the leg's length?</summary>
 #
@@ -1092,18 +1152,18 @@ more_claims("gate_replaces_contact", "imu_start_again", "bias_to_first_order")
 # <table>
 # <tr><th>question</th> <th>estimate</th> <th>needs</th> <th>doesn't tell you</th></tr>
 # <tr><td>is anything there?</td> <td>pixels above the plane</td> <td>plane, noise</td> <td>what it is</td></tr>
-# <tr><td>where to push or apply suction?</td> <td>centroid</td> <td>a cluster</td> <td>the part's middle, only
-# that of its visible points</td></tr>
+# <tr><td>where to push or apply suction?</td> <td>centroid</td> <td>a cluster</td> <td>where the part's own middle
+# is</td></tr>
 # <tr><td>which space to keep clear?</td> <td>box around the cluster</td> <td>a cluster</td> <td>its hidden
 # half</td></tr>
 # <tr><td>which way does it point, roughly?</td> <td>principal axes</td> <td>a long cluster, completely visible</td>
 # <td>which end is which</td></tr>
 # <tr><td>where does the gripper close?</td> <td>ICP on the shape, 3 numbers</td> <td>shape, table</td>
 # <td>whether the table is where you assume it (figure below)</td></tr>
-# <tr><td>the same, in any orientation</td> <td>ICP, 6 numbers, more starts</td> <td>shape</td> <td>the directions that
-# the view does not determine; it names them</td></tr>
-# <tr><td>where will it be?</td> <td>tracker</td> <td>poses with time stamp and covariance</td> <td>a sudden stop, for
-# a few images</td></tr>
+# <tr><td>the same, in any orientation</td> <td>ICP, 6 numbers, more starts</td> <td>shape</td> <td>motions that the
+# view does not determine; it names them</td></tr>
+# <tr><td>where will it be?</td> <td>tracker</td> <td>poses with time stamp and covariance</td> <td>for a few images,
+# that the part has stopped</td></tr>
 # </table>
 #
 # Knowing the table helps as long as the knowledge is right. Here are four versions of the same fit.
@@ -1144,9 +1204,9 @@ plt.show()
 #
 # ### What the model omits
 #
-# The chapter's world has one camera, planes and simple solids, and noise with rounding and shared pixels. Is that
-# enough for the 2 mm at the top of the page? To find out, we added each omitted effect separately and compared the
-# estimated position with that from an image without the effect.
+# The chapter's world has one camera, planes and simple solids, and noise that is rounded to steps and shared by
+# neighbours. Is that enough for the 2 mm at the top of the page? To find out, we added each omitted effect separately,
+# and compared the estimated position with that from an image without it.
 
 # %% tags=["hide-code"]
 table_of(("omitted effect", "shift of the position [mm]", "how the image was computed"), *omitted())
@@ -1154,8 +1214,7 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 # %% [markdown]
 # The largest shift comes from pixels at an edge, which average the part and what is behind it. The sum of these six
 # stays below 2 mm. They were not tried together, and real sensors have others, such as drift with temperature. The
-# errors of calibration and age in the pipeline figure come on top. With a poor calibration or an old pose, the 2 mm are
-# exceeded.
+# errors of calibration and age in the pipeline figure come on top, and either can exceed the 2 mm alone.
 #
 # ### Interfaces and answers
 #
@@ -1178,8 +1237,8 @@ table_of(("omitted effect", "shift of the position [mm]", "how the image was com
 #
 # </details>
 #
-# The caller has to know what to do with each answer. An empty table is a normal case, so it returns an empty list and
-# raises no exception. The status is the first of these that applies:
+# The caller of `locate` has to know what to do with each answer. An empty table is a normal case, so `locate` returns
+# an empty list and raises no exception. The status of a pose is the first of these that applies:
 #
 # 1. *refuted*: the camera sees through the pose.
 # 2. *cut*: the part reaches the border of the image.
@@ -1222,30 +1281,27 @@ for name, part, available, then in (
 table_of(*answers)
 
 # %% [markdown]
-# A part that differs from the model by only a
-# millimetre or two is still *found* (card in section 3).
-#
 # ### Throughput and latency
 
 # %%
 predict("keeps_up")
 
 # %% [markdown]
-# **Throughput** is how many images per second the pipeline processes: one over the time of the slowest stage, if the
-# stages overlap. **Latency** is how old an answer is: the time of all stages and of the waits between them, plus
-# exposure and transport. Workers that take whole images in turn raise the throughput: answers come more often. But each
+# **Throughput** is how many images per second the pipeline processes: one over the time of the slowest stage, if all
+# stages work at once, each on another image. **Latency** is how old an answer is: the time of all stages and of the
+# waits between them, plus exposure and transport. Workers that take whole images in turn raise the throughput, but each
 # answer is as old as before when it arrives. Only workers that share one image, such as one for each cluster, shorten
 # the latency.
 #
-# Here are the five stages after the image, timed on one core of the machine that built this page. The last one,
-# **`closes`**, decides whether the gripper may close. It adds up:
+# Here are the five stages after the image, timed on one core of the machine that built this page. The last stage,
+# *grasp*, is the function **`closes`**: may the gripper close? It adds up:
 #
 # - three standard deviations of the position;
 # - the shift at the edge of a finger if the part turns by three standard deviations;
 # - a bound for systematic errors, here the shift by half a pixel (section 2).
 #
-# The result is True if the pose is *found* and the sum is smaller than the gap between finger and part. (The noise of
-# these images is independent. With shared noise, multiply the covariance by $w^2$ first, which is the safe side.)
+# The result is True if the pose is *found* and the sum is smaller than the gap between finger and part. (With shared
+# noise, multiply the covariance by $w^2$ first.)
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 one = locate(noticed, EYE, SENSOR, BOX)[0]
@@ -1291,8 +1347,7 @@ whole = sum(took[1:])
 print(f"after the image   {whole:.0f} ms; the gripper may close: {closes(one)}")
 
 # %% [markdown]
-# *Nearly all of the time goes into the poses: several starts for each cluster, whether it is the part or not. The image
-# is simulated here, so its time is not shown.*
+# *Nearly all of the time goes into the poses: several starts for each cluster, whether it is the part or not.*
 
 # %%
 more_claims("pipeline_keeps_up")
@@ -1314,8 +1369,8 @@ print("the pipeline, 40 images ", *measured.round(3))
 print("stand_in                ", *message.round(3))
 
 # %% [markdown]
-# Here `stand_in` predicts a larger spread than the pipeline has: it takes the whole factor $w^2$ for shared noise,
-# which is the safe side.
+# Here `stand_in` predicts a larger spread than the pipeline has: to be safe, it takes the whole factor $w^2$ for shared
+# noise.
 
 # %% [markdown]
 # ## 5 · Code, and the simulation in full
@@ -1353,14 +1408,15 @@ print(
 print(
     f"4 clusters      {labels.max() + 1}, {noise.sum()} points of noise, the same in Open3D: {same}"
 )
-print("5 extents [mm] ", *((1e3 * box).round().astype(int) for box in boxes))
+extents = [(1e3 * box).round().astype(int) for box in boxes]
 print(
-    "  true [mm]     can 60 x 80, box", (2e3 * BOX.sizes[:, 0]).astype(int), "- the plate is lost"
+    "5 x, y, z [mm]  " + ", ".join(f"{a} {b}" for a, b in zip(("can", "box"), extents, strict=True))
 )
+print("  true [mm]     can 60 wide, 80 high, box", (2e3 * BOX.sizes[:, 0]).astype(int))
 
 # %% [markdown]
-# The algorithms agree. The *settings* are the problem: 50 neighbours at 5 mm voxels and a tolerance of 10 mm lose the
-# plate, and the extent of an axis-aligned box is not the size of the part.
+# The algorithms agree. The *settings* are the problem: 50 neighbours at 5 mm voxels and a plane tolerance of 10 mm lose
+# the plate, and the extent of an axis-aligned box is not the size of the part.
 
 # %%
 more_claims("tutorial_runs")
@@ -1384,15 +1440,15 @@ Markdown(
 # 1. *Table in clusters*: which slider cures it, and what is lost then?
 # 2. *Touching*: does any eps separate the parts, and which direction is reported as uncertain?
 # 3. *Cut off*: what do residual and see-through say?
-# 4. *Scale error*: is there a number that shows the error and that a real robot has as well?
+# 4. *Scale error*: which numbers show the error? Does a real robot have them, too?
 #
 # <details><summary>Answers</summary>
 #
 # 1. A plane tolerance of 8 mm, about three standard deviations of the sensor in this preset. Parts that are clearly
 # lower are lost. 2. No: parts that touch are one cluster at any eps at which they are clusters at all. The position
 # along the block is uncertain. 3. Nothing unusual. The warning comes from the border of the image and from the
-# unobserved shift. 4. No. The predicted error stays below 0.1 mm while the pose is about 8 mm off. Both *errors* and
-# *plane is off* show it, but they compare with the truth, which a robot doesn't have.
+# unobserved shift. 4. Both *errors* and *plane is off* show it, but they compare with the truth, which a robot doesn't
+# have. The predicted error stays below 0.1 mm while the pose is about 8 mm off.
 #
 # </details>
 
@@ -1400,26 +1456,27 @@ Markdown(
 simulation("perception", "Touching")
 
 # %% [markdown]
+# *The preset* Touching*: two equal boxes are one cluster, and the estimate between them is ambiguous (orange).*
+
+# %% [markdown]
 # ## 6 · Speed against accuracy
 #
 # How fast are these algorithms compared with the usual libraries? All times are **processor time**: the time for which
-# a core works on this program, without its waiting for other programs. The line below each chart names the machine.
-# Compare times within a chart only.
+# a core works on this program, without its waiting for other programs. Compare times within a chart only.
 #
 # ![Time of the library over that of the course, and clusters by the number of points](../docs/charts/cloud_speed.png)
 #
-# *Left: time of the library divided by that of the course. For computing an image, the libraries are MuJoCo and Embree
-# (ray tracing); for all other steps, Open3D. "Draws" are samples of RANSAC. Right: time of DBSCAN against the number of
-# points in the same volume, with the exponents of the last three points. Each point also gets more neighbours, so
-# Open3D's time grows nearly with the square. The course sorts the points into the cells of a grid and joins cells; more
-# points in the same volume fill no more cells. At constant density both times are about proportional to the number of
-# points.*
+# *Left: time of the library divided by that of the course; below, both the course's time and this ratio are printed.
+# For computing an image, the libraries are MuJoCo and Embree (ray tracing); for all other steps, Open3D. "Draws" are
+# samples of RANSAC. Right: time of DBSCAN against the number of points in the same volume, with the exponents of the
+# last three points. Each point also gets more neighbours, so Open3D's time grows nearly with the square. The course
+# sorts the points into the cells of a grid and joins cells; more points in the same volume fill no more cells.*
 
 # %%
 print_figures("cloud_speed", "voxels of 5", "plane, early", "course", "Open3D")
 
 # %% [markdown]
-# Here is a whole frame: three boxes on a table in 320 x 240 pixels, with the five steps above followed by ICP.
+# Here is the whole pipeline: 25 images of three boxes on a table, in which the five steps above are followed by ICP.
 #
 # ![Time of the stages of a frame, compared with Open3D](../docs/charts/frame_speed.png)
 #
@@ -1436,25 +1493,25 @@ print_figures("frame_speed", "course", "Open3D", "locate", "320")
 #
 # ![Error of a pose against its time, by voxel size](../docs/charts/pose_precision.png)
 #
-# *Each curve is a method, each point a voxel size, from 30 mm (left) to 1 mm (right). Lower left is better. The error
-# is the root mean square over the box's corners and 20 images. "Shape" fits the closed form; "cloud" (the course's
-# ICP), Open3D and small_gicp (a registration library) fit points of the model. Dotted: 2 mm and a tenth of it. Circles:
-# the fastest setting whose error is below each dotted line. On the right neighbouring pixels share their noise, and
-# even the best settings are less accurate.*
+# *Each curve is a method, each point a voxel size, from 30 mm (a curve's left end) to 1 mm (its right end). Lower left
+# is better. The error is the root mean square over the box's corners and 20 images. "Shape" fits the shape given by a
+# formula (section 3); "cloud" (the course's ICP), Open3D and small_gicp (a registration library) fit points of the
+# model. Dotted: 2 mm and a tenth of it. Circles: the fastest setting whose error is below each dotted line. In the
+# right panel, neighbouring pixels share their noise, and even the best settings are less accurate.*
 #
 # A coarse grid rounds edges and biases the pose. A very fine grid costs time and gains little. With shared noise, the
 # shape and Open3D even get worse on the finest grids.
 #
-# All of these need a start. **Global registration** needs none. Open3D's descriptor of a point, **FPFH** (Rusu and
-# others 2009), is a histogram of the normals around it. Open3D pairs similar points of image and model. Then it
-# searches for a pose: by RANSAC, which samples a few pairs, or by *fast global*, which fits all pairs and gives wrong
-# ones little weight. ICP refines the result.
+# All of these need a start; global registration doesn't. Open3D's descriptor of a point, **FPFH** (Rusu and others
+# 2009), is a histogram of the normals around it. Open3D pairs similar points of image and model. Then it searches for a
+# pose: by RANSAC, which samples a few pairs, or by *fast global*, which fits all pairs and gives wrong ones little
+# weight. ICP refines the result.
 #
 # ![Error and time of a pose, by features and by starts](../docs/charts/global_registration.png)
 #
 # *Median error of a point 50 mm from the part's origin, against time, over 20 images. Each square or diamond is a voxel
-# size of Open3D. The dots are `locate` with 1 and with 4 starts; after these, it also tries turned copies of its best
-# pose. The table shows the share of poses within 2 mm and 2 degrees, from the worst to the best setting.*
+# size of Open3D. The dots are `locate` with 1 and with 4 starts. The table shows the share of poses within 2 mm and 2
+# degrees, from the worst to the best setting.*
 
 # %% tags=["hide-code"]
 PANELS = {
@@ -1476,14 +1533,14 @@ table_of(*rows)
 
 # %% [markdown]
 # Points on flat faces all have the same descriptor, so few pairs are right. `locate` also uses that the part stands on
-# the table, except in the panel *held anyhow*. TEASER++ (Yang, Shi and Carlone 2021) tolerates far more wrong pairs,
-# but was not measured here.
+# the table, except for the L *held anyhow*, which may have any orientation. TEASER++ (Yang, Shi and Carlone 2021), not
+# measured here, tolerates far more wrong pairs.
 #
 # **What to choose.** First subtract the errors of calibration and age from the gripper's tolerance. Take the fastest
 # method for which three times the error still fits into the rest, and test its answer with see-through. (The circles
-# compare the error itself.) If 2 mm are left, this is the shape on a grid of 15 mm. For an error of 0.2 mm, the shape
-# on a grid of 4 to 8 mm is fastest. With shared noise, the three methods that fit points of the model reach lower
-# errors than the shape ever does, but take longer.
+# omit the factor of three.) If 2 mm are left, the error may be 0.67 mm: take the shape on a grid of 15 mm. If 0.6 mm
+# are left, it may be 0.2 mm: take the shape on a grid of 8 mm, or of 4 mm with shared noise. With shared noise, the
+# other methods reach still lower errors, but take longer.
 #
 # For clusters of one image, use connected components; DBSCAN is for points from several images. For the table, run
 # RANSAC on a few thousand points, then fit $1/z$ to all pixels near it.
@@ -1492,8 +1549,8 @@ table_of(*rows)
 #
 # ### Lost parts
 #
-# How low may a part be? The tolerance around the plane must be about three $\sigma_z$, or pieces of the table itself
-# become clusters. The part must be about as high as the tolerance, and its points must have enough neighbours.
+# How low may a part be? The plane tolerance must be about three $\sigma_z$, or pieces of the table itself become
+# clusters. The part must be about as high as this tolerance, and its points must have enough neighbours.
 #
 # ![The lowest part that is found, and clusters of bare table](../docs/charts/lost_parts.png)
 #
@@ -1506,22 +1563,22 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 
 # %% [markdown]
 # Compare the settings with 12 neighbours. Near the camera, a fixed tolerance of 10 mm is too large: it hides low parts.
-# At one metre and beyond it is too small: more than a dozen clusters of bare table appear. With 4 mm, these false
-# clusters appear even nearer, and parts merge with them. The tolerance of three $\sigma_z$ finds low parts near by and
-# makes no false clusters far away. The price is that far parts must be higher: at 1 m, 15 mm instead of 8 mm. Requiring
-# 50 neighbours also suppresses them, but then parts below 15 mm are lost at every distance.
+# At one metre and beyond, the same 10 mm are too small: more than a dozen clusters of bare table appear. With 4 mm,
+# these false clusters appear even nearer, and parts merge with them. The tolerance of three $\sigma_z$ finds low parts
+# near by and makes no false clusters far away. The price is that far parts must be higher: at 1 m, 15 mm instead of 8
+# mm. Requiring 50 neighbours also suppresses false clusters, but then parts below 15 mm are lost at every distance.
 #
 # <div class="alert alert-block alert-info">
 #
 # **Interview question.** *Your robot has a depth camera looking down at a bin of parts. Small parts are missed by the
 # detector. Large parts have inaccurate poses. Diagnose both.*
 #
-# Answer aloud. The model answer and its follow-ups are in section 10, under *Staff*.
+# Answer aloud. The model answer is in section 10, under *Staff*.
 #
 # </div>
 #
-# **Small parts.** The chart counts the points of cubes of several sizes after each stage, with the settings of the
-# tutorial. Then it tries cures.
+# **Small parts.** The chart counts the points of cube-shaped parts after each stage, with the settings of the tutorial.
+# Then it tries cures.
 #
 # ![Which stage loses a small part, and what each cure costs](../docs/charts/small_parts.png)
 #
@@ -1535,14 +1592,14 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 # %% [markdown]
 # Cubes of 10 to 20 mm still have points above the plane, but none in a cluster: too many neighbours are required. So a
 # better tolerance alone finds nothing more. Fewer required neighbours alone find cubes of 16 mm, at the price of a
-# false cluster in about one image of ten. A tolerance of three $\sigma_z$ as well makes false clusters rare. With this
-# tolerance, connected components in place of DBSCAN find cubes of 12 mm, and no false cluster appeared.
+# false cluster in about one image of ten. If the plane tolerance is three $\sigma_z$ as well, false clusters are rare.
+# With this tolerance, connected components in place of DBSCAN find cubes of 12 mm, and no false cluster appeared.
 #
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Small parts are missed.* Count the part's points after each stage: pixels, voxels, above the
 # plane, in a cluster. The first zero, or an earlier large drop, names the stage. No pixels: move the camera nearer.
-# None above the plane: set the tolerance in multiples of $\sigma_z$. Not clustered: require a third or less of
+# None above the plane: set the plane tolerance in multiples of $\sigma_z$. Not clustered: require a third or less of
 # $\pi(\epsilon/v)^2$ neighbours.
 #
 # <details><summary>What people get wrong here</summary>
@@ -1555,15 +1612,15 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # </div>
 #
-# **Large parts.** Their pose depends first on the estimator, then on what disturbs it. The chart compares seven
-# estimators in seven situations: the part alone; touching another part; beside its twin; partly hidden; more than half
-# outside the image; with depths that are one per cent too long; and with a camera that is tilted by one degree. The
-# printed table omits the last two situations, and the estimator *box along the table*.
+# **Large parts.** The chart compares seven estimators in seven situations: the part alone; touching another part;
+# beside its twin; partly hidden; more than half outside the image; with depths that are one per cent too long; and with
+# a camera that is tilted by one degree. The printed table omits the last two situations, and the estimator *box along
+# the table*.
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
 # *Median error of the position (left) and the turn (right). "Principal axes" takes the centroid as its position. "Box
-# along principal axes" has the same turn. Dotted: the tolerances.*
+# along principal axes" has the same turn. Dotted: the gripper's tolerances.*
 
 # %%
 rows = (
@@ -1584,9 +1641,10 @@ figures(
 
 # %% [markdown]
 # Beside the twin, with the wrong scale and with the tilted camera, the position of *every* estimator is wrong. For the
-# twin, `locate` reports *ambiguous*. The other two are
-# reported as *found*, because the program finds the table in the same wrong image. If you pass the true table to
-# `locate`, it refutes the wrong scale. It also refutes a tilt of the camera that moves the table under the part.
+# twin, `locate` reports *ambiguous*. The other two are reported as *found*, because the program finds the table in the
+# same wrong image. If you pass the true table to `locate`, it refutes the wrong scale. It also refutes the pose if the
+# camera is tilted forwards or backwards, because the measured table is then too high or too low at the part. A sideways
+# tilt passes.
 #
 # A median hides wrong poses: half of the cut-off poses in section 3 were wrong. None of the ten cut-off boxes here is
 # reported as *found*.
@@ -1727,16 +1785,13 @@ def hopper_filter(force, length, offset, contact, start, spread, noise, rest, dt
 
 check(hopper_filter)
 
-# %% [markdown]
-# The author of this function tested it with a target in the middle of the image and the arm at rest.
-
 # %%
 card("point_in_base")
 
 
 # %%
 def point_in_base(pixels, stamp, camera, mount, log):
-    """Return where what a camera at a moving arm has seen is in the base, shape (3, n) [m]."""
+    """Return the positions in the base of points that a moving camera saw, shape (3, n) [m]."""
     u, v, z = np.asarray(pixels, dtype=float)
     fx, fy, cx, cy = camera
     in_camera = np.array([(u + 0.5 - cx) / fx * z, (v + 0.5 - cy) / fy * z, z])
@@ -1777,10 +1832,13 @@ for side in (-1, 1):
 for at, text in (
     ((0.0, reach + 0.15), "finger, b wide"),
     ((0.0, -reach - 0.15), "finger"),
-    ((-1.0, -0.17), "part, W wide"),
+    ((-0.35, -0.3), "part"),
+    ((-0.95, -0.28), "W"),
 ):
     _ = axis.text(*at, text, ha="center", va="center", fontsize=8)
 _ = axis.annotate("", (0.0, e), (0.0, 0.0), arrowprops={"arrowstyle": "<->", "lw": 1})
+across = turn @ np.array([[-1.1, -1.1], [-W / 2, W / 2]]) + [[0.0], [e]]
+_ = axis.annotate("", *across.T, arrowprops={"arrowstyle": "<->", "lw": 1})
 _ = axis.text(0.06, 0.04, "e", fontsize=9)
 _ = axis.text(1.3, 0.12, "t", fontsize=9)
 arc = np.linspace(0.0, t, 20)  # about the point where the two lines cross
@@ -1837,9 +1895,9 @@ your_robot(7)
 #
 # </details>
 #
-# None of these is measured here. What runs here is small: a network that looks at a patch of heights and estimates how
-# an L-shaped part, with legs of different length, is turned. It was trained on a few thousand computed images. Its
-# answer is used as the start of ICP, in place of several starts.
+# None of these is measured here. Instead, a small network looks at a patch of heights and estimates how an L-shaped
+# part, with legs of different length, is turned. It was trained on a few thousand computed images. Its answer is used
+# as the start of ICP, in place of several starts.
 
 # %% tags=["hide-code"]
 print(f"weights         {yaw_net.WEIGHTS:,}")
@@ -1851,10 +1909,10 @@ predict("network_and_mirror")
 # %% [markdown]
 # ![Share of right poses and time by start, and what the image says](../docs/charts/learned_start.png)
 #
-# *Left: share of right poses against time. A number counts the starts, which are evenly spread; "axis" starts along the
-# direction in which the points spread most. Right: see-through share of the resulting poses against the error of their
-# turn, for the part and for its mirror image. No turn is right for the mirror image, so its error is counted from the
-# turn at which we put it on the table.*
+# *Left: share of right poses in 100 images, against time. A number counts the starts, which are evenly spread; "axis"
+# starts along the direction in which the points spread most. Right: see-through share of the resulting poses against
+# the error of their turn, for the part and for its mirror image. No turn is right for the mirror image, so its error is
+# counted from the turn at which we put it on the table.*
 
 # %%
 rows = (
@@ -1890,8 +1948,8 @@ print(f"start at the true turn, noise x 3.75: {right / len(images):.2f} right")
 # these poses. It detects most wrong parts and most turns that differ clearly, but not an error of a few millimetres.
 #
 # Ask every learned method this chapter's questions. What input does it need? How large is its error *against a truth*,
-# in millimetres, and at which distance? What does it answer for an object that it doesn't know? A network proposes
-# well. The test that rejects a clearly wrong proposal needs no training.
+# in millimetres, and at which distance? What does it answer for an object that it doesn't know? The test that rejects a
+# clearly wrong proposal needs no training.
 #
 # ## 10 · Interview
 #

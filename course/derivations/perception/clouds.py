@@ -250,7 +250,7 @@ def draws_find_the_plane(result):
     rare = result.measure("rare", np.mean((hits == 3).any(axis=1)), 0.05)
     result.statement = (
         f"600 to 20,000 runs of {largest} draws from 200 points, half of them a plane's; a run "
-        "that finds nine of ten of these has it."
+        "finds it with nine tenths of the true plane's inliers."
     )
     result.statement_holds(plain > 0.85)
     result.correction_holds(

@@ -7,7 +7,8 @@ from course.derivations.perception import image_of
 
 
 @claim(
-    "The best rotation between two sets of points is V U^T, from the SVD of their covariance.",
+    "The best rotation that takes points a to their partners b, both with mean zero, is V U^T, "
+    "where U S V^T is the SVD of the sum of all a b^T.",
     "This matrix may be a mirror image. It is one in {flat:.0%} of the fits to points whose "
     "thickness is {thin} of the noise. With the determinant as a factor of the last singular "
     "vector, the result is always the best rotation.",

@@ -187,9 +187,9 @@ def outline_tells(result):
 
 
 @claim(
-    "If the camera's calibration is right, its depths are not false (as on shiny parts), and it "
-    "sees through more than a tenth of the supposed place of an opaque part, then the pose is "
-    "wrong.",
+    "Suppose that a part is opaque, and that the camera's calibration and depths are right (on "
+    "shiny parts they may not be). If the camera sees through more than a tenth of the drawn "
+    "model, the pose is wrong.",
     "Over {images:.0f} images, the true pose has a see-through share of at most {right:.2%}, a "
     "fitted one, which is a little off, at most {fitted:.1%}, and a quarter turn at least "
     "{wrong:.1%}. The conditions matter: if a shiny part mirrors the "

@@ -2,7 +2,7 @@ import numpy as np
 
 
 def point_in_base(pixels, stamp, camera, mount, log):
-    """Return where what a camera at a moving arm has seen is in the base, shape (3, n) [m]."""
+    """Return the positions in the base of points that a moving camera saw, shape (3, n) [m]."""
     u, v, z = np.asarray(pixels, dtype=float)
     fx, fy, cx, cy = camera
     in_camera = np.array([(u + 0.5 - cx) / fx * z, (v + 0.5 - cy) / fy * z, z])
