@@ -34,7 +34,7 @@ NBVAL := env COURSE_CLAIMS=$(CLAIMS) $(QUIET) $(BIN)/pytest --nbval --nbval-curr
 	--nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout=120 -n $(WORKERS) --dist loadfile
 
 .NOTPARALLEL:
-.PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean optional extras cpus
+.PHONY: help setup environment platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean optional extras cpus
 
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
@@ -49,47 +49,51 @@ SETUP = VENV='$(VENV)' STAMP='$(STAMP)' LOG='$(LOG)' EXTRAS='$(EXTRAS)' PYTHON='
 	CHOSEN='$(filter-out file default,$(origin PYTHON))' GOAL='$(firstword $(MAKECMDGOALS))' \
 	PACKAGES='$(PACKAGES)' DOWNLOAD='$(DOWNLOAD)' DISK='$(DISK)' $(SHELL) tools/setup.sh
 
-setup: ## make .venv with the pinned packages, if it isn't there
+# Compiling takes a minute or two once, so it belongs to the set-up. `make lab` opens at once and
+# compiles in the background.
+setup: environment warm ## make .venv with the pinned packages, and compile the hot loops of the chapters
+
+environment: # .venv, where it isn't there or isn't up to date
 	@$(SETUP)
 
 # A Python without a wheel leaves that simulator out (pyproject.toml says which), and the chapter's
 # table says so.
-platforms: setup ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
+platforms: environment ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
 	@$(SETUP) add platforms 'the other simulators'
 
 extras: platforms ## add every optional library: the simulators, mink, pink, Stable-Baselines3, wrappers, Dask
 	@$(SETUP) add ik,sb3,wrappers,cluster 'the other optional libraries'
 
-sphinx: setup ## add what builds the site (110 MB to download, 440 MB on disk)
+sphinx: environment ## add what builds the site (110 MB to download, 440 MB on disk)
 	@$(SETUP) add site 'what builds the site'
 
 site: sphinx ## build the site, the course without a kernel, into the folder site
 	@OMP_NUM_THREADS=1 COURSE_QUIET=1 $(BIN)/python -m course.site
 
-lab: setup ## set up, then open the course in JupyterLab, in copies under work/
+lab: environment ## set up, then open the course in JupyterLab, in copies under work/
 	@echo "compiling the chapters in the background"
 	@$(BIN)/python -m tools.warm --background
 	@JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m tools.lab
 
-check: setup sphinx lint types ## lint, types and the quick tests, in about three minutes
+check: environment sphinx lint types ## lint, types and the quick tests, in about three minutes
 	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n $(WORKERS) --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
-test: setup sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
+test: environment sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"
 
 optional: extras ## add the optional libraries, and run the tests that need them
 	COURSE_REQUIRE_OPTIONAL=1 $(PYTEST) -m optional $(OF_TOPIC) -n $(WORKERS) --dist worksteal
 	@echo "the tests of the optional libraries passed"
 
-prove: setup sphinx extras warm ## the long proofs: many seeds, the hostile suite, random properties, other CPUs
+prove: environment sphinx extras warm ## the long proofs: many seeds, the hostile suite, random properties, other CPUs
 	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n $(WORKERS) --dist worksteal
 	COURSE_PROVE=1 $(MAKE) cpus CPUS='haswell nehalem' CLAIMS=computed
 	@echo "all proofs passed"
 
 # A CPU is emulated: its instructions are those that the numerical libraries are held to.
 CPUS ?= farthest
-cpus: setup sphinx ## the claims, the notebooks and what learns, computed as on another CPU
+cpus: environment sphinx ## the claims, the notebooks and what learns, computed as on another CPU
 	@set -e; for cpu in $(CPUS); do \
 		$(BIN)/python -m tools.cpus $$cpu -- $(BIN)/python -m tools.warm; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(PYTEST) -q tests/learning \
@@ -97,13 +101,13 @@ cpus: setup sphinx ## the claims, the notebooks and what learns, computed as on 
 		$(BIN)/python -m tools.cpus $$cpu -- $(NBVAL) notebooks/; \
 	done
 
-lint: setup ## ruff: rules and layout; codespell
+lint: environment ## ruff: rules and layout; codespell
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/codespell
 
-types: setup ## mypy
-	$(BIN)/mypy -n 2
+types: environment ## Pyrefly
+	$(BIN)/pyrefly check
 
 pytest: warm ## the tests without the notebooks
 	$(PYTEST) $(OF_TOPIC) -n $(WORKERS) --dist worksteal
@@ -111,24 +115,25 @@ pytest: warm ## the tests without the notebooks
 nbval: warm ## the notebooks, run again and compared with what they show
 	$(if $(NOTEBOOKS),$(NBVAL) $(NOTEBOOKS))
 
-warm: setup ## compile and keep every hot loop of the chapters
+warm: environment ## compile every hot loop of the chapters, or load what was compiled before
+	@echo "compiling the hot loops of the chapters: a minute or two the first time"
 	@$(BIN)/python -m tools.warm
 
-charts: setup platforms ## rebuild every chart of the README, and the data behind it
+charts: environment platforms ## rebuild every chart of the README, and the data behind it
 	@$(SETUP) add ik 'mink and pink'
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m course.charts
 	$(BIN)/python -m tools.gallery
 
-notebooks: setup ## run the notebooks from their sources and write them with their outputs
+notebooks: environment ## run the notebooks from their sources and write them with their outputs
 	$(BIN)/python -m tools.notebooks
 
 # The wheel is that of the sdist. Time stamps are the commit's and modes those of git: of one commit
 # both are always the same. What an older build listed in *.egg-info would be taken along.
-dist: setup ## build the package, wheel and sdist, into dist/
+dist: environment ## build the package, wheel and sdist, into dist/
 	rm -rf *.egg-info
 	umask 022; SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) \
 		$(BIN)/python -m build --no-isolation --outdir dist
 
 clean: ## remove .venv, caches and compiled code
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -391,7 +391,7 @@ def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
         truths = np.array([a.truth[0] for a in answers])
         errors = np.array([np.abs(as_float64(a.parts[0], shape) - a.truth[0]) for a in answers])
         scale = 1.0 + np.abs(truths)
-        right = (errors <= 1e-9 * scale).all(axis=tuple(i + 1 for i in others))
+        right = np.asarray((errors <= 1e-9 * scale).all(axis=tuple(i + 1 for i in others)))
         # What is the same in all cases, such as a base at the origin, is right by itself.
         moving = np.ptp(truths, axis=0).max(axis=others) > 0.0
         if (right.all(axis=0) & moving).any() and not right.all():

@@ -31,7 +31,7 @@ _SIGNS = {
 }
 _FONTS = ("mathsf", "mathrm", "mathbf", "mathit", "mathcal", "operatorname", "text", "boldsymbol")
 _ACCENTS = {"dot": "'", "ddot": "''", "hat": "^", "tilde": "~", "bar": "-", "vec": ""}
-_POWERS = dict(zip("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ", strict=True))
+_POWERS: dict[str, str] = dict(zip("0123456789+-n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁿ", strict=True))
 
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.S)
 _MATH = re.compile(r"\$\$?([^$]+?)\$\$?", re.S)

@@ -305,7 +305,7 @@ def test_all_files_support_the_same_pythons() -> None:
     low, high = (version.replace(".", ", ") for version in (lowest, above))
     assert f"({low}) <= sys.version_info < ({high})" in text_of("tools/setup.sh")
     settings = tomllib.loads(text_of("pyproject.toml"))["tool"]
-    assert settings["mypy"]["python_version"] == lowest
+    assert settings["pyrefly"]["python-version"] == f"{lowest}.0"
     single = [
         step["with"]["python-version"]
         for step in steps(SITE)

@@ -149,7 +149,7 @@ DURATION = r"(?:\d+ min )?\d+ s"
 def test_a_step_is_a_line_with_its_duration_and_the_first_reports_what_it_costs(tree: Tree) -> None:
     first = tree.make("setup")
     assert first.stderr == ""
-    _, sizes, made, installing, installed, checked, ready = first.stdout.splitlines()
+    _, sizes, made, installing, installed, checked, ready, compiling = first.stdout.splitlines()
     announced = r"about \d+ packages: about [\d.]+ GB to download, [\d.]+ GB on disk"
     assert re.match(announced, sizes)
     assert re.fullmatch(f"made .venv in {DURATION}", made)
@@ -157,6 +157,8 @@ def test_a_step_is_a_line_with_its_duration_and_the_first_reports_what_it_costs(
     assert re.fullmatch(f"installed 2 packages in {DURATION}", installed)
     assert re.fullmatch(f"checked the packages in {DURATION}", checked)
     assert re.fullmatch(f".venv is ready after {DURATION}", ready)
+    assert compiling.startswith("compiling the hot loops of the chapters")
+    assert (tree.folder / "runs").read_text().splitlines()[-1] == "-m tools.warm"
     assert "a hundred lines more" in (tree.folder / "build" / "setup.log").read_text()
     (tree.folder / "constraints.txt").write_text("numpy==2.1\n")
     assert "on disk" not in tree.make("setup").stdout

@@ -203,7 +203,8 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
         ValueError: for weights that are not so, (A, B) that can't be stabilised, and a mode that
             does not decay and costs nothing.
     """
-    A, B = np.ascontiguousarray(vector("A", A, (None, None))), vector("B", B, (len(A), None))
+    A = np.ascontiguousarray(vector("A", A, (None, None)))
+    B = vector("B", B, (len(A), None))
     n, m = B.shape
     if A.shape[1] != n:
         raise invalid("A.shape", A.shape, f"({n}, {n})")

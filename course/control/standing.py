@@ -146,7 +146,7 @@ def program(standing: Biped) -> Program:
     cones = np.kron(np.eye(4), [[1.0, -standing.mu], [-1.0, -standing.mu]])
     root = np.vstack((T / bound, math.sqrt(standing.weight) * np.eye(8)))
     h = np.concatenate((np.zeros(8), np.full(12, bound)))
-    return Program(root, E, e, np.vstack((cones, T, -T)), h, T)
+    return Program(root, E, e, np.asarray(np.vstack((cones, T, -T)), dtype=float), h, T)
 
 
 def stand(standing: Biped) -> Standing:

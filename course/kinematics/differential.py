@@ -108,7 +108,7 @@ def bounded_velocity(
     A = np.vstack([J, positive("damping", damping) * np.eye(n)])
     b = np.concatenate([vector("twist", twist, (J.shape[0],)), np.zeros(n)])
     # Without a bound in the way, the damped pseudo-inverse is the solution.
-    unlimited = np.linalg.lstsq(A, b)[0]
+    unlimited = np.asarray(np.linalg.lstsq(A, b)[0], dtype=float)
     v = np.clip(unlimited, least, largest)
     free = (least < v) & (v < largest)
     if (v == unlimited).all():

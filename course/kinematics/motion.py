@@ -337,7 +337,7 @@ def singular_values(J: ArrayLike) -> Array:
     The shape is (min(m, n),) or (min(m, n), N).
     """
     J = vector("J", J, (None, None), (None, None, None))
-    return np.asarray(np.linalg.svd(J.T, compute_uv=False).T)
+    return np.asarray(np.linalg.svd(J.T, compute_uv=False).T, dtype=float)
 
 
 def manipulability(J: ArrayLike) -> Any:

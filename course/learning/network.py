@@ -39,15 +39,15 @@ def _tanh() -> Any:
 
     class Function(torch.autograd.Function):
         @staticmethod
-        def forward(context, x):
+        def forward(context: Any, x: Any) -> Any:
             y = torch.from_numpy(np.tanh(x.numpy()))
             context.save_for_backward(y)
             return y
 
         @staticmethod
-        def backward(context, slope):
+        def backward(ctx: Any, *grad_outputs: Any) -> Any:
             # The derivative follows from the output alone: 1 - y^2.
-            return torch.ops.aten.tanh_backward(slope, *context.saved_tensors)
+            return torch.ops.aten.tanh_backward(*grad_outputs, *ctx.saved_tensors)
 
     class Tanh(torch.nn.Module):
         def forward(self, x):

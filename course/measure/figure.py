@@ -504,7 +504,7 @@ def _draw_series(
     if endless.any():
         ax.plot(
             x[endless],
-            np.full(np.sum(endless), 0.98),
+            np.full(int(np.sum(endless)), 0.98),
             linestyle="none",
             marker="^",
             color=colour,

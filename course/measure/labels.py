@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Before a name stands what it names: its marker, filled or hollow, or the stroke of its line.
-FILLED = dict(zip("osDv^P*Xpdhx", "●■◆▼▲✚★✖⬟♦⬢✕", strict=True))
-HOLLOW = dict(zip("osDv^P*Xpdhx", "○□◇▽△✛☆✕⬠♢⬡✕", strict=True))
+FILLED: dict[str, str] = dict(zip("osDv^P*Xpdhx", "●■◆▼▲✚★✖⬟♦⬢✕", strict=True))
+HOLLOW: dict[str, str] = dict(zip("osDv^P*Xpdhx", "○□◇▽△✛☆✕⬠♢⬡✕", strict=True))
 STROKES = {"-": "━", "--": "╍", ":": "┈", "steps": "━"}
 SMALL = 8.0  # points, the smallest letters
 COLUMNS = 24  # of a name, before it is broken into lines

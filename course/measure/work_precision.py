@@ -314,7 +314,7 @@ class WorkPrecision:
         """Return what `to_json` wrote. It can be drawn and searched, not measured on."""
         data = from_json(Path(path).read_text(encoding="utf-8"))
         data["curves"] = tuple(
-            Curve(**{**curve, "points": tuple(Point(**point) for point in curve["points"])})
+            Curve(**(curve | {"points": tuple(Point(**point) for point in curve["points"])}))
             for curve in data["curves"]
         )
         return cls(**data)

@@ -89,6 +89,7 @@ def participant() -> Iterator[Any]:
     try:
         yield made
     finally:
+        # pyrefly: ignore[unsupported-operation]
         del made._entities[made._ref]  # else it would be deleted once more with the last name
         made._delete(made._ref)
 

@@ -293,8 +293,8 @@ class PyBulletRun(Run):
         point, gap = np.array([row[6] for row in rows]).T, np.array([row[8] for row in rows])
         # The normal points to the first body, and so do the forces, which act on it.
         normal, along, aside = (-np.array([row[k] for row in rows]).T for k in (7, 11, 13))
-        force = sum(np.array([row[k] for row in rows]) * direction
-                    for k, direction in ((9, normal), (10, along), (12, aside)))  # fmt: skip
+        sizes = np.array([[row[k] for row in rows] for k in (9, 10, 12)])
+        force = sizes[0] * normal + sizes[1] * along + sizes[2] * aside
         return reported(self.state(), bodies, point, normal, gap, force)
 
     def set_velocity(self, v: Array) -> None:

@@ -135,4 +135,6 @@ def hand_eye(A: ArrayLike, B: ArrayLike, tolerance: float = 0.02) -> HandEye:
     rows = np.concatenate(np.moveaxis(to_matrix(a[3:]), 2, 0) - np.eye(3))
     right = (R @ b[:3] - a[:3]).T.ravel()
     x, _, rank, singular = np.linalg.lstsq(rows, right, rcond=tolerance)
-    return HandEye(np.concatenate((x, from_matrix(R))), int(rank), singular)
+    return HandEye(
+        np.concatenate((x, from_matrix(R))), int(rank), np.asarray(singular, dtype=float)
+    )

@@ -81,34 +81,46 @@ class Border(NamedTuple):
 
 @register_jitable
 def border(z: Array, camera: Camera, sensor: Sensor, cluster: NDArray[np.bool_]) -> Border:
-    """Return the border of a cluster where it hides something that is farther away.
+    """Return where a cluster of pixels ends in front of something that is farther away.
 
-    A border where something nearer cuts the cluster off is no outline of the part, and neither is
-    one without a measurement on both sides, or one where the depth goes on without a jump.
+    Each entry is a pair of neighbouring pixels: one belongs to the cluster, the other does not and
+    measures a larger depth. Between the two lies the outline of the part. Three kinds of pairs are
+    no outline and are omitted: the neighbour is nearer (it hides the part), one of the two has no
+    measurement, or the depths differ by no more than noise explains.
 
     Args:
-        z: the image, shape (H, W) [m].
+        z: depth image, shape (H, W) [m].
         camera: intrinsics of the image.
         sensor: noise of its depths.
-        cluster: pixels of the part, shape (H, W).
+        cluster: which pixels belong to the part, shape (H, W).
+
+    Returns:
+        The pairs as a `Border`, with one ray through the middle of each pair.
     """
+    # A pixel has four neighbours, so there are at most four pairs for each pixel of the cluster.
     pairs = np.empty((4 * np.count_nonzero(cluster), 5), np.int64)
-    # The jump must exceed the noise of a difference of two depths.
+    # The jump must exceed the noise of a difference of two depths: sqrt(2) times that of one.
     allowed = math.sqrt(2.0) * _SIGMAS * depth_deviation(z, camera, sensor) + 1e-3
     n = _pairs_loop(z, cluster, allowed, pairs)
     along, v, u = pairs[:n, 0].copy(), pairs[:n, 1], pairs[:n, 2]
     outside = np.empty((2, n), np.int64)
     outside[0], outside[1] = pairs[:n, 3], pairs[:n, 4]
+    # The outline passes between the two pixels: the mean of both, as a ray of the pinhole camera.
     rays = np.ones((3, n))
     rays[0] = (0.5 * (u + outside[1]) - camera.cx) / camera.fx
     rays[1] = (0.5 * (v + outside[0]) - camera.cy) / camera.fy
+    # Numba does not index an image with two arrays at once, so the pixels are numbered row by row.
     width = z.shape[1]
     flat = z.ravel()
     return Border(rays, along, flat[v * width + u], flat[outside[0] * width + outside[1]], outside)
 
 
 def _pairs(z, cluster, allowed, pairs):
-    """Write each pair as direction, pixel and neighbour: (along, v, u, v, u); return how many."""
+    """Write a row of `pairs` for each pair, and return how many there are.
+
+    A row is (along, v, u, a, b): the direction, the pixel (v, u) of the cluster and its neighbour
+    (a, b) outside.
+    """
     n = 0
     height, width = z.shape
     for side in range(4):  # in rows the neighbour after, and the one before; the same in columns

@@ -29,6 +29,8 @@ Examples:
     32
 """
 
+from functools import partial
+
 from course.pipeline.run import Record, Run, errors, run, run_many, successes, tip_of
 from course.pipeline.scenario import STAGES, Scenario, Settings, repair, subsets
 from course.pipeline.stages import (
@@ -76,5 +78,5 @@ def warm() -> None:
     short, settings = Scenario(seconds=0.2), Settings(frame=0.05)
     run(short, settings)
     # What is compiled between two events, where one of the two is not ours.
-    run(short, settings, Stages(control=lambda *given: control(*given)))
-    run(short, settings, Stages(move=lambda *given: move(*given)))
+    run(short, settings, Stages(control=partial(control)))
+    run(short, settings, Stages(move=partial(move)))

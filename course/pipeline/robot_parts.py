@@ -305,7 +305,7 @@ def plane_ransac(
 
 def dbscan(points: Array, eps: float, least: int) -> Array:
     """Return clusters with `course.perception.dbscan`."""
-    return np.asarray(perception.dbscan(points, eps, least)[0])
+    return np.asarray(perception.dbscan(points, eps, least)[0], dtype=int)
 
 
 @functools.lru_cache(maxsize=2)

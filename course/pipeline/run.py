@@ -73,7 +73,7 @@ class Record:
     @property
     def times(self) -> Array:
         """Times of the rows of the log [s]."""
-        return np.asarray(1e-6 * self.step * np.arange(len(self.log)))
+        return np.asarray(1e-6 * self.step * np.arange(len(self.log)), dtype=float)
 
     @property
     def pictures(self) -> list[Crossing]:

@@ -151,7 +151,7 @@ def collision_share(clearance: ArrayLike, covariance: ArrayLike, normal: ArrayLi
 
 def _pulls(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> tuple[Array, Array]:
     """Return M^-1 Kp and M^-1 (Kd + c), each (2, 2)."""
-    inverse = np.asarray(np.linalg.inv(arm.mass_matrix(vector("q", q, (2,)))))
+    inverse = np.asarray(np.linalg.inv(arm.mass_matrix(vector("q", q, (2,)))), dtype=float)
     return positive("kp", kp) * inverse, inverse * (finite("kd", kd, 0.0) + np.array(arm.damping))
 
 

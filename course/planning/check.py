@@ -92,9 +92,9 @@ def check_path(
     if path is None:
         return Verdict(False, "there is no path")
     try:
-        states = np.asarray(path, dtype=float)
+        states: Array = np.asarray(path, dtype=float)
     except (TypeError, ValueError):
-        states = np.empty(0)
+        states = np.asarray([], dtype=float)
     if states.ndim != 2 or states.shape[0] != world.bounds.shape[1] or not states.shape[1]:
         return Verdict(False, f"the shape {states.shape} is not ({world.bounds.shape[1]}, k)")
     low, high = world.bounds

@@ -73,7 +73,7 @@ class Canvas(anywidget.AnyWidget):
     _bundle = traitlets.Dict().tag(sync=True)  # with which the page can run it, or nothing
     _pointer = traitlets.Bool(False).tag(sync=True)
     _upright = traitlets.Bool(True).tag(sync=True)
-    _keys = traitlets.List(traitlets.Unicode()).tag(sync=True)
+    _keys: Any = traitlets.List(traitlets.Unicode()).tag(sync=True)
 
     def __init__(
         self,

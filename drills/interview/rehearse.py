@@ -61,7 +61,7 @@ class Past:
 def _parse(content: dict[str, Any]) -> Past:
     try:
         opened = {
-            name: Interview(**{**one, "items": [Entry(**entry) for entry in one["items"]]})
+            name: Interview(**(one | {"items": [Entry(**entry) for entry in one["items"]]}))
             for name, one in content["open"].items()
         }
         return Past(opened, {k: float(v) for k, v in content["scores"].items()}, content["last"])

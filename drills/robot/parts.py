@@ -202,7 +202,7 @@ class Bench:
         if several and (not isinstance(result, tuple | list) or len(result) != len(shapes)):
             text = f"returned {_kind(result)}; {len(shapes)} values are expected"
             raise self.failed(name, "wrong type", text, args)
-        values = []
+        values: list[Any] = []
         for i, (value, shape) in enumerate(
             zip(result if several else (result,), shapes, strict=True)
         ):

@@ -177,8 +177,9 @@ def test_three_formulas_by_name_still_count() -> None:
     ],
 )
 def test_bad_input_is_named(arguments: dict[str, Any], named: str) -> None:
+    given: dict[str, Any] = {"topic": "contact", **arguments}
     with pytest.raises(ValueError, match=named):
-        cards.checkpoint(**{"topic": "contact", **arguments})
+        cards.checkpoint(**given)
 
 
 @pytest.mark.parametrize(
@@ -199,8 +200,9 @@ def test_an_estimate_that_is_not_whole_is_refused(changed: dict[str, Any], named
         "factor": 2.0,
     }
     draws.Estimate(**good, rule="1")
+    wrong: dict[str, Any] = {**good, "rule": "1", **changed}
     with pytest.raises(ValueError, match=f"one: {named}"):
-        draws.Estimate(**{**good, "rule": "1", **changed})
+        draws.Estimate(**wrong)
 
 
 # --- The pool of the site -------------------------------------------------------------------------

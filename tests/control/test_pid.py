@@ -1,6 +1,7 @@
 """The PID drill's answer and its joint, against SciPy, closed forms and MuJoCo."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -269,7 +270,9 @@ def test_a_joint_refuses_wrong_numbers(kind, name, value):
 
 
 def test_mujocos_joint_refuses_its_own_wrong_numbers():
-    for changes in ({"friction": -0.1}, {"substeps": 0}, {"integrator": "Heun"}):
+    wrong: tuple[dict[str, Any], ...]
+    wrong = ({"friction": -0.1}, {"substeps": 0}, {"integrator": "Heun"})
+    for changes in wrong:
         with pytest.raises(ValueError, match=next(iter(changes))):
             MotorJoint(0.05, 0.1, 0.005, **changes)
     assert "implicitfast" in mujoco_kit.MUJOCO_INTEGRATORS

@@ -59,11 +59,12 @@ class Place:
 
     def popen(self, *arguments: str, **options: Any) -> subprocess.Popen[bytes]:
         extra = options.pop("env", {})
-        process = subprocess.Popen(
+        pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
+        process: subprocess.Popen[bytes] = subprocess.Popen(
             [str(SCRIPT), *arguments],
             cwd=self.folder,
             env={**self.environment, **extra},
-            **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
+            **pipes,
         )
         self.started.append(process)
         return process

@@ -302,7 +302,7 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str
             self.end_headers()
             self.wfile.write(json.dumps([{"path": path} for path in opened]).encode())
 
-        def log_message(self, *arguments: object) -> None:
+        def log_message(self, format: str, *arguments: object) -> None:
             pass
 
     with http.server.HTTPServer(("127.0.0.1", 0), Handler) as web:

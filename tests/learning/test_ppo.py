@@ -3,7 +3,7 @@
 import math
 import sys
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -376,9 +376,12 @@ def discrete() -> Any:
         ),
         (lambda: gae([1.0], [1.0], [0.0], [False], [False], 2.0), r"discount must be .*, got 2.0"),
         (lambda: gae(1.0, 1.0, 0.0, False, False), r"rewards.shape must be .*, got \(\)"),
-        (lambda: gae([1.0, math.nan], *np.zeros((4, 2))), r"rewards\[1\] must be .*, got nan"),
         (
-            lambda: gae(np.zeros(2), [math.inf, 0.0], *np.zeros((3, 2))),
+            lambda: gae([1.0, math.nan], *cast(Any, np.zeros((4, 2)))),
+            r"rewards\[1\] must be .*, got nan",
+        ),
+        (
+            lambda: gae(np.zeros(2), [math.inf, 0.0], *cast(Any, np.zeros((3, 2)))),
             r"values\[0\] must be .*, got inf",
         ),
         (

@@ -63,7 +63,7 @@ def test_a_failure_names_its_arguments_and_loses_no_other(tmp_path_factory, bad,
     folder = tmp_path_factory.mktemp("sweep")
     log, saved = folder / "log", folder / "saved"
     jobs = [{"seed": s, "log": str(log), "bad": tuple(sorted(bad))} for s in range(8)]
-    report: list[tuple[int, int]] = []
+    report: list[tuple[int, ...]] = []
     with ThreadPoolExecutor(3) as pool:
         executor = pool if threads else None
         if bad:

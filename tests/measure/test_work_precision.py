@@ -3,6 +3,7 @@
 import math
 import time
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,7 +46,12 @@ TRUTH = [math.exp(-1.0)]
 
 
 def _measured(methods, **options):
-    options = {"reference_check": [1.0 / math.e], "repeats": 2, "sample_time": 1e-5, **options}
+    options: dict[str, Any] = {
+        "reference_check": [1.0 / math.e],
+        "repeats": 2,
+        "sample_time": 1e-5,
+        **options,
+    }
     return measure(methods, TRUTH, **options)
 
 

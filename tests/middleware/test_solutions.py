@@ -108,8 +108,8 @@ def test_compatible_is_cyclones_verdict():
     def profile(end: list[float]) -> qos.QoS:
         values: dict[str, Any] = dict(zip(ENTRIES, end, strict=True))
         values |= {name: ALL[name][int(values[name])] for name in ALL}
-        times = {name: values[name] or math.inf for name in qos.TIMES}
-        return qos.QoS(**values | times)
+        values |= {name: values[name] or math.inf for name in qos.TIMES}
+        return qos.QoS(**values)
 
     result = cyclonedds.verdicts([(profile(o), profile(r)) for o, r in pairs])
     names = [*ENTRIES[:4], *ENTRIES[5:]]

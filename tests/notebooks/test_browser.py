@@ -406,7 +406,8 @@ def exercise(page: Any, canvas: Any) -> tuple[float, float, float, float]:
     page.get_by_role("button", name="Pause").first.click()
     page.get_by_role("button", name="Play").first.wait_for()
     # Pictures that were under way may still come, but they end.
-    deadline, still = time.monotonic() + 60.0, None
+    still: Any = None
+    deadline = time.monotonic() + 60.0
     while still != (still := canvas.evaluate(PIXELS)):
         assert time.monotonic() < deadline, "it runs on"
         page.wait_for_timeout(500)

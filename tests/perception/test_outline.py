@@ -43,7 +43,8 @@ def test_the_contour_lies_between_the_pixels_of_a_rendered_border(part):
         inside = render(part.moved(pose), LARGE)[0] > 0.0
         v, u = np.nonzero(inside[:, :-1] != inside[:, 1:])
         middle = np.stack(
-            ((u + 0.5 - LARGE.cx) / LARGE.fx, (v - LARGE.cy) / LARGE.fy, np.ones(u.size))
+            ((u + 0.5 - LARGE.cx) / LARGE.fx, (v - LARGE.cy) / LARGE.fy, np.ones(u.size)),
+            dtype=float,
         )
         c, n, distance = contour(part.moved(pose), middle)
         good = np.isfinite(distance)

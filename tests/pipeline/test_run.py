@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,7 +107,7 @@ def test_what_it_plans_is_a_path_that_the_judge_passes():
 def test_the_same_source_runs_compiled_and_plain(names, law):
     functions = {"perceive": perceive, "control": control, "move": move}
     # Another function with the same answer is a learner's: the driver then runs as plain Python.
-    theirs = {name: lambda *given, f=functions[name]: f(*given) for name in names}
+    theirs: dict[str, Any] = {name: lambda *given, f=functions[name]: f(*given) for name in names}
     tilted = replace(SHORT, tilt=0.02)
     settings = Settings(law=law, carried=True, actuator=Actuator(lag=0.01, delay=0.004))
     one, other = run(tilted, settings, seed=3), run(tilted, settings, Stages(**theirs), 3)

@@ -1,5 +1,7 @@
 """Roadmaps: every path through the judge, shortest ways by another search, obstacles that move."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -109,7 +111,7 @@ def test_a_revalidated_roadmap_is_the_one_that_would_be_built(kind) -> None:
         old, new = (plane(SQUARE, polygons=[square + deviation]) for deviation in (0.0, [1.0, 0.0]))
     elif kind == "arm":
         old = scenes.arm().world
-        new = type(old)(**{**vars(old), "obstacles": old.obstacles[1:]})
+        new = replace(old, obstacles=old.obstacles[1:])
     else:
         open_shelf = shelf("open")
         old, new = open_shelf.world, open_shelf.disturbed(rng, *open_shelf.query(rng))

@@ -3,6 +3,7 @@ converges; samplers and neighbours do what they say."""
 
 import math
 import time
+from typing import Any
 
 import numba
 import numpy as np
@@ -208,7 +209,12 @@ def test_a_region_is_reached_anywhere(method) -> None:
     ],
 )
 def test_a_wrong_question_is_refused_and_named(change, named) -> None:
-    question = {"world": plane(scenes.SQUARE), "start": [3.0, 3.0], "goal": [9.0, 9.0], **change}
+    question: dict[str, Any] = {
+        "world": plane(scenes.SQUARE),
+        "start": [3.0, 3.0],
+        "goal": [9.0, 9.0],
+        **change,
+    }
     with pytest.raises(ValueError, match=named):
         plan(**question)
     with pytest.raises(ValueError, match="seconds"):

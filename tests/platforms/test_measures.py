@@ -322,14 +322,14 @@ def test_the_error_of_a_path_is_the_largest_of_the_errors_on_it() -> None:
         def contacts(self):
             return NO_CONTACTS
 
-    class Engine_(type(OWN)):  # type: ignore[misc]
+    class Engine_(type(OWN)):
         def build(self, scene, dt, settings=FAIR):
             up = np.zeros((7, 1))
             up[2] = 0.03
             return Bump(scene, dt, lambda t, _: up * (abs(t - 0.5) < 0.1) + 0.01 * up * (t > 0.9))
 
     scene = replace(slope(0.1, 0.5), settle=0.0)
-    one = m.path_error(Engine_(), scene, 0.01)
+    one = m.path_error(Engine_(), scene, 0.01)  # pyrefly: ignore[bad-instantiation]
     assert (one.final, one.largest) == (pytest.approx(3e-4), pytest.approx(0.03))
     assert one.airborne == 1.0
     with pytest.raises(ValueError, match="moving"):

@@ -1,5 +1,7 @@
 """Events inside a step: order kept, order lost without, and what the root finder promises."""
 
+from typing import Any
+
 import numba
 import numpy as np
 import pytest
@@ -141,7 +143,7 @@ def test_the_same_source_compiles():
     ],
 )
 def test_bad_arguments_are_named(change, message):
-    arguments = {"integrator": "rk4", "dt": 0.01, "steps": 1, **change}
+    arguments: dict[str, Any] = {"integrator": "rk4", "dt": 0.01, "steps": 1, **change}
     with pytest.raises(ValueError, match=message):
         events.simulate_with_events(
             events.bouncing_pendulum().system, gap=floor, reset=bounce, **arguments

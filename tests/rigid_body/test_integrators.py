@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -234,7 +235,7 @@ def test_implicit_midpoint_says_when_it_has_not_converged() -> None:
     ],
 )
 def test_wrong_input_is_named(change: dict, word: str) -> None:
-    arguments = {"integrator": "rk4", "dt": 0.1, "steps": 10} | change
+    arguments: dict[str, Any] = {"integrator": "rk4", "dt": 0.1, "steps": 10} | change
     with pytest.raises(ValueError, match=word):
         simulate(PROBLEMS["pendulum"].system, **arguments)
 

@@ -1,5 +1,7 @@
 """The 13-number rigid body against closed forms, momentum balance and MuJoCo."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -117,8 +119,9 @@ def test_a_batch_flies_as_its_bodies_do() -> None:
     ],
 )
 def test_wrong_bodies_are_named(arguments: dict, word: str) -> None:
+    given: dict[str, Any] = {"mass": 1.0, "inertia": (1.0, 1.0, 1.0)} | arguments
     with pytest.raises(ValueError, match=word):
-        RigidBody(**({"mass": 1.0, "inertia": (1.0, 1.0, 1.0)} | arguments))
+        RigidBody(**given)
 
 
 def test_an_orientation_that_was_set_wrongly_is_refused() -> None:

@@ -3,7 +3,7 @@
 import struct
 import subprocess
 import sys
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -123,8 +123,8 @@ def test_messages_that_make_no_sense_are_ignored(content):
 
 def test_what_the_browser_is_told_once():
     canvas = Canvas(numbered(3))
-    report = canvas._paper
-    assert struct.unpack(f"<{len(canvas._first) // 8}d", canvas._first)[-1] == 3
+    report, first = cast(dict[str, Any], canvas._paper), cast(bytes, canvas._first)
+    assert struct.unpack(f"<{len(first) // 8}d", first)[-1] == 3
     assert report["label"] == "Shapes" and report["window"] == list(PAPER.window)
     assert report["words"] == ["", "time"] and report["colours"][draw.RED] == "#c1272d"
 

@@ -196,7 +196,8 @@ def test_a_batch_is_gymnasiums_loop_to_the_bit(single, batch, mode) -> None:
         if due or (k > 40 and not masked and over.any()):
             mask = over if masked else over | (np.arange(n) == 0)
             masked = True
-            part = [e.reset(seed=[9] * n, options={"reset_mask": mask}) for e in every]
+            seeds: list[int | None] = [9] * n
+            part = [e.reset(seed=seeds, options={"reset_mask": mask}) for e in every]
             for other in part[1:]:
                 identical(other, part[0])
             observations = part[0][0]

@@ -86,7 +86,7 @@ def library(settings: Settings, seed: int, steps: int, points: int) -> Trained:
     return Trained(curve.steps.astype(float), curve.seconds, curve.scores, 0.0)
 
 
-def linear_law(gains: Array, observed: Array) -> Array:
+def linear_law(gains: Array, observed: Array) -> NDArray[np.float32]:
     """Return actions (n, 2) of observations (n, 4)."""
     return (observed @ gains.T).astype(np.float32)
 

@@ -34,8 +34,8 @@ def plan(kind: str, seconds: float = SECONDS, dt: float = DT) -> Array:
         )
     if kind == "steps":
         side = np.where(np.sin(0.5 * t + 1e-9) > 0.0, 1.0, -1.0)
-        return np.array([side, 0.4 * side])
-    return np.array([0.3 * np.sin(0.5 * t), 0.0 * t])
+        return np.outer([1.0, 0.4], side)
+    return np.outer([1.0, 0.0], 0.3 * np.sin(0.5 * t))
 
 
 def record(

@@ -44,8 +44,9 @@ def integral_clamp(result):
         Bound None is conditional integration.
         """
         gains = {"kp": kp, "ki": ki, "kd": kd, "dt": dt, "u_min": -2.0, "u_max": 2.0, "tau": 0.01}
-        controller = PID(**gains) if bound is None else Clamped(**gains)
-        if isinstance(controller, Clamped):
+        controller = PID(**gains)
+        if bound is not None:
+            controller = Clamped(**gains)
             controller.bound = bound
         joint = ExactJoint(inertia=inertia, damping=friction, dt=dt, load=-load)
         blocked = np.arange(steps) < round(jam / dt)

@@ -171,7 +171,7 @@ def clone_error_grows(result):
         inside=inside,
         outside=outside,
     )
-    three = float(result.formula.subs({a: low, e: 0.01}))
+    three = float(sympy.sympify(result.formula).subs({a: low, e: 0.01}))
     result.correction_holds(
         abs(below - 1.0) < 0.02,
         abs(one - 2.0) < 0.01,

@@ -18,7 +18,8 @@ def late(**changed):
     """Return a quality of service that hands on the past."""
     from course.middleware.qos import QoS
 
-    return QoS(**{"durability": "transient_local", **changed})
+    options: dict[str, Any] = {"durability": "transient_local", **changed}
+    return QoS(**options)
 
 
 def through(offered, requested, link, messages=2000, interval=1e-3):

@@ -28,7 +28,8 @@ def largest_error(motion, period, ahead, beyond, ends, noise=0.0, rng=None):
         buffer = TransformBuffer()
         for stamp in (end - period, end):
             angle = motion.amplitude * np.sin(motion.rate * stamp)
-            angle += noise * rng.normal() if noise else 0.0
+            if rng is not None:
+                angle += noise * rng.normal()
             buffer.insert(stamp, np.zeros(3), [np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
         result = buffer.lookup([end + ahead], beyond).quaternion
         true = motion.at([end + ahead]).quaternion

@@ -23,5 +23,6 @@ def walls(z: float, rng: np.random.Generator, count: int = 1, n: int = 140, **se
     from course.perception import Camera, Sensor, sense
 
     eye = Camera(n, n, 600.0, 600.0, 0.5 * (n - 1), 0.5 * (n - 1))
-    kind = Sensor(**({"baseline": 0.05, "noise": 0.1} | sensor))
+    options: dict[str, Any] = {"baseline": 0.05, "noise": 0.1} | sensor
+    kind = Sensor(**options)
     return np.array([sense(np.full((n, n), z), eye, kind, rng) for _ in range(count)])

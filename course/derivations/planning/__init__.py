@@ -15,8 +15,12 @@ def runs(scene: str, method: str, seeds: int, *place: float, **options: Any) -> 
     from course.planning import plan, scenes
 
     requested = getattr(scenes, scene)(*place)
-    usual = {"budget": 200_000} | ({"step": requested.step} if "rrt" in method else {})
-    options = usual | ({"goal_bias": 0.05} if method == "rrt" else {}) | options
+    usual: dict[str, Any] = {"budget": 200_000}
+    if "rrt" in method:
+        usual["step"] = requested.step
+    if method == "rrt":
+        usual["goal_bias"] = 0.05
+    options = usual | options
     retained = _KEPT.setdefault((scene, place, method, *sorted(options.items())), [])
     for seed in range(len(retained), seeds):
         retained.append(

@@ -1,6 +1,8 @@
 """Claims of chapter 5: the shortest path, and what is done to a path that is found."""
 
 import functools
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -280,7 +282,7 @@ def optimisers_get_stuck(result):
     assert planned is not None
     vias = result.rng.uniform(0.5, 9.5, (result.input("starts", 20), 2))
     free, known, worse, later = {}, [], [], []
-    for name, optimise, options, more in (
+    optimisers: tuple[tuple[str, Callable[..., Any], dict[str, Any], dict[str, Any]], ...] = (
         (
             "chomp",
             covariant_gradient,
@@ -288,7 +290,8 @@ def optimisers_get_stuck(result):
             {"iterations": 1200, "rate": 0.001},  # smaller steps: those above oscillate
         ),
         ("trajopt", sequential_convex, {"iterations": 40}, {"iterations": 80}),
-    ):
+    )
+    for name, optimise, options, more in optimisers:
         ends = [
             optimise(path, requested.world, margin=0.1, points=20, **options)
             for path in (

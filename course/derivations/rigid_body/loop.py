@@ -272,7 +272,8 @@ def deformables_need_a_tenth(result):
     soft, stiff = limit(foam), limit(plastic)
     result.measure("limit_10_kpa_ms", 1000 * soft, tolerance=0.03)
     result.measure("limit_100_mpa_ms", 1000 * stiff, tolerance=0.03)
-    result.measure("half_as_long", limit(plastic, spacing / 2) / stiff, tolerance=0.03)
+    half_as_long = limit(plastic, spacing / 2) / stiff
+    result.measure("half_as_long", half_as_long, tolerance=0.03)
     steps = np.array([1e-3, 1e-2, 1e-1])
     free = [stable(young, dt, "discrete") for young in (foam, plastic) for dt in steps]
     result.measure("largest_discrete_ms", 1000 * steps[np.flatnonzero(free[:3])[-1]])
@@ -285,7 +286,7 @@ def deformables_need_a_tenth(result):
         soft > 1e-3 and stiff < 1e-4,
         # The limit falls with the root of the stiffness, independent of the shape of the elements.
         abs(soft / stiff / np.sqrt(plastic / foam) - 1) < 0.05,
-        abs(result.figures["half_as_long"] - 0.5) < 0.02,
+        abs(half_as_long - 0.5) < 0.02,
         all(free),
     )
 

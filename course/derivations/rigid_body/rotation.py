@@ -397,7 +397,8 @@ def renormalising_repairs(result):
         # Adding the rate moves q along a tangent; scaled back, it has turned by 2 atan(omega h /
         # 2).
         law = steps * (angle - 2 * np.arctan(angle / 2))
-        return *(float(quaternion.angle_between(truth, end)) for end in ends), law
+        first, second = (float(quaternion.angle_between(truth, end)) for end in ends)
+        return first, second, law
 
     rate, h = result.input("rate", 10.0), result.input("step_ms", 10.0) / 1000
     rescaled, exact, law = behind(rate * _AXES[2], h, result.input("steps", 1000))

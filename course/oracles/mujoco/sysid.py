@@ -43,7 +43,7 @@ class Fitted(NamedTuple):
 def toolbox() -> Any:
     """Return the module `mujoco.sysid`; ImportError says what to install where it is empty."""
     library()
-    # By its name only: the types that this part of MuJoCo has would hide the rest from mypy.
+    # By its name only: this part of MuJoCo has types, and they would hide the rest from Pyrefly.
     sysid = importlib.import_module("mujoco.sysid")
     if not hasattr(sysid, "optimize"):
         install = "pip install 'absl-py>=2.3' 'colorama>=0.4.6' 'tabulate>=0.9'"

@@ -168,7 +168,7 @@ def explain(answers: Sequence[Answer]) -> str:
     """Name what the evaluated shares show: the same poses on every edge, or too much work."""
     moving = [a for a in answers if a.case.args[0].move.any()]
     rows = [np.round(a.case.args[0].shares, 6) for a in moving]
-    longest = max(rows, key=len, default=np.zeros(0))
+    longest: Any = max(rows, key=len, default=np.zeros(0))
     if not all(all(a.right) for a in answers):
         if len(longest) and all(np.isin(row, longest).all() for row in rows):
             return "fixed_spacing" if len(longest) > 1 else "middle_only"

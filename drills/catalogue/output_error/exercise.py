@@ -39,10 +39,10 @@ def cases(rng: np.random.Generator) -> list[Case]:
         inertia = float(rng.uniform(0.1, 0.4))
         damping = inertia * float(rng.uniform(1.0, 4.0))
         t = dt * np.arange(n)
-        tau = inertia * sum(
-            float(rng.uniform(10.0, 20.0)) * np.sin(w * t + rng.uniform(0.0, 6.0))
-            for w in (3.0, 9.0)
-        )
+        tau = np.zeros(n)
+        for w in (3.0, 9.0):
+            amplitude = inertia * float(rng.uniform(10.0, 20.0))
+            tau += amplitude * np.sin(w * t + rng.uniform(0.0, 6.0))
         q = float(rng.uniform(-1.0, 1.0))
         angles = _moved(inertia, damping, tau, dt, q, rate) + noise * rng.normal(size=n)
         factor = np.exp(rng.uniform(-0.6, 0.6, 2))

@@ -112,7 +112,13 @@ class Controller:
 
     def compare(self, name: str, got: Any, expected: Any, **more: Any) -> bool:
         """Check commands."""
-        text = {"tolerance": EXACT, "why": ROUNDING, "unit": "N m", "call": self.call, **more}
+        text: dict[str, Any] = {
+            "tolerance": EXACT,
+            "why": ROUNDING,
+            "unit": "N m",
+            "call": self.call,
+            **more,
+        }
         right = self.attempt.compare(name, got, expected, **text)
         if not right and np.size(got) > 2:
             self.show(name, "command [N m]", got, expected)
@@ -126,7 +132,8 @@ class Controller:
 
     def require(self, name: str, holds: bool, **more: Any) -> bool:
         """Check a property of commands."""
-        return self.attempt.require(name, holds, **{"unit": "N m", "call": self.call, **more})
+        text: dict[str, Any] = {"unit": "N m", "call": self.call, **more}
+        return self.attempt.require(name, holds, **text)
 
     def reset(self) -> None:
         """Reset it."""

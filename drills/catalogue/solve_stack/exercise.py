@@ -352,7 +352,7 @@ def probed(product: Product) -> bool:
 def improves(run: Run) -> bool:
     """Return whether the vectors that were multiplied come closer to a solution all the time."""
     trace = run.case.args[0].trace
-    if len(trace) < 2 or probed(run.case.args[0]):
+    if run.impulses is None or len(trace) < 2 or probed(run.case.args[0]):
         return False
     errors = [residual(x.reshape(-1, 2), *run.problem) for x in (*trace, run.impulses)]
     return bool(errors[-1] < 0.9 * max(errors[:2]) and errors[-1] < 1.0)

@@ -108,7 +108,7 @@ FAINT = """() => {
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_message: Any) -> None:
+    def log_message(self, format: str, *_message: Any) -> None:
         pass
 
 
