@@ -175,14 +175,16 @@ def age(stages: Sequence[Stage]) -> Age:
 def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
     """Return which sample of a queue a reader gets at each tick, (M,); -1 where none has arrived.
 
-    Samples arrive at `times` (N,). A reader gets the oldest unread of the last `depth` samples, and
-    the last one again from an empty queue.
+    Samples arrive at `times` (N,). The queue holds the last `depth` of them. The reader gets the
+    oldest one that it has not read, and from an empty queue the last one again.
     """
     # The newest sample that has arrived at each tick.
     index = np.searchsorted(times, ticks, side="right") - 1
     last = np.int64(-1)
-    # A queue hands out one sample a tick in order, and drops the oldest beyond its depth.
+    # With a depth of 1 the newest sample is the answer. A deeper queue needs a loop over the ticks.
     for k in range(index.size) if depth > 1 else range(0):
+        # The next unread sample if it has arrived, else the last one again (min). But what is older
+        # than the last `depth` samples has been dropped (max).
         last = max(min(last + 1, index[k]), index[k] - depth + 1)
         index[k] = last
     return index

@@ -74,8 +74,9 @@ def age_precision(
             "events",
             low=np.quantile(errors, 0.25, axis=1),
             high=np.quantile(errors, 0.75, axis=1),
-            note=f"{runs[-1]} random phases: {timed[-1].median:.2g} s, error "
-            f"{np.median(errors[-1]):.1e} s; spread of one age {predicted.std:.4f} s",
+            note=f"{runs[-1]:,} runs: computed in {1e3 * timed[-1].median:.0f} ms, median error "
+            f"{1e3 * np.median(errors[-1]):.2f} ms; standard deviation of one age "
+            f"{1e3 * predicted.std:.1f} ms",
         )
     )
     own = abs(predicted.mean - truth)
@@ -86,8 +87,8 @@ def age_precision(
             [own],
             "closed form",
             "",
-            note=f"closed form: {timed[0].median:.1e} s, "
-            f"within {own:.1e} s of {reference} even phases",
+            note=f"closed form: computed in {1e6 * timed[0].median:.1f} µs, "
+            f"differs by {1e3 * own:.3f} ms from the mean of {reference:,} even phases",
         )
     )
     panel.notes.append(
@@ -113,7 +114,7 @@ def at_read(reader: float, phase: float, seconds: float, depth: int = 1) -> tupl
 def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> Iterator[Panel]:
     """Chart where the mean is wrong: locked clocks, drifting clocks, deep queues, overload."""
     panel = Panel(
-        "Locked clocks: the start decides, for ever",
+        "Locked clocks: the mean depends on the start",
         "start phase of the reader",
         "mean age at reading [s]",
         lines=[("y", CAMERA / 2, "T / 2")],
@@ -184,7 +185,7 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
         "Overload: in an endless queue the age grows",
         "execution over period, C / T",
         "growth of the age [s/s]",
-        lines=[("x", 1.0, "full")],
+        lines=[("x", 1.0, "always busy")],
     )
     panel.series.append(
         Series(
@@ -194,7 +195,7 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
             "queue",
             "",
             theory=lambda x: max(1 - 1 / x, 0.0),
-            note=f"overload of {loads[-1]:g}: the age grows by {slopes[-1]:.3f} s/s",
+            note=f"C / T = {loads[-1]:g}: the age grows by {slopes[-1]:.3f} s/s",
         )
     )
     yield panel

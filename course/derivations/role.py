@@ -60,7 +60,7 @@ def _even(expression, over, width):
 @claim(
     "A command is as old as the work behind it: add up the execution times of the stages.",
     "That is the least possible age. Each stage with a clock of its own adds half a period on "
-    "average: {formula} for two stages that read the newest value. With pictures at "
+    "average: {formula} for two stages that read the newest value. With images at "
     "{camera_hz:.0f} Hz, {see_ms:.0f} ms for perception, a planner at {plan_hz:.0f} Hz that needs "
     "{plan_ms:.0f} ms and a loop at {loop_hz:.0f} Hz, the mean age is {mean_ms:.1f} ms instead of "
     "{sum_ms:.1f}. Simulated runs give {simulated_ms:.1f} ms, and no age above the bound of "
@@ -120,7 +120,7 @@ def chain_age(result):
         abs(observed.mean() - report.mean) < 5 * error,
         report.least <= observed.min(),
         observed.max() <= report.greatest,
-        # Only the wait for the picture is fixed by the phase; the plan still ages for its period.
+        # Only the wait for the image is fixed by the phase; the plan still ages for its period.
         0.02 < max(means) - min(means) < periods,
     )
 
@@ -128,10 +128,10 @@ def chain_age(result):
 @claim(
     "If you poll twice as often, the data that you get are half as old.",
     "The age of the newest value depends on how often it is produced, not on how often it is read: "
-    "{formula} at a random moment. Readers at {slow_hz:.0f} and {fast_hz:.0f} Hz got pictures of a "
+    "{formula} at a random moment. Readers at {slow_hz:.0f} and {fast_hz:.0f} Hz got images of a "
     "{camera_hz:.0f} Hz camera that were {slow_ms:.1f} and {fast_ms:.1f} ms old. Polling faster "
-    "shortens two other times: until the reader notices a new value, and for which its own result "
-    "stays in force.",
+    "shortens two other times: the time until the reader notices a new value, and the time for "
+    "which its own result stays in force.",
     ask=(
         "A producer with period T needs the time C for each value. How old is its newest value on "
         "average, for somebody who looks at a random moment?",
@@ -163,17 +163,17 @@ def polling_makes_fresh(result):
 
 
 @claim(
-    "Inputs come regularly, and a stage with one worker always needs the same time, longer than "
-    "the interval of its inputs. Then its newest result is youngest, on average, if it starts "
-    "again as soon as it is free, with the newest input.",
+    "A stage with one worker is in overload: its inputs come regularly, and it always needs the "
+    "same time, longer than their interval. The mean age of its newest result is smallest if the "
+    "stage takes the newest waiting input as soon as it is free.",
     "That input has already waited. If the planner of this chapter's chain always needs exactly "
     "{plan_ms:.0f} ms, the wait is {exact_wait_ms:.0f} ms on average, and the mean age of the "
-    "command is {exact_ms:.0f} ms. If this time varies a little, the wait is half of an interval, "
-    "{wait_ms:.0f} ms, and the mean age is {free_ms:.0f} ms. In both cases the planner keeps "
-    "{free_cores:.1f} cores busy. It is better to ignore the inputs that come while the planner is "
-    "busy, and to start with the next one, which is fresh: {skip_ms:.0f} ms with {skip_cores:.1f} "
-    "cores. At none of {ratios:.0f} ratios of the two times were the results older with this "
-    "rule. At some of them both rules give the same age.",
+    "command is {exact_ms:.0f} ms. If this time varies a little, the wait is half of the "
+    "interval between poses, {wait_ms:.0f} ms, and the mean age is {free_ms:.0f} ms. In both cases "
+    "the planner keeps {free_cores:.1f} cores busy. It is better to ignore the inputs that come "
+    "while the planner is busy, and to start with the next one, which is fresh: {skip_ms:.0f} ms "
+    "with {skip_cores:.1f} cores. At none of {ratios:.0f} ratios of the two times were the results "
+    "older with this rule. At some of them both rules give the same age.",
 )
 def start_when_free(result):
     from dataclasses import replace
@@ -193,7 +193,7 @@ def start_when_free(result):
         """Return the mean age of the command if the planner starts when it is free [s]."""
         busy = replace(chains["queue"][1], jitter=jitter)
         runs = [simulate((see, busy, act), (0.0, 0.0, x), 0, 92.0) for x in (0.1, 0.3, 0.5, 0.7)]
-        # 90 s are 300 cycles of nine pictures, which take as long as five plans.
+        # 90 s are 300 cycles of nine images, which take as long as five plans.
         return np.mean([run.age(np.linspace(1.0, 91.0, 100_003)).mean() for run in runs])
 
     exact, varied = commanded(0.0), commanded(0.1 * plan.execution)
@@ -261,7 +261,7 @@ def reaction_is_age(result):
     came, content = came[order], born[order]
     moments, late_by = result.rng.uniform(5, 390, 2000), result.rng.uniform(0, 0.6, 2000)
     in_force = content[np.searchsorted(came, moments + late_by, side="right") - 1]
-    # The first result that came with a picture taken after the event.
+    # The first result that came with an image taken after the event.
     answered = np.array([came[np.argmax(content >= e)] for e in moments])
     wrong = np.mean((answered > moments + late_by) != (moments > in_force))
     overtaken = result.measure("overtaken", wrong, 0.2)
@@ -425,12 +425,12 @@ def round_trip_sets_a_clock(result):
     "{newest_ms:.0f} ms. And {lost:.0%} of the samples are lost all the same.",
     ask=(
         "A queue holds the last d samples of a producer with period T. Its reader is slower and "
-        "takes the oldest one. How much does the queue add to the age?",
+        "takes the oldest one. How much older is it than the newest sample?",
         "(d - 1)*T",
         {
-            "d*T": "With depth 1 it adds nothing.",
+            "d*T": "With depth 1 it is the newest sample itself.",
             "(d - 1)*T/2": "The queue is full at every reading, not half full.",
-            "d*T/2": "The queue is full at every reading, and with depth 1 it adds nothing.",
+            "d*T/2": "The queue is always full, and with depth 1 there is no older sample.",
         },
     ),
 )

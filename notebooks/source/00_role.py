@@ -2,7 +2,7 @@
 # # 0 · The role
 #
 # *A robot picks parts from a moving belt, and its gripper always closes a little too late. Every program on the robot
-# is fast. How old is the picture behind its present motor command?* About {open minutes} minutes of reading, cards and
+# is fast. How old is the image behind its present motor command?* About {open minutes} minutes of reading, cards and
 # charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. The answers in
 # section 10 are not counted.
 
@@ -19,21 +19,22 @@ predict("how_old_is_a_command")
 simulation("stack")
 
 # %% [markdown]
-# Each dot belongs to one picture, and the number beside it is the age of that picture. The blue bars show the ages of
-# the commands in a simulated run. A formula predicts the three dashed lines (section 1).
+# The drawing shows the software of a robot, its *stack*. Each dot belongs to one image, and the number is the image's
+# age. The blue bars show the ages of the commands in a simulated run. A formula predicts the three dashed lines
+# (section 1).
 #
-# **After this chapter you can** draw the software of a robot as a graph, with a rate, a size and a deadline on every
-# arrow; compute how old the information behind a motor command is, before anything is built; find the change that makes
-# it younger; and recognise a full queue, locked clocks and drifting clocks in a log. **Know first:** some Python, and
-# what a mean is. Later chapters use linear algebra, derivatives, differential equations and probability.
+# **After this chapter you can** draw a stack as a graph, with a rate, a size and a deadline on every arrow; compute how
+# old the information behind a motor command is; find the change that makes it younger; and recognise a full queue,
+# locked clocks and drifting clocks in a log. **Know first:** some Python, and what a mean is. Later chapters use linear
+# algebra, derivatives, differential equations and probability.
 #
 # ## How this course works
 #
-# This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter looks at its
-# subject from five sides: concept, design, code, debugging and frontier.
+# This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter has five
+# sides: concept, design, code, debugging and frontier.
 #
-# Some cards show a statement that you will often hear. You judge it: true, false, or true only under a condition. The
-# command `python -m course.derivations 0` checks these statements. Section 7 has these exercises:
+# *Cards* ask questions. Some show a statement that you will often hear. You judge it: true, false, or true only under a
+# condition. The command `python -m course.derivations 0` checks these statements. Section 7 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -58,8 +59,13 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#7f7f7f"
 
 
 def source(*functions):
-    """Show functions as they stand in the module."""
-    text = "\n\n".join(inspect.getsource(f) for f in functions)
+    """Show functions as they stand in the module, methods below the line of their class."""
+    parts, last = [], ""
+    for one in functions:
+        owner = one.__qualname__.rpartition(".")[0]
+        parts.append(f"class {owner}:\n" * (owner != last and owner != "") + inspect.getsource(one))
+        last = owner
+    text = "\n\n".join(parts)
     return Markdown(f"```python\n{text}```")
 
 
@@ -72,38 +78,39 @@ def table(*rows):
 # %% [markdown]
 # ## 1 · Concept: six boxes and a robot
 #
-# This chapter is about the connections between the parts of a robot's software. The simulation above draws them as
-# arrows between six boxes and the robot. Click a box to read what goes in and out:
+# The stack above has six boxes and the robot. Click a box to read what goes in and out:
 #
-# * The **simulation** takes torques (turning forces) and returns pictures and **joint states**, the angles and speeds
+# * The **simulation** takes torques (turning forces) and returns images and **joint states**, the angles and speeds
 #   of the joints. It stands for the robot (chapters 1 to 4).
-# * The **middleware** carries messages from one program to another. It gives each measurement a **time stamp**, the
-#   moment at which it was taken (chapter 10).
-# * **Perception** turns pictures into poses, the positions and orientations of things, with their uncertainty, the
+# * The **middleware** carries messages from one program to another. (Poses and trajectories pass through it, too, but
+#   are drawn without it.) It gives each measurement a **time stamp**, the moment at which it was
+#   taken (chapter 10).
+# * **Perception** turns images into poses, the positions and orientations of things, with their uncertainty, the
 #   *covariance* (chapter 7).
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
-# * **Control** turns trajectories and joint states into torques (chapter 6).
+# * **Control**, also called the *joint loop*, turns trajectories and joint states into torques, the motor commands,
+#   1,000 times per second (chapter 6).
 # * **Learning** turns logs and **episodes**, which are tries at a task, into parameters of the simulation and into
 #   **policies**, which are programs that choose the next action. *Sim-to-real* means that such a policy
 #   then runs on the real robot (chapters 8 and 9).
 #
-# An arrow carries samples, such as pictures. With a **hard deadline** each late sample counts as a failure. With a
+# An arrow carries samples, such as images. With a **hard deadline** each late sample counts as a failure. With a
 # **soft deadline** a late sample is only worth less.
 
 # %%
 predict("never_late")
 
 # %% [markdown]
-# The function `check_stack` tests the drawing: each box has an input and an output, and each closed path of arrows
-# passes through the robot or its simulation. If programs alone form a closed path, each may wait for the next, and the
-# robot stops.
+# The function `check_stack` tests the drawing: each box must have an input and an output, and each closed path of
+# arrows must pass through the robot or its simulation. In a closed path of other programs, each may wait for the next,
+# and the robot stops.
 #
-# The rate of an arrow is its number of samples per second, and the size is the number of bytes in each sample. Rate
-# times size is the arrow's **bandwidth**. A depth camera with 640 by 480 pixels of 2 bytes at 30 Hz sends $640 \cdot
-# 480 \cdot 2 \cdot 30 = 18.4$ million bytes per second.
+# The **bandwidth** of an arrow is its rate, in samples per second, times the size of each sample in bytes. A depth
+# camera measures the distance at each pixel. With 640 by 480 pixels of 2 bytes at 30 Hz, it sends $640 \cdot 480 \cdot
+# 2 \cdot 30 = 18.4$ million bytes per second.
 #
-# The table lists the arrows with the largest bandwidth. The joint loop of a simulation has no deadline, because a
-# simulation can wait. Neither has a log.
+# The table lists the arrows with the largest bandwidth. If the joint loop drives a simulation, it has no deadline,
+# because a simulation can wait. A log has no deadline either.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -116,15 +123,14 @@ table(
 )
 
 # %% [markdown]
-# Nearly all bytes belong to pictures. Nearly all messages are joint states and torques. Only the loop between control
-# and motors has hard deadlines. So the joint loop becomes a program with a *core* (one processor of the computer) of
-# its own, so other programs hardly delay it. The pictures stay on one computer, because a network would add a delay
-# that varies.
+# Nearly all bytes belong to images. Nearly all messages are joint states and torques. Only the arrows between the joint
+# loop and the robot have hard deadlines. So this program gets a *core* (one processor of the computer) of its own,
+# where other programs hardly delay it.
 #
 # ### How old is a command?
 #
 # The motor command of this moment follows a trajectory. The trajectory was planned for a pose, and the pose was
-# computed from a picture. The **data age** of the command is the time from the capture of that picture until now. A
+# computed from an image. The **data age** of the command is the time from the capture of that image until now. A
 # command is *in force* until the next command replaces it.
 #
 # Each program in this chain is a *stage*. A stage has an **execution time** $C$, the time from its start to its result.
@@ -132,16 +138,16 @@ table(
 # When a stage starts, it takes the newest result of the stage before it. The **interval** of a stage is the time from
 # one result to the next. In our chain each interval is equal to the period.
 #
-# The chain of this chapter has three stages. *Perception* starts with each picture of a camera at 30 Hz, so the camera
-# is its clock. It needs 45 ms. This is longer than the 33.3 ms between two pictures. So two workers take turns, each
-# with every second picture. The *planner* starts 10 times per second and needs 60 ms. The *joint loop* runs at 1,000 Hz
-# and needs 0.2 ms.
+# The chain of this chapter has three stages. *Perception* needs 45 ms. Each image of a camera at 30 Hz starts it, so we
+# count the camera's clock as its clock. The 45 ms are longer than the 33.3 ms between two images. So two copies of the
+# program, two *workers*, take turns, each with every second image. The *planner* starts 10 times per second and needs
+# 60 ms. The *joint loop* runs at 1,000 Hz and needs 0.2 ms.
 
 # %%
 show("chain_age")
 
 # %% [markdown]
-# The next diagram shows how the age grows from 0, the capture of the picture, to the present moment. All values are
+# The next diagram shows how the age grows from 0, the capture of the image, to the present moment. All values are
 # means. Blue bars are work. An orange bar shows how long ago the result in use was finished:
 
 # %% tags=["hide-code"]
@@ -184,18 +190,17 @@ table(
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
 # by $0.3 \cdot 172.4 \approx 52$ mm. So the gripper closes 52 mm behind the part.
 #
-# One of two clocks starts later than the other. This shift between their ticks is their **phase**. Independent clocks
+# The **phase** of two clocks is the time from a tick of one to the next tick of the other. Independent clocks
 # **drift**: no clock keeps its rate exactly, so the phase changes slowly and takes all values while the robot works.
-# The 172.4 ms are the mean over all phases. But suppose that two clocks never drift, and that one ticks exactly three
-# times as often as the other. Then they keep the phase with which they started, and the mean differs from one start of
-# the robot to the next (section 6).
+# The 172.4 ms are the mean over all phases. If clocks never drift, the mean can differ from one start of the robot to
+# the next (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
 # Go backwards from now. The command in force was issued at some time during the last $T_n$, the interval of the last
 # stage. This time is evenly distributed from 0 to $T_n$, because now is a random moment. The last stage had begun $C_n$
 # earlier. It read the newest result of stage $n-1$, which had been waiting for a time that is evenly distributed from 0
-# to $T_{n-1}$. Continue in the same way to the capture of the picture.
+# to $T_{n-1}$. Continue in the same way to the capture of the image.
 #
 # So the age is the sum of all $C_i$ and of independent waits, each evenly distributed from 0 to $T_i$. It lies between
 # $\sum C$ and $\sum C+\sum T$. Its mean is $\sum C+\tfrac12\sum T$ and its variance $\tfrac1{12}\sum T^2$. The bound is
@@ -206,10 +211,10 @@ table(
 #
 # ### Whose period?
 #
-# Two stages meet at each arrow: the **producer**, which writes results, and the **reader**, which takes them. Each has
-# a period of its own. If the data are too old, many people first make the reader faster. Then it *polls* more often: it
-# looks more often for a new result. Think of a letter box that is filled once a day. You look into it once an hour. Are
-# the letters fresher then?
+# Two stages meet at each arrow: the **producer**, which writes results, and the **reader**, which takes them. If the
+# data are too old, many people first make the reader faster. Then it *polls* more often: it looks more often for a new
+# result. A newspaper comes once a day and lies on the table. You look at it once an hour. Now you look twice an hour.
+# Is the newspaper on the table fresher then?
 
 # %%
 show("polling_makes_fresh")
@@ -226,18 +231,18 @@ show("polling_makes_fresh")
 # ### Reaction time
 #
 # Data age looks back from a command. **Reaction time** looks forward from an event: it is the time until the first
-# command that uses a picture taken after the event. The event first waits for the next picture. At each arrow the
-# result then waits until the *reader* starts, on average for half of the reader's interval.
+# command that uses an image taken after the event. The event first waits for the next image. At each arrow the result
+# then waits until the *reader* starts.
 #
-# So data age counts the intervals of the producers, and reaction time counts those of the readers. For the whole chain,
-# data age counts the intervals of perception, of the planner, and of the joint loop, whose command is in force.
-# Reaction time counts the interval of the camera, because the event waits for the next picture. It also counts the
-# intervals of the planner and of the joint loop, because they are readers. The camera and perception have the same
-# interval. So both sums have the same three intervals and the same execution times, and both means are equal.
+# So at each arrow, data age contains half of the producer's interval, and reaction time half of the reader's. For the
+# whole chain, data age contains half of three intervals: perception's, the planner's, and that of the joint loop, whose
+# command is in force. Reaction time contains half of the camera's interval, because the event waits for the next image,
+# and half of the intervals of the two readers, the planner and the joint loop. The camera and perception have the same
+# interval, and both times contain all execution times. So both means are equal.
 #
-# Do both times also have the same *distribution*: is each value as frequent in one as in the other? For a test, let the
-# execution times vary from run to run. This is called **jitter**. And let some results get lost. With jitter, one of
-# two parallel workers can overtake the other. The simulation then drops the late result of the older picture.
+# Do both times also have the same *distribution*: is each value as frequent in one as in the other? The next card tests
+# this with lost results and with **jitter**: a stage does not always need the same time. With jitter, one of two
+# workers can overtake the other. The simulation then drops the late result of the older image.
 
 # %%
 show("reaction_is_age")
@@ -249,9 +254,10 @@ show("reaction_is_age")
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
-# How old may the information be for a given task? A **latency budget** gives each box and each arrow a part of this
-# age. The **critical path** is the slowest path from a sensor to the motors. The execution and waiting times on it add
-# up to the age. If you save time on another path, the critical path stays as long as it is.
+# How old may the information be for a given task? The **latency** of a box or an arrow is the time that information
+# spends there. A **latency budget** divides the allowed age among the boxes and arrows. The **critical path** is the
+# slowest path from a sensor to the motors. The execution and waiting times on it add up to the age. If you save time on
+# another path, the critical path stays as long as it is.
 
 # %%
 predict("where_to_spend")
@@ -264,8 +270,8 @@ predict("where_to_spend")
 # * A **pipelined** stage has several workers. One of them begins with a new sample before another has finished the last
 #   one, as two cooks do with two orders. Results come more often; a single sample takes as long as before.
 #
-# A stage is in **overload** if it needs longer than the interval between its inputs. If poses start our planner, it is
-# in overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses that
+# A stage is in **overload** if it is started more often than it can finish. If poses start our planner, it is in
+# overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses that
 # come while it is busy, and starts with the next one that comes. With *queue* one pose waits, always the newest, and
 # the planner takes it as soon as it is free. Or the planner is pipelined: then it plans for every pose.
 
@@ -276,13 +282,13 @@ show("start_when_free")
 # Every change costs computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided
 # by interval. Before any change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
 #
-# The table lists what each change of one stage saves by the formula of section 1, and how many more cores it needs.
-# With *skip* a pose does not wait, and a plan comes with every second pose, every 66.7 ms. With *queue* a pose waits
-# 16.7 ms on average, if the 60 ms vary a little, and a plan comes every 60 ms. *Pipelined*, no pose waits, and a plan
-# comes every 33.3 ms.
+# The table lists what each change saves by the formula, and how many more cores it needs. With *skip* a pose does not
+# wait, and a plan comes with every second pose, every 66.7 ms. With *queue* a plan comes every 60 ms, and a pose waits
+# half of the interval between poses, 16.7 ms on average. (That is right if the 60 ms vary a little. Section 6 shows
+# why.) *Pipelined*, no pose waits, and a plan comes every 33.3 ms.
 #
-# The change that saves most per core comes first. A joint loop on arrival would break its hard deadline, so it is not
-# listed.
+# The change that saves most per core comes first. A joint loop on arrival is not listed: it would start only ten times
+# per second, when a plan comes, and miss its hard deadlines.
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -306,12 +312,12 @@ table(
 # has an additional error. The **standard deviation** measures how much a value varies around its mean. The standard
 # deviation of this error is the speed times the standard deviation of the age.
 #
-# If pictures steer the arm, old pictures can make it *unstable*: it swings more and more. Let the arm swing at $f$ Hz.
-# During the age $A$ it goes through $f A$ cycles of its swing. So the correction comes $f A$ cycles late. As an angle,
-# this **phase lag** is $2\pi f A$. A correction that comes late enough pushes the arm further instead of braking it,
-# and the swing grows. Chapter 6 derives the largest phase lag at which a loop stays stable.
+# If images steer the arm, old images can make it *unstable*: it swings more and more. Let the arm swing at $f$ Hz.
+# During the age $A$ it goes through $f A$ cycles. So the correction comes $f A$ cycles late. As an angle, this **phase
+# lag** is $2\pi f A$. (It is not a phase of clocks.) A correction that comes late enough pushes the arm further instead
+# of braking it, and the swing grows (chapter 6).
 #
-# The picture shows the errors at speeds up to 1 m/s, and the table those at 0.3 m/s:
+# The chart shows the errors at speeds up to 1 m/s, and the table those at 0.3 m/s:
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -340,9 +346,8 @@ table(
 # ### What the boxes are built with
 #
 # Most boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
-# A **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a tree whose
-# nodes succeed, fail or continue. In ROS 2 a message can expire some time after it was sent. But only you know which
-# age your task allows.
+# Above planning, a **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a
+# tree whose nodes succeed, fail or continue.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -362,9 +367,11 @@ table(
 #
 # ## 3 · Code: reading, age and reaction
 #
-# `read` returns which sample a reader gets from a queue. The class `Trace` is a recorded run. For each command it
-# stores when it was issued (`published`), and when its picture was taken (`captured`). Its methods `age` and `reaction`
-# compute the two times of section 1:
+# In a **queue** a new sample joins at the end, and the reader takes the one at the front. The **queue depth** is the
+# number of samples that fit. If the queue is full, the sample at the front is dropped. The function `read` returns
+# which sample a reader gets. The class `Trace` is a recorded run. For each command it stores when it was issued
+# (`published`), and when its image was taken (`captured`). Its methods `age` and `reaction` compute the two times of
+# section 1:
 
 # %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
@@ -373,7 +380,8 @@ source(role.read, role.Trace.age, role.Trace.reaction)
 # A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds. The
 # names *see*, *plan* and *act* stand for perception, the planner and the joint loop. Here the planner starts on
 # arrival, with the rule *skip*. The next cell compares the formula of section 1, the **closed form**, with 300
-# simulated runs, each with random phases. (Here `age` is the closed form.)
+# simulated runs, each with random phases. (The function `age` is the closed form. The method `age` belongs to a
+# simulated run.)
 
 # %% tags=["show-code"]
 chain = [
@@ -388,21 +396,21 @@ ages = [
 print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(ages):.1f} ms")
 
 # %% [markdown]
-# The small difference is chance: the runs were observed at 6,000 random moments.
+# The small difference is chance: we looked at 6,000 random moments.
 #
 # ## 4 · The simulation in full
 #
-# Go back to the simulation at the top. A dot in a box belongs to a picture on which this box works now. A dot on an
-# arrow is a result that waits. A dot on the arrow from control to the robot is the command in force. The box that you
-# click becomes orange, and its arrows become blue. The readout *newest result* is the age of this box's newest result.
+# In the simulation at the top, a dot in a box belongs to an image on which this box works now. A dot on an arrow is a
+# result that waits. A dot on the arrow from control to the robot is the command in force. The box that you click
+# becomes orange, and its arrows become blue. Wide arrows have high rates. The readout *newest result* is the age of
+# this box's newest result.
 #
 # The bars show how often each age occurs in about thirty seconds of a run. The dashed lines show the closed form:
 # least, mean and bound. The clocks in this simulation drift much faster than real ones, so half a minute shows all
 # phases. The switch *all clocks from one* stops the drift.
 #
-# Try the presets one after another, and predict the bars before you look. In the preset *Deep queue* the poses wait in
-# a **queue**: a new pose joins at the end, and the planner takes the one at the front. If the queue is full, the pose
-# at the front is dropped:
+# Try the presets one after another, and predict the bars before you look. In the preset *Deep queue* up to ten poses
+# wait for the planner:
 
 # %%
 predict("queue_of_ten")
@@ -410,26 +418,25 @@ predict("queue_of_ten")
 # %% [markdown]
 # ## 5 · Speed against accuracy
 #
-# There are two ways to compute a mean age: the closed form and an event simulation. An event is the start or the result
-# of a stage, and an event simulation jumps from one event to the next. We start it many times, with random phases. How
-# many starts does it need? The green points of the chart are 3, 10, 30, 100, 300 and 1,000 starts of this chapter's
-# chain.
+# There are two ways to compute a mean age: the closed form and an event simulation. Here an event is the start or the
+# result of a stage, and an event simulation jumps from one event to the next. We simulate many runs of this chapter's
+# chain. Each has random phases, and we look at the age at one random moment. How many runs are needed? The green points
+# of the chart are means over 3, 10, 30, 100, 300 and 1,000 runs.
 #
-# The results are compared with a reference, the mean over 8,192 starts whose phases are spread evenly over all values.
+# The results are compared with a reference, the mean over 8,192 runs whose phases are spread evenly over all values.
 # The blue point is the closed form. For this chain it is exact. So the error drawn at the blue point is the error of
 # the reference.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
 # %%
-figures(read("age_precision"), "closed form", "1000 random", summary="Times and errors")
+figures(read("age_precision"), "closed form", "1,000 runs", summary="Times and errors")
 
 # %% [markdown]
 # Each green point is the *median* of nine repeats: half of the errors are larger. The band around it holds the middle
-# half of these errors. At the dotted line the error is 1 ms. With 1,000 starts the median error is about half a
-# millisecond. For this chain the closed form is exact and needs only microseconds, but it gives the mean over all
-# starts. Only the event simulation shows what happens after *one particular* start. Use the formula to design, and the
-# simulation wherever the assumptions of the formula do not hold.
+# half of these errors. At the dotted line the error is 1 ms. The closed form needs only microseconds, but it gives the
+# mean over all phases. Only the event simulation shows what happens in *one particular* run. Use the formula to design,
+# and the simulation wherever the assumptions of the formula do not hold.
 #
 # ## 6 · Debug: where it fails
 #
@@ -439,10 +446,10 @@ figures(read("age_precision"), "closed form", "1000 random", summary="Times and 
 # runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks that
 # count the swings of the same quartz never drift against each other.
 #
-# But that alone does not fix the phase. At 30 Hz and 10 Hz, each tick of the slower clock comes at the same moment
-# between two ticks of the faster one. At 30 Hz and 9.73 Hz it comes at many different moments. Two clocks are
-# **locked** if they do not drift against each other and their rates are in a ratio of two small whole numbers, such as
-# 3 to 1.
+# But clocks that do not drift can still have a phase that changes from tick to tick. That depends on their rates. At 30
+# Hz and 10 Hz, each tick of the slower clock comes at the same moment between two ticks of the faster one. At 30 Hz and
+# 9.73 Hz it comes at many different moments. Two clocks are **locked** if they do not drift against each other, and if
+# one or a few periods of the slower clock last exactly as long as some whole number of periods of the faster one.
 
 # %%
 show("long_run_mean")
@@ -455,13 +462,13 @@ show("long_run_mean")
 show("same_rate_in_step")
 
 # %% [markdown]
-# The chart shows both cases, and two more cases that follow below. The markers are the event simulation, and the black
-# lines are the theory. A camera takes 30 pictures per second.
+# The upper row of the chart shows locked and drifting clocks. The lower row belongs to *Queues* below. The markers are
+# the event simulation, and the black lines are the theory. A camera takes 30 images per second.
 #
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
-# This phase is given as a share of the reader's period. The curve has three teeth because three pictures come in one
-# period of the reader. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near $T/2$, half of
-# the camera's period.
+# This phase is given as a share of the reader's period. The curve has three teeth because three images come in one
+# period of the reader. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near half of the
+# camera's period, marked $T/2$.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
 # falls at once by one period, and rises again.
@@ -469,7 +476,7 @@ show("same_rate_in_step")
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
 # %%
-figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All figures")
+figures(read("age_limits"), "10 Hz", "drift", "reader", "C / T", summary="All figures")
 
 # %% [markdown]
 # ### Clocks on two computers: what an offset does
@@ -481,15 +488,14 @@ figures(read("age_limits"), "10 Hz", "drift", "reader", "overload", summary="All
 #
 # Look instead at the least and the greatest age of the commands in force. If the execution times are constant and the
 # programs' clocks drift, these ages come close to the sum of the execution times and to the bound of section 1. If both
-# ages are too small, or both too large, by the same amount, suspect an offset. This test fails in two cases. Jitter
-# moves the least and the greatest age. With locked clocks the ages may never come near these limits.
+# ages are too small, or both too large, by the same amount, suspect an offset.
 #
-# Computers set their clocks over the network. One computer sends a question to another, and the other sends an answer.
-# There are four time stamps. The question leaves at $t_0$ and arrives at $t_1$. The answer leaves at $t_2$ and arrives
-# at $t_3$. The first computer's clock makes $t_0$ and $t_3$, the other clock makes $t_1$ and $t_2$. The **round trip**
-# is the time on the network, $(t_3 - t_0) - (t_2 - t_1)$. The first computer doesn't know how long the question
-# travelled and how long the answer travelled. So it assumes that both took half of the round trip. With this
-# assumption it computes the offset between the two clocks, and corrects its own.
+# Computers set their clocks over the network. One computer sends a question, and another sends an answer. The question
+# leaves at $t_0$ and arrives at $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock
+# measures $t_0$ and $t_3$, the other clock measures $t_1$ and $t_2$. The **round trip** is the time on the network,
+# $(t_3 - t_0) - (t_2 - t_1)$. The first computer doesn't know how much of it the question took. So it assumes one half.
+# Then the other clock is ahead by $((t_1 - t_0) + (t_2 - t_3))/2$, and the first computer corrects its own clock by
+# this offset.
 
 # %%
 show("round_trip_sets_a_clock")
@@ -524,26 +530,26 @@ plt.show()
 # system looks like a delay on the network. **PTP** (Precision Time Protocol, IEEE 1588) takes the stamps in the network
 # card, and the devices between the two computers report how long they delay a message. So nearly all unequal delays are
 # known, if all these devices support PTP. For a camera there is a third solution: a **trigger line**, a wire whose
-# signal tells the camera when to take a picture. The computer that sends the signal knows the time of capture without
+# signal tells the camera when to take an image. The computer that sends the signal knows the time of capture without
 # any network.
 #
 # Ask two questions about each sensor. Which clock makes its time stamp? And at which moment: in the middle of the
-# *exposure*, the time in which the camera collects light; or when the picture leaves the camera; or when a program
-# receives it? The later the stamp, the younger every picture looks.
+# *exposure*, the time in which the camera collects light; or when the image leaves the camera; or when a program
+# receives it? The later the stamp, the younger every image looks.
 #
 # Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, but slowly:
 # two clocks at 30 Hz that differ by 10 ppm need almost an hour. Over several hours the mean of section 1 is right.
 #
 # Synchronised clocks do not drift. If PTP or a trigger line synchronises the clocks that start our stages, they are
-# locked, because the rates are 3 to 1 to 100. Then the mean depends on the start. Each pose waits equally long for the
-# planner, up to 33.3 ms, and each plan for the loop, up to 1 ms. So the mean lies between $105.2 + 50 \approx 155$ and
-# $155.2 + 34.3 \approx 190$ ms.
+# locked, because the rates are 3 to 1 to 100. Then the mean depends on the start. Each pose that the planner takes has
+# waited the same time, somewhere from 0 to 33.3 ms. Each plan waits the same time until its first use, from 0 to 1 ms.
+# Then it stays in use for 100 ms, which adds 50 ms on average. So the mean lies between $105.2+50 \approx 155$ ms and
+# $155.2+33.3+1 \approx 190$ ms.
 #
 # ### Queues
 #
-# A reader that is busy cannot take a new sample, so samples wait in a queue. The **queue depth** is the number of
-# samples that fit. If the queue is full and another sample arrives, the oldest sample is dropped. In a queue of depth
-# 1, a new sample replaces the one that waits.
+# A reader that is busy cannot take a new sample, so samples wait in a queue. In a queue of depth 1, a new sample
+# replaces the one that waits.
 
 # %%
 show("deep_queue")
@@ -551,22 +557,22 @@ show("deep_queue")
 # %% [markdown]
 # What happens in overload if the queue has no limit? Suppose that a sample comes every $T$ and needs the time $C$, and
 # that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind each result
-# is only $T$ newer than the sample behind the result before. So from result to result the age grows by $C - T$, as long
-# as the robot runs. Per second it grows by $(C - T)/C$ seconds.
+# is only $T$ newer than the sample behind the result before. So from result to result the age grows by $C - T$. Per
+# second it grows by $(C - T)/C$ seconds.
 #
-# The chart above shows both kinds of queue. Lower right: a queue without a limit. To the right of the dotted line,
-# marked *full*, $C$ is longer than $T$ and the age grows. Lower left: a queue with a limit. A reader at 9.7 Hz is
+# The lower row of the chart above shows both kinds of queue. Right: a queue without a limit. Beyond the dotted line $C$
+# is longer than $T$: the stage is always busy, and the age grows. Left: a queue with a limit. A reader at 9.7 Hz is
 # slower than the camera, so the queue is full. A reader at 33 Hz is faster, so the queue is nearly empty.
 #
-# So a stage in overload needs one of the rules of section 2. Each of them has a cost. In the table a camera stage of 5
-# ms (0.15 cores) sends 30 pictures per second to a stage that needs 60 ms for each:
+# So a stage in overload needs one of the rules of section 2. In the table a camera stage of 5 ms (0.15 cores) sends 30
+# images per second to a stage that needs 60 ms for each:
 
 # %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)
 rows = [("rule", "queue depth", "mean age of the newest result [ms]", "cores")]
 for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
     busy = [camera, Stage("slow", 0.060, None, depth, rule)]
-    # 54 s are 1620 pictures and 900 runs of the slow stage: the sampled time has whole cycles.
+    # 54 s are 1620 images and 900 executions of the slow stage: the sampled time has whole cycles.
     run = simulate(busy, (0.0, 0.0), seconds=70.0)
     mean = np.mean(run.age(np.linspace(10.0, 64.0, 200_000, endpoint=False)))
     rows.append(
@@ -575,13 +581,14 @@ for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
 table(*rows)
 
 # %% [markdown]
-# With *queue* most pictures have already waited when the stage takes them. With *skip* the stage waits, and the picture
-# is fresh. With a deep queue the age is almost four times as large.
+# With *queue* most images have already waited when the stage takes them. With *skip* the stage waits, and the image is
+# fresh. With a queue of depth 10 the age is almost four times that with depth 1.
 #
-# The ages in this table are simulated, and each run takes exactly 60 ms. Five runs then last exactly as long as nine
-# pictures. So the same five waits repeat: 0, 0.2, 0.4, 0.6 and 0.8 of $T$. Their mean is $0.4\,T$, about 13 ms. If the
-# 60 ms vary a little, all waits up to $T$ occur. Then their mean is $T/2$, as in the table of section 2, and the age
-# for *queue* is 3 ms larger.
+# The ages in this table are simulated, and each execution takes exactly 60 ms. That is $1.8\,T$, where $T$ is the
+# interval between images. So each time the stage becomes free at another point of this interval. After five executions,
+# which last $9\,T$, the pattern begins again. So there are five waits: 0, 0.2, 0.4, 0.6 and 0.8 of $T$. Their mean is
+# $0.4\,T$, about 13 ms. If the 60 ms vary a little, all waits up to $T$ occur. Then their mean is $T/2$, as in the
+# table of section 2, and the age for *queue* is 3 ms larger.
 #
 # `Stage` raises an error if the execution time is above the period and no rule is chosen:
 
@@ -596,7 +603,7 @@ except ValueError as refusal:
 #
 # Execution times vary with the load of the computer and with what the camera sees. Does jitter make the data older on
 # average? If a result is late, the result before it stays in force longer. If a result is early, it replaces the one
-# before it sooner.
+# before it sooner. (Lost results do make the data older.)
 
 # %%
 show("jitter_leaves_the_mean")
@@ -605,13 +612,13 @@ show("jitter_leaves_the_mean")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used for
-# the first time, log the age of its picture. (In use it grows further.)  Plot these ages over at least an hour: one
-# point for each plan. Each line names what you can see there, and then the likely cause:
+# the first time, log the age of its image. (In use it grows further.) Plot these ages over at least an hour: one point
+# for each plan. Each line names what you see, and then the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
 # * The age rises slowly and falls at once, again and again: clocks that drift, and the reader's is a little too
 #   slow. If it is a little too fast, the age falls slowly and rises at once.
-# * The age is too large by whole periods of one producer: a full queue.
+# * The age is larger than computed, by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit.
 # * The ages are scattered without a pattern: jitter, lost samples, or two rates such as 30 Hz and 9.73 Hz, whose plot
 #   is a sawtooth if you enlarge it.
@@ -750,8 +757,8 @@ answer("deep_queue", "d*T")
 predict("gold_plated_table")
 
 # %% [markdown]
-# This is the whole table. It comes from an older lesson, which names no source and does not say what the percentages
-# count, so don't repeat these numbers. They only show what people hope for:
+# This is the whole table. It comes from an older course that names no source and does not say what the percentages
+# count, so don't repeat these numbers:
 #
 # | | without simulation | with simulation |
 # |---|---|---|
@@ -765,9 +772,9 @@ predict("gold_plated_table")
 # *reset*, which prepares the next try. A simulation computes a try in short time steps. The number of tries follows
 # from the number of steps in a try and from the computing time of one step, which chapter 1 measures.
 #
-# Each try on the real robot can cause damage. You choose how many of 1,000 tries do so. The simulation below compares
-# the days that the tries take on a robot and in simulation, and computes the number of damages to expect. The axes of
-# its picture count powers of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day, about a minute and a half.
+# The panel below compares the days that the tries take on a robot and in simulation. You choose how many of 1,000 tries
+# damage the robot, and the panel shows how many damages to expect. Its axes count powers of ten: 3 means 1,000 tries,
+# and $-3$ means a thousandth of a day, about a minute and a half.
 
 # %%
 simulation("development")
@@ -786,8 +793,9 @@ simulation("development")
 #
 # </details>
 #
-# How certain is a success rate? It depends on the number of tries. The table gives Wilson's interval. If you repeat
-# such an experiment 100 times, about 95 of the intervals contain the true rate:
+# How certain is a success rate? That depends on the number of tries. The table shows three experiments with nearly the
+# same rate, and for each *Wilson's interval* (chapter 12). If you repeat an experiment 100 times, about 95 of these
+# intervals contain the true rate:
 
 # %% tags=["hide-code"]
 rows = [("successes", "rate", "95 % interval of the rate")]
@@ -803,8 +811,8 @@ for good, tried in ((13, 15), (87, 100), (8700, 10_000)):
 table(*rows)
 
 # %% [markdown]
-# And what do 20 ms of delay cost a control loop? The phase lag of section 2 grows in proportion to the frequency of the
-# swing:
+# You may also read that a delay of 20 ms ruined a policy. You can compute how much such a delay matters. The phase lag
+# of section 2 is proportional to the frequency of the swing:
 
 # %% tags=["hide-code"]
 table(
@@ -818,11 +826,15 @@ table(
 # %% [markdown]
 # ## 9 · Frontier: fewer boxes
 #
-# One learned policy can replace perception and planning (chapter 9). It receives an *observation*, for example a
-# picture, and returns a **chunk**, the actions for the next few tenths of a second. What happens to the data age?
+# One learned policy can replace perception and planning (chapter 9). It receives an *observation*, for example an
+# image, and returns a **chunk**, the actions for the next few tenths of a second. What happens to the data age?
 
 # %%
 predict("one_policy_for_three_boxes")
+
+# %% [markdown]
+# The table lists the data age for three intervals between observations. The policy always needs 80 ms, and the joint
+# loop still runs at 1,000 Hz:
 
 # %% tags=["hide-code"]
 rows = [("a new chunk every", "mean age [ms]", "bound [ms]")]
@@ -834,21 +846,17 @@ table(*rows)
 
 # %% [markdown]
 # The arrow from perception to planning disappears, and control receives actions instead of trajectories. So there is no
-# pose to look at, and no path to check. But a picture still goes in and motor commands still come out. The age between
+# pose to look at, and no path to check. But an image still goes in and motor commands still come out. The age between
 # them follows the formula of section 1, with one stage before the joint loop. The robot executes a chunk until the next
 # one arrives, so the interval of this stage is the time between two observations. Zhao and others (RSS 2023) introduced
 # such chunks; they also average chunks that overlap.
 #
-# For how many seconds must the actions of a chunk last? If the policy always needs 80 ms, the next chunk arrives one
-# interval after this one. In the last row that is 0.8 s. Suppose that the first action is planned for the moment when
-# the chunk arrives. Then the chunk must last one interval.
+# For how many seconds must the actions of a chunk last? At least until the next chunk arrives, one interval later. If
+# the first action is planned for the moment of the observation, 80 ms have already passed when the chunk arrives, so
+# the chunk must last 80 ms longer. After a chunk that is too short, the robot has no action until the next one arrives.
 #
-# Suppose instead that the first action is planned for the moment of the observation. Then 80 ms have passed already
-# when the chunk arrives, and it must last 80 ms longer. If the computing time varies, add some more. After a chunk that
-# is too short, the robot has no action until the next one arrives.
-#
-# A **digital twin** is a simulation that runs beside the robot and follows its joint states. It reads the joint states
-# as control does, so its data have an age, too.
+# The formula also applies to a **digital twin**, a simulation that runs beside the robot and follows its joint states.
+# It reads them as control does, so its data have an age, too.
 #
 # ## 10 · Interview
 #
@@ -875,7 +883,8 @@ table(
     ),
     (
         "Z",
-        f"An event simulation gave {figure('chain_age', 'simulated_ms'):.1f} ms where the model "
+        "An event simulation with random phases gave "
+        f"{figure('chain_age', 'simulated_ms'):.1f} ms where the model "
         f"predicts {figure('chain_age', 'mean_ms'):.1f} ms.",
     ),
     (
@@ -886,7 +895,7 @@ table(
 )
 
 # %% [markdown]
-# Now answer these questions aloud. Then open the answer of one minute, the full answer, and the follow-up questions.
+# Now answer these questions aloud. Then open the one-minute answer, the full answer, and the follow-up questions.
 
 # %%
 interview("role")

@@ -59,7 +59,7 @@ word, colour = draw.words_table(), draw.colours_table()
 _X, _Y, _HEAD, _ROBOT, _COMPUTED = word(
     "tries, powers of ten",
     "days, powers of ten",
-    "how long so many tries take",
+    "time that this number of tries takes",
     "on the robot",
     "in simulation",
 )
@@ -128,7 +128,7 @@ PRESETS = {
     ),
     "A million, with cameras": Preset(
         {"tries": 6.0, "step": 1000.0, "cores": 16},
-        "A picture is rendered in every step. The computer needs days, the robot decades.",
+        "An image is rendered in every step. The computer needs days, the robot decades.",
     ),
 }
 

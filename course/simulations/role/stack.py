@@ -346,12 +346,12 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Comfortable": Preset(
-        {}, "Press play. Each dot is the content of a picture, with its age in milliseconds. Time "
+        {}, "Press play. Each dot is the content of an image, with its age in milliseconds. Time "
         "runs ten times slower than in reality. Click a box, or use the arrow keys. Dashed lines: "
         "the predicted least age, mean and bound."),
     "Slow perception": Preset(
         {"seeing": 120.0, "parallel": False}, "One worker needs four periods of the camera "
-        "for a picture, so three pictures of four are lost. Then let several workers see."),
+        "for an image, so three images of four are lost. Then let several workers see."),
     "Deep queue": Preset(
         {"depth": 10, "rate": 5.0}, "The queue before the planner keeps ten poses and hands out "
         "the oldest. Move its depth down to one."),
@@ -382,7 +382,7 @@ READOUTS = {
     ),
     "planner's results": "Plans that are finished per second.",
     "newest result": (
-        "Age of the newest result of the selected box: the dot on the arrow behind it. Pictures "
+        "Age of the newest result of the selected box: the dot on the arrow behind it. Images "
         "in the box itself are younger."
     ),
 }
