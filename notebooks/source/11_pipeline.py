@@ -19,14 +19,14 @@ predict("perfect_eye")
 simulation("pipeline")
 
 # %% [markdown]
-# The panel counts five **stages**: *perceive* (perception finds the target in camera images), *age* (how old that
-# result is), *plan*, *control* and *move* (physics, the motion itself). If one of them were perfect, the final error
-# would change. Its arrow shows this change.
+# The panel shows five causes of the final error: the four stages of the pipeline, and the age of the data between them.
+# It calls all five **stages**: *perceive*, *age* (how old the perceived position is), *plan*, *control* and *move*
+# (physics, the motion itself). Each arrow is the part of the final error that a perfect stage would take away.
 #
-# A *picture* is a camera image. *Tip to target* is the distance at the time shown: large at the start of a run, small
-# at its end. *Largest stable dt* is the largest stable physics step for the posture at the end of the first plan. The
-# range behind *successes* is where the true success rate plausibly lies. Section 1 explains the age, section 2 *cured*,
-# section 7 stable steps and *energy from nowhere*.
+# *Tip to target* is the distance at the time shown. The dashed line marks 20 mm, the largest error of a success. *Age
+# of a picture* is the time from taking a camera image to its result. *Largest stable dt* is the largest stable physics
+# step for the posture at the end of the first plan. The range behind *successes* is a 95 % confidence interval. Section
+# 1 explains the age, section 2 *cured*, section 7 stable steps and *energy from nowhere*.
 #
 # **After this chapter you can**
 #
@@ -41,12 +41,12 @@ simulation("pipeline")
 #
 # A card with a common claim offers three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
 # the claim needs a condition that it does not state. Measured numbers come from a cell on this page, or from a check:
-# `python -m course.derivations 11` runs them all. Derivations and further claims are folded away.
+# `python -m course.derivations 11` runs them all.
 #
-# **The task.** A planar arm with two links has to bring its tip to a slowly moving target without touching
-# any disc. A run lasts 4 s. It succeeds if the tip is then at most 20 mm from the target, half the opening of a
-# gripper. We leave out the third dimension, elastic joints, the hand, and contact. Camera images appear only in
-# sections 3 and 6. These exercises wait in section 8:
+# **The task.** A planar arm with two links has to bring its tip to a slowly moving target without touching any disc. A
+# run lasts 4 s. It succeeds if the tip is then at most 20 mm from the target, half the opening of a gripper. We leave
+# out the third dimension, elastic joints, the hand, and contact. Only sections 3 and 6 use rendered camera images.
+# These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -104,8 +104,7 @@ scenario, settings = Scenario(), Settings()
 #
 # A robot that reaches for something repeats four stages. **Perception** estimates where the target is. **Planning**
 # finds a collision-free path and decides how fast to follow it. **Control** compares the arm with that path and
-# computes torques. **Physics** turns torques into motion. Two loops lead back: control measures the joint angles, and
-# the camera sees the motion.
+# computes torques. **Physics** turns torques into motion.
 
 # %% tags=["hide-code"]
 boxes = {
@@ -146,7 +145,7 @@ plt.show()
 # * *Perception* here is the **stand-in** of chapter 7: a model with two parameters instead of rendered images. For each
 #   camera image, called a *frame*, it reports the true position plus an error. The **bias** is the part of the error
 #   that is the same in every frame. The **noise** is random and new in each frame. A Kalman filter smooths the reports.
-#   Its result is for the time of the image, not for now.
+#   The filter's result describes the target when the image was taken, not now.
 # * *Planning* is RRT-Connect from chapter 5: two trees of short motions grow until they meet. Then the path is
 #   shortened and gets a speed.
 # * *Control* is the PD law of chapter 6: $\tau = k_p\,(r - q) - k_d\,\dot q$, with the gains $k_p$ and $k_d$ (in
@@ -183,16 +182,16 @@ table(
 )
 
 # %% [markdown]
-# The planner starts when the first frame arrives. It starts again whenever the estimated target is more than 100 mm
-# away from the goal of the current plan, the **replanning distance**.
+# The planner starts when the first frame arrives. It starts again whenever the estimated target is further than 100 mm,
+# the **replanning distance**, from the goal of the current plan.
 #
 # ### Time: how old is the data that the arm acts on?
 #
 # Suppose a part moves along a belt at 100 mm/s, and the camera needs 100 ms to process an image. The arm aims at where
-# the part *was*. **Latency** is the time that one stage takes, here 100 ms. The **age** of the data is the time from
-# taking the image to acting on it: all latencies plus all waiting on the way. A result arrives one latency $L$ after
-# its image was taken. It is used until the next result arrives, one period $T$ later. If nothing predicts the target's
-# motion, the arm aims behind the target by
+# the part *was*. **Latency** is the time that one stage takes. The **age** of the data is the time from taking the
+# image to acting on it: all latencies plus all waiting on the way. The result of an image arrives one latency $L$
+# later. The arm uses it until the next result arrives, one period $T$ later. If nothing predicts the target's motion,
+# the arm aims behind the target by
 #
 # $$
 # \text{error} = \text{speed} \times \text{age}, \qquad \text{age between } L \text{ and } L + T .
@@ -277,10 +276,10 @@ plt.show()
 
 # %% [markdown]
 # The queue loses no image, and that is its problem. Each new image waits behind all earlier ones, so the age grows
-# without limit. Its mean depends on the seconds that we average, here 1 s to 4 s. The queue's line soon leaves the
-# chart. The other three ages stay bounded. With one processor, *block* gives fresher data *on average* than *drop*,
-# because it takes the next image when the processor is free. If $L$ is a multiple of $T$, both are equally fresh. At a
-# single moment, *drop* may be fresher than *block*, as at the end of this run.
+# without limit, and the queue's line soon leaves the chart. The printed mean is that from 1 s to 4 s. The other three
+# ages stay bounded. With one processor, *block* gives fresher data *on average* than *drop*, because it takes the next
+# image when the processor is free. If $L$ is a multiple of $T$, both are equally fresh. At a single moment, *drop* may
+# be fresher than *block*, as at the end of this run.
 
 # %%
 more_claims("every_stage_its_clock")
@@ -350,15 +349,16 @@ more_claims("filter_calms", "sag_without_kd")
 # There are two kinds of error. A *mean* error is the same in every run and has a direction. A *random* error is
 # different in every run. Independent random errors with mean zero add up by their squares: 3 mm and 4 mm make 5 mm.
 # Mean errors add up as vectors: 3 mm to the left and 4 mm to the right make 1 mm to the right.
+#
+# In the next card, the camera has little noise, and its bias of 5 mm points ahead of the moving target.
 
 # %%
 predict("how_parts_add")
 
 # %% [markdown]
 # The picture shows the three mean errors as arrows. Each arrow starts where the one before ends, moved a little to the
-# side so that you can see all three. The camera has little noise, and its bias of 5 mm points ahead of the moving
-# target. The other two errors point back. The picture adds up errors of single stages. The cards measure all stages
-# together, so their numbers differ by about a tenth of a millimetre.
+# side so that you can see all three. Age and lag point back, against the bias. The picture adds up errors of single
+# stages. The cards measure all stages together, so their numbers differ by about a tenth of a millimetre.
 
 # %% tags=["hide-code"]
 quiet = repair(replace(settings, noise=1e-3, bias=(-0.004, 0.003)), "plan")
@@ -426,9 +426,9 @@ show("mending_makes_worse")
 # = +4 mm², and the lag (-15 + 9)/2 = -3 mm². The two add up to the whole, 1 mm². A negative share is no mistake. It
 # means that fixing this stage *increases* the squared error on average, because its error cancels part of another one.
 #
-# We attribute the error to five causes: the four stages, and the age of the data between them. Code and tables use the
-# word *stage* for all five. Real planning changes the final error in very few runs, so planning is ideal in the chart.
-# Four causes remain, which means 16 combinations of real and ideal.
+# We attribute the error to the five stages of the panel, one of which is the age. Real planning changes the final error
+# in very few runs, so planning is ideal in the chart. Four stages remain, which means 16 combinations of real and
+# ideal. The camera is this chapter's own again, with 50 mm of noise in each frame.
 #
 # ![Mean errors tip to tail, all sets of real stages, and three parts of the square](../docs/charts/error_budget.png)
 #
@@ -474,23 +474,22 @@ Markdown(
     f"The line of perception is shorter than the bias of ({bias_x:.1f}, {bias_y:.1f}) mm. The "
     "filter does not know the target's speed exactly yet. By formula this adds "
     f"({mean_x - bias_x:.1f}, {mean_y - bias_y:.1f}) mm, against the direction of the bias.\n\n"
-    "For perception alone, the squares of the predicted and the measured rms error differ by "
-    f"{unexplained:.0f} mm². "
-    f"With 1,000 other seeds we measure {other.mean():.0f} ± {doubt:.0f} mm² (one standard error); the "
-    f"formula says {expected**2:.0f} mm². So chance can explain the difference. But it is larger than the shares "
-    f"of age and control together, {lags:.0f} mm². The chart has only 150 runs. With 150 runs, "
-    "chance can hide a missing cause that is as large as age and control together."
+    "In the table, the measured rms error of perception alone is smaller than the predicted one. "
+    f"Their squares differ by {unexplained:.0f} mm². Is the formula wrong? In 1,000 runs with other "
+    f"seeds we measure {other.mean():.0f} ± {doubt:.0f} mm² (one standard error), and the formula "
+    f"says {expected**2:.0f} mm². So the formula agrees, and chance caused the difference: the "
+    f"chart has only 150 runs. But {unexplained:.0f} mm² is more than the shares of age and "
+    f"control together, {lags:.0f} mm². With 150 runs, chance can hide a missing cause of that size."
 )
 
 # %% [markdown]
-# Perception dominates because this chapter's noise is large, 50 mm in each frame. If the noise is only a few
-# millimetres, the camera's bias and the lag of the arm matter most.
+# Perception dominates because the noise of a frame is large. If it is only a few millimetres, the camera's bias and the
+# lag of the arm matter most.
 #
 # A real robot has more causes, which are not in our list: clocks of camera and controller that differ by a constant
 # time; an error of the camera's pose on the robot (hand-eye calibration) that changes with the position; friction that
 # holds a joint at rest (static friction); play in the gears (backlash); motors that react late. Our formulas are true
-# only for a PD law and a pipelined camera. For any other setting, the function that predicts the error rejects the
-# input.
+# only for a PD law and a pipelined camera.
 
 # %%
 more_claims("root_sum_square")
@@ -499,8 +498,8 @@ more_claims("root_sum_square")
 # ### How many runs does a comparison need?
 #
 # You change the filter. Of ten runs before, 8 succeed; of ten runs after, 9 succeed. Is the filter better? Ten runs
-# cannot say: the two results differ by a single run. Even a hundred runs of each may be too few; the fold-out below has
-# the numbers.
+# cannot say: the two results differ by a single run. Even a hundred runs of each may be too few; the folded claim below
+# has the numbers.
 #
 # In a simulator you can remove most of that uncertainty. Run both variants with the same seeds, so that both face the
 # same noise in the same frames. When you subtract the results, the common effect of the noise cancels.
@@ -522,7 +521,7 @@ more_claims("ninety_or_ninety_five")
 #
 # An interface is where one stage hands data to the next. To find where a failure began, you need to know what the
 # stages promise each other there. A **contract** is such a promise. You can check it in the log of a run, without
-# knowing the cause of a failure. One of ours also needs the true target.
+# knowing the cause of a failure.
 
 # %% tags=["hide-code"]
 promises = (
@@ -573,7 +572,8 @@ plt.show()
 #
 # A good interface lets you replace one stage without touching the others. So we replace each stage by a real library.
 # The chart compares each of them, and all together, with our own stages on the same seeds. In the rows *Open3D
-# perceives*, *MuJoCo's rays* and *all of them*, both sides use rendered images.
+# perceives*, *MuJoCo's rays* and *all of them*, both sides use rendered images. MuJoCo's rays replace our renderer.
+# Pinocchio computes the torques.
 #
 # ![Success, error and time with a library in each stage, compared with ours](../docs/charts/swap_matrix.png)
 
@@ -595,8 +595,8 @@ for row in (
             f"{theirs:.2f} ({least:.2f} to {most:.2f})",
             f"{ours:.2f}",
             f"{runs:.0f}",
-            f"{change:+.4f}",
-            f"{low:+.4f} to {high:+.4f}",
+            f"{round(change, 4) + 0.0:+.4f}",  # without a minus before zero
+            f"{round(low, 4) + 0.0:+.4f} to {round(high, 4) + 0.0:+.4f}",
         ]
     )
 head = [
@@ -610,17 +610,17 @@ head = [
 table(head, *rows)
 
 # %% [markdown]
-# We found no difference in success, and no certain difference in error. For Open3D and all libraries together it is
-# close: the interval only just contains zero. The three rows with images have only 20 runs. Their true success rate
-# may lie anywhere in the table's interval. MuJoCo's rays give the same images as our camera, so the errors agree
-# exactly. With MuJoCo's motion, or with Pinocchio's torques, the mean final error changes by less than a micrometre.
-# So on this task both libraries interpret the data as we do. One mistake would stay hidden: the table is level, so a
-# wrong sign of gravity has no effect.
+# We found no difference in success, and no certain difference in error. For Open3D and all libraries together, the
+# interval of the error only just contains zero. The three rows with images have only 20 runs, so their intervals are
+# wide. MuJoCo's rays give the same images as our camera, so the errors agree exactly. With MuJoCo's motion, or with
+# Pinocchio's torques, the mean final error changes by less than a micrometre. So on this task both interpret the data
+# as we do. One mistake would stay hidden: the table is level, so a wrong sign of gravity has no effect.
 #
-# Our own run is compiled to machine code as a whole. A library that moves or commands the arm is called from Python at
-# every step, and these calls take time. The last row of the *time* panel shows how much: there Python calls our own
-# motion at every step, and the run takes about as long as with MuJoCo's. In the rows with images, most of the time is
-# rendering. So there the ratios do compare the libraries with our stages.
+# The *time* panel shows the time of a run with the library, divided by that with our stage. Our own run is compiled to
+# machine code. A library that moves or commands the arm is called from Python at every step, which takes time. The last
+# row shows how much: there Python calls our own motion, and the run takes about as long as with MuJoCo's. So the ratio
+# says little about these libraries. In the rows with images, rendering takes most of the time, and the calls hardly
+# count.
 #
 # ## 4 · Code
 #
@@ -634,7 +634,8 @@ Markdown(f"```python\n{inspect.getsource(blame)}```")
 # %% [markdown]
 # A pipeline should also reject bad input with a message that names it, and it should name a stage that misbehaves. The
 # first five messages are errors for impossible tasks or settings. The last three come from runs with a faulty
-# perception stage. It returns a number that is not finite, a wrong coordinate frame, or a time stamp in the future.
+# perception stage. It returns a number that is not finite, a wrong coordinate frame (*another frame*), or a time stamp
+# in the future.
 
 # %% tags=["hide-code"]
 for attempt in (
@@ -668,7 +669,7 @@ for stages in (spoiled(np.nan), spoiled(frame="camera"), spoiled(ahead=500_000))
 #
 # Five sliders belong to stages: the noise of perception, the planner's step, $k_p$, $k_d$, and the physics step.
 # Latency and target speed change the task. The menu *Ideal stage* replaces one stage by an ideal one. You can drag the
-# target while the arm is on its way.
+# target during a run.
 #
 # Go through the presets and predict each one before you look. Start with *Stale camera*, where the target moves at 60
 # mm/s. Would a better camera help, or a faster one? Drag its latency down, then its noise, and compare.
@@ -678,9 +679,9 @@ simulation("pipeline", "Stale camera")
 
 # %% [markdown]
 # Less noise changes almost nothing there, because the target has moved on by the time each image is processed. With a
-# shorter latency the tip ends much closer to the target. The arrows of *age* and *control* lie on each other and leave
-# the panel, because both errors leave the tip behind along the motion. Still, ideal control alone does not cure the
-# run. At 60 mm/s, an age of 0.6 s alone costs 36 mm, and the tolerance is 20 mm.
+# shorter latency the tip ends much closer to the target. The arrows of *age* and *control* lie on each other, because
+# both errors leave the tip behind the target. Both arrows are longer than the panel. Still, ideal control alone does
+# not cure the run: at 60 mm/s, an age of 0.6 s alone costs 36 mm, and the tolerance is 20 mm.
 #
 # ### What to break
 #
@@ -725,9 +726,8 @@ broken_rows = {
     "Everything": (
         "all sliders at extremes",
         "nothing works",
-        "number of runs until one succeeds, including the first failure: "
-        f"{by_contracts:.1f} if you reset the slider whose contract broke first and try again, "
-        f"{by_sliders:.1f} if you reset the sliders in any order; no clear difference",
+        f"runs until one succeeds: {by_contracts:.1f} if you always reset the slider whose contract "
+        f"broke first, {by_sliders:.1f} if you reset them in any order; no clear difference",
     ),
 }
 table(
@@ -748,7 +748,7 @@ more_claims("contracts_before_sliders")
 # steps. The reference for each is a run at half its smallest step. The other two panels show what a run costs with
 # rendered images and with the two-parameter model. Compare only the times there. The runs with images use another
 # control law and another filter, and each of their points comes from only four runs. So we cannot say whether their
-# error really depends on the image size. Times of a few milliseconds are uncertain.
+# error really depends on the image size.
 #
 # ![Error against computing time, for physics and for perception, and speed of a run](../docs/charts/pipeline_speed.png)
 
@@ -762,10 +762,12 @@ table(
 
 # %% [markdown]
 # Between 4 and 1 ms, halving the step about halves the error, as expected for a first-order method. At 8 ms, close to
-# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls by more than half. The reason is the
-# reference: it has an error in the same direction, which hides a part of every error. At the smallest step it hides
-# the largest part. The dashed curve is our own motion, called from Python at every step, as MuJoCo is. Most of the
-# distance from the solid curve is the price of these calls.
+# the stability limit, this rule does not apply. From 1 to 0.5 ms the error falls to about a third. The reason is the
+# reference: the run at 0.25 ms has an error of its own, in the same direction. So the same amount is missing from every
+# error in the table. At 1 ms that is a quarter of the true error, but at 0.5 ms it is half.
+#
+# The dashed curve is our own motion, called from Python at every step, as MuJoCo is. Most of its distance from the
+# solid curve is the price of these calls.
 #
 # Are two parameters enough? We measured bias and noise on rendered images. Then we ran the pipeline both ways, now with
 # equal settings. The chart compares the final errors along the target's motion and across it. Each point is a
@@ -787,8 +789,8 @@ for key, name in {
     rows.append([name, f"{spread:.2f}", f"{other:.2f}", f"{p:g}", f"{shift:.2f}"])
 head = [
     "two parameters from",
-    "spread [mm]",
-    "with images [mm]",
+    "spread, two parameters [mm]",
+    "spread, images [mm]",
     "p, equal spread",
     "detectable shift [mm]",
 ]
@@ -798,12 +800,12 @@ table(head, *rows)
 # The spread is the standard deviation of the final error along the motion. If the spreads were equal, a difference this
 # large would occur with the probability $p$. The chart has 40 runs with images and 400 with two parameters. The
 # Kolmogorov-Smirnov test compares two distributions. If one is shifted against the other by the amount in the last
-# column, this test notices it in four of five experiments with so many runs. Smaller shifts may go unnoticed.
+# column, this test notices it in four of five experiments with so many runs.
 #
-# With measured noise the tests found no difference between the two versions. The outermost quantiles leave the diagonal
-# by up to two tenths of a millimetre, but they rest on few runs. Now take the noise that the camera *states* in the
-# covariance of its messages. Then the simulated spread is too large, because the camera states more noise than it has.
-# So render images to calibrate the two parameters, then simulate without images.
+# With measured noise, neither test found a difference between the two versions. The outermost quantiles leave the
+# diagonal by up to two tenths of a millimetre, but they rest on few runs. Now take the noise that the camera *states*
+# in the covariance of its messages. Then the simulated spread is too large, because the camera states more noise than
+# it has. So render images to calibrate the two parameters, then simulate without images.
 #
 # *What to pick.* For a reach within 20 mm like this one (one scene, one camera, one target), two parameters are enough.
 # Choose a physics step well below the stability limit of every posture on the way, for example half of it. Images cost
@@ -829,9 +831,11 @@ predict("raw_estimate")
 #
 # How often does a frame jump too far? The plan's goal comes from one frame. A later frame has its own noise. Both have
 # noise $s$ on each axis, so their difference has the variance $2 s^2$ on each axis. The difference is longer than $r$
-# with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 %. Over a whole run, too, about 37 % of the frames
-# start a new plan. New goals tend to be bad, because only a frame far from the old goal starts a plan. But plans with a
-# good goal last longer, and the two effects cancel.
+# with the probability $\exp(-r^2/(4 s^2))$. For $r = 2 s$ that is 37 %.
+#
+# Over a whole run you might expect more. Only a frame far from the old goal starts a plan, so many new goals are far
+# from the target. But such a goal is soon replaced, while a goal near the target lasts long. The two effects cancel:
+# over a whole run, too, about 37 % of the frames start a new plan.
 
 # %%
 show("raw_estimate_replans")
@@ -943,8 +947,10 @@ rows.insert(2, [f"{np.degrees(elbows[best]):.0f}° (largest step)", f"{1e3 * lar
 table(["angle of the elbow", "largest stable step [ms]"], *rows)
 
 # %% [markdown]
-# Stretched, the arm allows only about a quarter of the step that it allows at the best angle of the elbow. In the map,
-# orange means that a deviation grows from step to step. The colour is the logarithm of its growth factor.
+# Stretched, the arm allows only about a quarter of the step that it allows at the best angle of the elbow. About the
+# shoulder, it has more inertia then. But in its fastest mode the two joints swing against each other, and this mode has
+# least inertia when the arm is stretched. In the map, orange means that a deviation grows from step to step. The colour
+# is the logarithm of its growth factor.
 #
 # How do you notice an unstable step? In the chart, all runs up to 1.6 times the stability limit still succeed. The
 # motors have a largest torque, which keeps the oscillation small, so the tip still arrives. But the energy shows the
@@ -1020,8 +1026,8 @@ for stage, what in contracts(failed, CASE[1]):
 verdict = blame(failed, CASE[1], replay)
 print(f"blamed: {'+'.join(verdict.stages)} by {verdict.how}, {verdict.runs} replay(s);", end=" ")
 print("it was:", fault.name)
-message = fault.settings(CASE[1])
-least = procedure.minimal(failed.scenario, lambda s: not run(s, message, seed=2).success)
+faulty = fault.settings(CASE[1])
+least = procedure.minimal(failed.scenario, lambda s: not run(s, faulty, seed=2).success)
 print(f"minimal: {len(least.discs)} discs, target at {1e3 * np.hypot(*least.velocity):.0f} mm/s")
 
 # %% [markdown]
@@ -1049,24 +1055,23 @@ display(table(["method", "named correctly", "95 % interval for ten faults"], *ro
 hits = dict(zip(FAULTS, numbers("whose_fault", "replays only: ")[-len(FAULTS) :], strict=True))
 each = max(hits.values())
 wrong = ", ".join(f"{each - n:.0f} of *{one.name}*" for one, n in hits.items() if n < each)
-Markdown(f"Replays alone were wrong in these runs: {wrong}. What they named there is not shown.")
+Markdown(f"Replays alone named a wrong stage in these runs: {wrong}.")
 
 # %% [markdown]
 # The intervals are wide, because the 20 runs of one fault nearly all end alike: there are only about ten independent
 # cases. The rule of the largest error has only two answers, so it can be right for at most four of the ten faults. It
-# cannot name age, planning or physics, and blames perception for most of those faults.
+# cannot name age, planning or physics.
 #
-# Two things in this table do not exist on a robot. The contract of perception compares each image with the *true*
-# target. And a replay repeats the same noise with an *ideal* stage. Without the true target, the contracts miss the
-# three faults of perception and still name the other seven. So only the row *contracts without the true target* is
-# possible on a robot. Its score depends on the faults that we chose: with more faults of perception it would be lower.
+# Two things in this table do not exist on a robot. The contract of perception compares each frame's report with the
+# *true* target. And a replay needs exactly the same noise again, and a stage that is *ideal*. Without the true target,
+# the contracts miss the three faults of perception. So only the row *contracts without the true target* is possible on
+# a robot. With more faults of perception, its score would be lower.
 #
 # Three things remain on hardware: the contracts that need only the log; a second, better measurement of the target; and
 # recorded inputs of one stage, run through that stage again.
 #
 # Replays alone have a weakness: *what cures a run is not always what was wrong with it*. Ideal control, for example,
-# also cures a physics step that is too large. Replays try perception, age, planning, physics and control, in this
-# order. So they name physics only because of this order.
+# also cures a physics step that is too large. Replays name physics here only because they try it before control.
 
 # %%
 more_claims("last_error_blames")
@@ -1082,19 +1087,24 @@ for name, some in {
 }.items():
     good = [r for r in some if r.success]
     alarms = [f"{x.stage}: {x.what}" for r in good for x in contracts(r, r.settings)[:1]]
+    last = [1e-6 * max(r.plan_requests) for r in good if contracts(r, r.settings)]
+    assert min(last) > 3.5  # the text below says so
     print(f"{name}: {len(alarms)} of {len(good)} good runs break a contract")
     for what, n in Counter(alarms).items():
         print(f"    {n} times {what}")
 
 # %% [markdown]
+# In these runs the planner starts again shortly before the end. The new path takes longer than the time left, but the
+# tip is already near enough.
+#
 # ### Noise of the same variance that is not white and Gaussian
 #
 # Perception's contract has two limits. The error of a single frame may be at most six standard deviations. The mean
 # error of a run, without the bias, may be at most five standard errors. Both limits assume noise that is Gaussian and
 # independent from frame to frame (*white*). Real detectors differ in three ways:
 #
-# * **Heavy tails**: a few frames are far off, for example after a wrong match. We use Student's t with 3
-#   degrees of freedom, where large errors are frequent.
+# * **Heavy tails**: a few frames are far off, for example after a wrong match. We use Student's t with 3 degrees of
+#   freedom.
 # * **Correlation in time**: neighbouring frames have similar errors, as under a slowly moving shadow. Our model is an
 #   **AR(1) process**: each error is $\varphi$ = 0.9 times the last one plus a fresh random part.
 # * **Occlusion**: the arm hides the target from the camera, so the frame contains no measurement.
@@ -1146,16 +1156,16 @@ axes[1].legend(fontsize=8, loc="upper right")
 plt.show()
 
 # %% [markdown]
-# Left: each curve is drawn around its own grey zero line. The limit at six is not drawn. Right: near the target, the
-# tip itself covers the line of sight.
+# Left: each curve is drawn around its own grey zero line. Right: near the target, the tip itself covers the line of
+# sight.
 #
-# These runs have no injected fault, so every alarm comes from the noise. We count alarms in all runs, also in failed
-# ones.
+# These runs have no injected fault, so every alarm comes from the noise. We count alarms in failed runs, too.
 #
 # For two kinds of alarm there is a formula. First, alarms of single frames. A run has $n$ frames with two coordinates
 # each. There is an alarm if any of these $2n$ numbers is more than six standard deviations off. If that has the
-# probability $p$ for one number, the rate is $1 - (1 - p)^{2n}$. Second, alarms of the mean. The limit assumes
-# independent frames. Correlation multiplies the variance of the mean by about $(1 + \varphi)/(1 - \varphi)$, here 19.
+# probability $p$ for one number, a run has an alarm with the probability $1 - (1 - p)^{2n}$. Second, alarms of the
+# mean. The limit assumes independent frames. Correlation multiplies the variance of the mean by about
+# $(1 + \varphi)/(1 - \varphi)$, here 19.
 
 # %% tags=["hide-code"]
 several, rows = len(tested["occluded"]), []
@@ -1198,7 +1208,7 @@ more_claims("same_variance_same_alarms")
 # We knew the ten faults when we wrote the contracts. A fairer test uses faults for which the contracts were not
 # written, though we chose these as well. Here are seven, with five failed runs each. The columns show the first broken
 # contract, the stage that the procedure named, the single ideal stages that would have cured the run, and the mean
-# number of replays.
+# number of replays. The numbers in brackets count runs.
 
 # %% tags=["hide-code"]
 lag_case = (replace(CASE[0], velocity=(-0.04, 0.03)), replace(CASE[1], kd=12.0))
@@ -1308,15 +1318,21 @@ predict("minus_one_a_step")
 # %% tags=["hide-code"]
 path = Way()
 step_costs = -path.cost * path.horizon * np.expm1(-0.01 / path.horizon)
+rows = [
+    ["walking to the goal", f"takes {path.seconds:g} s"],
+    ["time", f"costs {path.cost:g} points per second, {step_costs:.3f} for a step of 10 ms"],
+    ["running", f"is twice as fast, costs {path.effort:g} points more per second"],
+    ["falls", f"when running, {path.fall:g} per second on average; a fall ends the task"],
+    ["a fall", f"costs {-path.hurt:g} points"],
+    ["the goal", f"pays {path.goal:g} points"],
+    ["giving up", f"costs {-path.fee:g} points"],
+    ["discount", f"time constant {path.horizon:g} s: one second later counts {np.exp(-1):.2f}"],
+]
+display(table(["a walker's task", ""], *rows))
 Markdown(
-    f"A walker needs {path.seconds:g} s to the goal. A second costs {path.cost:g} points, spread "
-    "evenly over time. The cost that comes later within a step is discounted a little, so a step of 10 ms "
-    f"costs {step_costs:.3f} points, not 1. The goal pays {path.goal:g}. "
-    f"*Running* is twice as fast and costs {path.effort:g} points more per second. "
-    f"It leads to {path.fall:g} fall per second on average, and a fall costs "
-    f"{-path.hurt:g} and ends the task. *Giving up* costs {-path.fee:g}. The discount has a time "
-    f"constant of {path.horizon:g} s. The task is small enough to be solved exactly. *Value* is the "
-    "expected discounted sum of rewards of the best behaviour."
+    "The price of time is spread evenly over a step. Its later part is discounted a little, so a "
+    f"step of 10 ms costs {step_costs:.3f} points, not 1. The task is small enough to be solved "
+    "exactly. *Value* is the expected discounted sum of rewards of the best behaviour."
 )
 
 # %% tags=["hide-code"]
@@ -1341,10 +1357,10 @@ table(["task", "best behaviour", "value"], *([name, best, f"{v:.1f}"] for name, 
 
 # %% [markdown]
 # The rules follow from one question: what should stay the same per *second*? A discount with the time constant $H$ is
-# $\gamma = e^{-\Delta t/H}$ for a step $\Delta t$. So a tenth of the step takes the tenth root of $\gamma$. A cost of
-# time is roughly proportional to the step. The exact rule: the discounted sum over the new steps must equal what the
-# old step paid. A reward for metres travelled needs no change, because a short step covers less distance. A reward that
-# is paid once, for reaching the goal, stays. A limit on the number of steps becomes a limit in seconds.
+# $\gamma = e^{-h/H}$ for a step $h$. So a tenth of the step takes the tenth root of $\gamma$. A cost of time is roughly
+# proportional to the step. The exact rule: the discounted sum over the new steps must equal what the old step paid. A
+# reward for metres travelled needs no change, because a short step covers less distance. A reward that is paid once,
+# for reaching the goal, stays. A limit on the number of steps becomes a limit in seconds.
 #
 # In the last row, reward and discount are converted, but the limit is still 30 steps. That is now 0.03 s, so the walker
 # never reaches the goal. Walking until then costs less than the fee for giving up.
@@ -1365,10 +1381,9 @@ predict("meshes_on_the_gpu")
 # %% [markdown]
 # Measure collision detection and contact solver separately before you explain anything. The cell drops one kind of
 # shape after another into a walled square in MuJoCo. (*Hull 200* is a convex body with 200 vertices. *Constraint rows*
-# are the equations that the contact solver has to solve.) The chart splits the time of a step into three parts. Other
-# programs disturb the timing, so we measure several times and show the smallest. Even so, the bar of the large hull can
-# come out too high; the factor on the card was measured in shorter pieces, which other programs disturb less. The time
-# of a step with spheres is 1.
+# are the equations that the contact solver has to solve.) The chart splits the time of a step into three parts. The
+# time of a step with spheres is 1. Other programs disturb the timing, so we measure several times and show the
+# smallest. Even so, the bar of the large hull can come out too high.
 
 # %% tags=["hide-code"]
 from course.oracles.mujoco.heap import Heap
@@ -1417,8 +1432,11 @@ plt.show()
 # %% [markdown]
 # The **narrow phase** is the part of collision detection that finds the contacts of a pair. It is expensive for hulls,
 # because it searches their vertices. Boxes are expensive in the *solver*: a face that lies on another has several
-# contacts, and each contact has several rows. So the same low speed can have different causes. On this core, the
-# largest factor is far below the twenty of the question. We have not explained the rest.
+# contacts, and each contact has several rows. But the number of rows alone does not give the solver's time. With 64
+# bodies, hulls of 20 vertices have more rows than spheres, and the solver needs no longer.
+#
+# The same low speed can have different causes. On this core, the largest factor is far below the factor of twenty in
+# the question. We have not explained the rest.
 #
 # We measured nothing on a GPU. Numbers of contacts may carry over from a CPU to a GPU; times do not. The
 # documentation of two simulators names further causes.
@@ -1536,9 +1554,6 @@ def rescale_step(rewards, once, gamma, steps, dt, new):
 
 check(rescale_step)
 
-# %% [markdown]
-# A function that succeeds now and then. Its author tested it with a lucky case.
-
 # %%
 card("reach_target")
 
@@ -1585,7 +1600,7 @@ check(reach_target)
 answer("look_and_move_noise", "g^2")
 
 # %%
-answer("reward_by_the_step", "1 - dt/H")
+answer("reward_by_the_step", "1 - h/H")
 
 # %% [markdown]
 # ### Put it into your robot
@@ -1646,12 +1661,17 @@ plt.show()
 # %% [markdown]
 # Grey: the real disturbances, in circles of one, two and three standard deviations. Red: disturbances that make the run
 # fail. Blue: the proposal, at one and two standard deviations. In the middle, it misses most of the failure region; on
-# the right, a whole region. In both cases every sample that *was* drawn looks fine.
+# the right, a whole region. In both cases the sampled runs show nothing suspicious: the missing failures were never
+# sampled.
 
 # %%
 predict("trusted_rare_rate")
 
 # %% [markdown]
+# We repeat the estimate with many seeds, for a failure rate that we know. The *narrow proposal* of the chart is the one
+# that the method fitted. The *width* of a proposal is its standard deviation, divided by that of the real disturbance.
+# With a *width of at least 1*, the proposal is never narrower than the real disturbances.
+#
 # ![Results of narrow and wide proposals, and which warning sign notices them](../docs/charts/rare_failure.png)
 
 # %% tags=["hide-code"]
@@ -1665,10 +1685,9 @@ for key, name in {
 table(["proposal", "actual scatter", "reported error", "too low by three reported errors"], *rows)
 
 # %% [markdown]
-# The test on the card had fewer repeats than this one. The *narrow proposal* of the chart is the one that the method
-# fitted. Its answers scatter much more than the reported error says, and some are far too low. The effective number
-# gives no warning. In repeats that are far too low it is on average even *larger*, because the weights in such a
-# repeat are all similar. Repeats with other seeds reveal the problem, because their answers *disagree*.
+# The answers of the narrow proposal scatter much more than the reported error says, and some are far too low. The
+# effective number gives no warning. In repeats that are far too low it is on average even *larger*, because the weights
+# in such a repeat are all similar. Repeats with other seeds reveal the problem, because their answers *disagree*.
 #
 # Repeats that agree prove nothing yet. Suppose 70 % of the failures lie in one region and 30 % in another, further
 # away. If every repeat finds only the larger region, all of them agree, with small errors, and all are 30 % too low. So
@@ -1680,9 +1699,9 @@ table(["proposal", "actual scatter", "reported error", "too low by three reporte
 show("rare_and_sure")
 
 # %% [markdown]
-# If there is one failure region, one remedy helps: keep the width of the proposal at least as large as that of the real
-# disturbances. With two regions that is not enough. A **defensive mixture** draws a tenth of the runs from the original
-# distribution. It helps little here, because a tenth of 2,500 runs rarely contains any failure.
+# If there is one failure region, a width of at least 1 helps. With two it is not enough. A **defensive mixture** draws
+# a tenth of the runs from the original distribution. This helps little here, because a tenth of a few thousand runs
+# rarely contains any failure.
 #
 # Now the arm, with six disturbances: bias and target velocity (two components each), latency, and tilt of the table.
 # There are no discs and little noise.
@@ -1719,10 +1738,11 @@ table(["proposal", "seed", "failure rate", "95 % interval", "effective number"],
 # thousands of plain samples.
 #
 # If a sample contains no failure at all, the estimate is 0, with a reported error of 0. Wilson's interval, a confidence
-# interval for a success rate, says which failure rates are still plausible:
+# interval for a rate, says which failure rates are still plausible:
 
 # %%
 for runs in (100, 1000, 10_000):
+    # Six disturbances, and a score below zero, so that no run fails.
     result = plain(lambda x: -np.ones(x.shape[1]), 6, runs, np.random.default_rng(0))
     print(f"0 of {runs} runs failed: at 95 %, up to {result.high:.2%} of all may fail")
 
@@ -1786,7 +1806,7 @@ table([*head, "another target"], *rows)
 # Suppose a learned policy replaces perception, planning and control. Estimate, path and reference no longer exist, and
 # neither do their contracts. Four checks remain, on what enters the policy and what leaves it: the time stamps of the
 # images; the torque that enters the motors against the commanded torque; speeds and energy of the motion; and the
-# distance to the discs. Which of the ten faults do they detect?
+# distance to the discs. We apply only these four to our own pipeline with the ten faults. Which faults do they detect?
 
 # %% tags=["hide-code"]
 edges, near, measured = ("age", "control", "move"), 0.02, Counter()  # m of clearance
