@@ -286,9 +286,8 @@ class Engine(ABC):
 def prepared(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
     """Return the scene ready to be measured.
 
-    A scene that settles has come to rest before it is sent off.
-
-    Its clock goes on, so times count from the end of `scene.settle`.
+    A scene with a settling time first runs at rest for this time. Then its bodies get their
+    initial velocities, and the time of the motion starts to count.
     """
     if not scene.settle:
         return engine.build(scene, dt, settings)

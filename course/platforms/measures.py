@@ -319,8 +319,8 @@ def grasp_limit(
     """Return the least squeeze that holds the part, over m g / (2 mu), by bisection from 0.5 to 2.
 
     By Coulomb's law alone it is 1, and 0.995 is the least that `squeezed` can return for it. Less
-    than that is an engine whose contact bears more than Coulomb's cone: Drake's patches tilt while
-    the part sinks evenly, and hold down to 0.98. Infinite where twice the threshold doesn't hold; 0
+    than that is an engine whose contact bears more than Coulomb's cone: with Drake's patches the
+    part sinks evenly, and is held, down to 0.98. Infinite where twice the threshold doesn't hold; 0
     where half of it does.
     """
 

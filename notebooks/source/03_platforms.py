@@ -22,14 +22,13 @@ predict("whose_simulator")
 simulation("platforms")
 
 # %% [markdown]
-# Section 3 explains the polygons at the right, and section 5 the numbers below the picture. The fifth card, Isaac Sim,
-# has no measurements.
+# The lines show the complete motions, and the dots where the engines are at the moment. Section 3 explains the polygons
+# at the right, and section 5 the numbers below. The fifth card, Isaac Sim, has no measurements.
 #
-# **After this chapter you can** say what makes two simulators differ before you run them; set up a
-# fair comparison; name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by
-# comparing measured errors and costs with what your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's
-# law (chapter 2). A robot consists of **links**, its rigid bodies, and joints between them. Its **mass matrix** says
-# which torques at the joints produce which accelerations, when nothing moves yet and there is no gravity (chapter 4).
+# **After this chapter you can** say what makes two simulators differ before you run them; set up a fair comparison;
+# name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by comparing measured
+# errors and costs with what your job allows. You need semi-implicit Euler (chapter 1) and Coulomb's law (chapter 2). A
+# robot consists of **links**, its rigid bodies, and joints between them.
 
 # %% tags=["hide-code"]
 import inspect
@@ -153,22 +152,21 @@ print(", ".join(f"{name} {max(0.0, x):.2f} mm" for name, x in highest.items()))
 Image(film.getvalue(), format="png")
 
 # %% [markdown]
-# All positions are from runs at a step of 1 ms. Coulomb's law limits the length of the friction force. MuJoCo by
-# default, and PyBullet with an option, use a simpler limit. It depends on two fixed directions on the floor, the **axes
-# of the contact** (section 7). The block is launched at 22.5 degrees to one of them. The fingers press with 1.02 times
-# the smallest force that can hold the part. The heights of Drake's and PyBullet's blocks were not recorded. In a
-# similar run they hardly left the floor, so they are drawn on it. The thin lines are the paths of the blocks' lower
-# edges.
+# All positions are from runs at a step of 1 ms. The block is launched at 22.5 degrees to an **axis of the contact**.
+# This is one of two fixed directions on the floor, on which some models of friction depend (section 7). The fingers
+# press with 1.02 times the smallest force that can hold the part. Thin lines show the paths of the blocks' lower edges.
+# Drake's and PyBullet's blocks are drawn on the floor, which they hardly left in a similar run.
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher with
-# the stiff contacts used here. **Towers sag**: a soft contact yields under load, so the cubes overlap. **Parts creep**:
-# a part sinks slowly and steadily through a grip that should hold it, or it falls.
+# the stiff contacts used here. **Towers sag**: even a stiff contact yields a little under load, so the cubes overlap.
+# **Parts creep**: MuJoCo's part sinks slowly and steadily through a grip that should hold it. Drake's sinks, too, and
+# PyBullet's falls.
 #
 # ## How this chapter works
 #
-# MuJoCo and our own code (from chapters 1, 2 and 4) run in this notebook. Results of Drake and PyBullet come from a
-# stored record, so you see them whether or not they are installed. `make platforms` installs them (PyBullet needs
-# Python 3.11), and `make charts` measures everything again.
+# MuJoCo and our own code (explained in chapters 1, 2 and 4) run in this notebook. Results of Drake and PyBullet come
+# from a stored record, so you see them whether or not they are installed. `make platforms` installs them (PyBullet
+# needs Python 3.11), and `make charts` measures everything again.
 #
 # The chapter compares engines on ten small **scenes**, each with a known truth and a tolerance:
 
@@ -260,7 +258,7 @@ table(("Scene", "What happens", "Truth", "Lasts", "Tolerance"), rows)
 # A *closed form* is an exact formula. A *tight reference* is a run of an accurate integrator from chapter 1; its error
 # is far below all errors that this page compares. An error in mrad is an angle: of the body, or of the joint that is
 # furthest off. These durations are those of section 3. Errors grow during a motion, so compare two of them only if the
-# durations are equal. The simulation, the cards and section 6 have other durations, which are given there.
+# durations are equal.
 #
 # Some scenes have variants. *Brake* is launched along an axis of the contact (0 degrees), or at 22.5 degrees to it.
 # *Tower* has three cubes in the charts of section 3 and five in the simulation. The part of *grasp* weighs 0.2 kg. The
@@ -307,10 +305,10 @@ plt.show()
 
 # %% [markdown]
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
-# acceleration up to rounding, whatever algorithm they use inside. So if they also use the same scheme and the same
-# step, they make the *same error*. The scheme includes how an orientation is updated, and here Drake differs. The
-# others rotate a body by its angular speed times $h$. Drake describes an orientation by four numbers (a quaternion),
-# and adds to each its rate of change times $h$.
+# acceleration up to rounding. So if they also use the same scheme and the same step, they make the *same error*. The
+# scheme includes how an orientation is updated, and here Drake differs. The others rotate a body by its angular speed
+# times $h$. Drake describes an orientation by four numbers (a quaternion), and adds to each its rate of change times
+# $h$.
 #
 # We test this with **fair settings**. They make each engine simulate what the scene describes: they remove damping,
 # motors and other additions, and make contacts stiff. Here are the three scenes in which nothing touches:
@@ -325,15 +323,18 @@ for make in ("tumble", "chain", "arm"):
     print(f"MuJoCo {errors[1]:.8f} {scene.unit}, tolerance {scene.tolerance:g}")
 
 # %% [markdown]
-# Both make the same error in every printed digit, although our code never builds a mass matrix and MuJoCo does. On the
-# chain and the arm, this error is larger than the tolerance. It is an error of the scheme at this step, so changing the
-# program does not help.
+# Both make the same error in every printed digit. On the chain and the arm, this error is larger than the tolerance. It
+# is an error of the scheme at this step, so changing the program does not help.
 #
-# The chart shows all four engines. The first three panels show the error against the step. The last panel compares the
-# other programs' errors with ours: it shows the difference, divided by our error. MuJoCo and PyBullet agree with us
-# nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because only there an
-# orientation is updated. (The card has shorter runs, and so a smaller difference. In the printed lines, *RK4* is
-# another scheme, explained below the card. *At the coarse end* means over the three largest steps.)
+# The next chart shows the error against the step on logarithmic axes. There an error proportional to $h^p$ is a
+# straight line of slope $p$. The exponent $p$ is the **order** of the scheme. At first order, half the step gives half
+# the error. At fourth order, half the step divides the error by 16. MuJoCo also offers **RK4**, the classical
+# Runge-Kutta scheme. It evaluates the forces four times in each step and is of order four on smooth motion.
+#
+# The first three panels show the errors of all four engines. The last panel compares the other programs' errors with
+# ours: it shows the difference, divided by our error. MuJoCo and PyBullet agree with us nearly up to rounding. Drake
+# agrees to within 0.2 %. It differs on the tumbling body only, because only there an orientation is updated. (In the
+# printed lines, the order of RK4 is measured at the *coarse end*, over the three largest steps.)
 #
 # ![Error against the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -352,10 +353,7 @@ figures(
 show("engines_agree")
 
 # %% [markdown]
-# On logarithmic axes, an error proportional to $h^p$ is a straight line of slope $p$. The exponent $p$ is the **order**
-# of the scheme. At first order, half the step gives half the error. At fourth order, half the step divides the error by
-# 16. MuJoCo also offers **RK4**, the classical Runge-Kutta scheme. It evaluates the forces four times in each step and
-# is of order four on smooth motion.
+# The card's motions last at most a second, so Drake's difference is smaller there than in the chart.
 #
 # <details><summary>Drake's schemes, and why some lines of the chart have another slope</summary>
 #
@@ -398,14 +396,13 @@ predict("out_of_the_box")
 # %% [markdown]
 # To compare engines rather than their defaults, all engines must simulate the same thing. The list of fair settings
 # does two things. First, it removes whatever an engine adds or changes: air resistance, motors, inertias that are not
-# in the file, its own rule for friction coefficients, and restarts of failed runs (`autoreset`).
+# in the file, its own rule for friction coefficients, and restarts of failed runs (`autoreset`). It also makes MuJoCo's
+# **friction cone** round, as in Coulomb's law. (The cone is the set of contact forces that friction allows.) MuJoCo's
+# default is a **pyramid** inside it, because flat sides are easier to compute with.
 #
-# MuJoCo also changes the **friction cone**, the set of contact forces that friction allows. By Coulomb's law it is
-# round. MuJoCo's default is a **pyramid** inside it, because flat sides are easier to compute with.
-#
-# Second, the list
-# sets how stiff a contact is, since no scene says so. In MuJoCo these are the settings `impratio`, `solref` and
-# `solimp`. In Drake it is the stiffness of a contact **patch**, the area on which two bodies touch (section 2).
+# Second, the list sets how stiff a contact is, since no scene says so. In MuJoCo these are the settings `impratio`,
+# `solref` and `solimp`. In Drake it is the stiffness of a contact **patch**, the area on which two bodies touch
+# (section 2).
 #
 # The table lists each change with its reason. In `solref`, the *time constant* is the time scale on which an overlap of
 # two bodies disappears; with a *damping ratio* of 1 (*critical*), this happens without overshoot. In `solimp`, the
@@ -435,9 +432,8 @@ table(
 # </details>
 #
 # How much do the defaults cost? The table divides the error as shipped by the error with fair settings, both at 1 ms,
-# in the five scenes of the simulation: the tumble lasts 4 s, the chain 2 s, the block is launched at 22.5 degrees, the
-# tower has five cubes, and the grasp has 1.02 times the force it needs. A value of 1 means that the defaults change
-# nothing.
+# in the five scenes of the simulation: the tumble lasts 4 s, the chain 2 s, and the block is launched at 22.5 degrees.
+# A value of 1 means that the defaults change nothing.
 
 # %%
 names = ("tumble", "chain", "brake", "tower", "grasp")
@@ -447,8 +443,7 @@ for s, name in enumerate(names):
     print(f"{name:<20}" + "".join(f"{x:12.3g}" for x in ratio))
 
 # %% [markdown]
-# The factor depends on how long the motion lasts. The next card has shorter motions: a tumble of one second, a chain
-# of half a second, an arm of a fifth.
+# The factor depends on how long the motion lasts. The motions of the next card are shorter: they last at most a second.
 
 # %%
 show("defaults_differ")
@@ -467,25 +462,25 @@ for label, scene in (
 ):
     report = measures.effects(mujoco, scene, 1e-3)
     shipped, fair = 1e3 * report[0].shipped, 1e3 * report[0].fair
-    print(f"MuJoCo, {label}: as shipped {shipped:.2f} mm, fair {fair:.3f} mm; fair but without")
+    print(
+        f"MuJoCo, {label}: as shipped {shipped:.2f} mm, fair {fair:.3f} mm; fair with the default"
+    )
     print("  ", ", ".join(f"{one.key} {1e3 * one.without:.3f} mm" for one in report[:4]))
 number = r"(\w+) +shipped ([\d.e+-]+), .* without it ([\d.e+-]+), fair ([\d.e+-]+)"
 back = re.findall(r"PyBullet chain +" + number, read("platform_effects"))
 whole = float(back[0][1]) / float(back[0][3])
-print(f"PyBullet, chain of 2 s: as shipped {whole:.1f} times the fair error; fair but without")
+print(f"PyBullet, chain of 2 s: as shipped {whole:.1f} times the fair error; fair with the default")
 print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x, fair in back))
 
 # %% [markdown]
 # In MuJoCo, the shape of the cone decides almost alone how far off the launched block stops. In the grasp, `impratio`
-# and `solref` matter most. In PyBullet, damping slows free bodies, although the scene has none. Its sliding bodies have
-# too little friction, because PyBullet multiplies the coefficients of both surfaces. Its chain suffers from three
-# defaults: inertias computed from shapes, damping, and motors that hold the joints. The inertias alone do the most
-# harm. All three together do less, since damping and motors slow the motion down. In Drake a single default does the
-# harm: contact at a point instead of a patch.
+# and `solref` matter most. In PyBullet, sliding bodies have too little friction, because it multiplies the coefficients
+# of both surfaces. Its chain suffers from three defaults: inertias computed from shapes, damping, and motors that hold
+# the joints. The inertias alone do the most harm. All three together do less, since damping and motors slow the motion
+# down. In Drake a single default does the harm: contact at a point instead of a patch.
 #
-# Only one bar points to the left. With the default pyramid, and all else fair, the tower sinks about sixty times less.
-# With the pyramid, a larger `impratio` makes the tower sink even
-# less. With the elliptic (round) cone it doesn't:
+# Only one bar points to the left: with the default pyramid, and all else fair, the tower sinks about sixty times less.
+# A larger `impratio` then makes it sink even less. With the elliptic (round) cone, `impratio` has no such effect:
 #
 # <details><summary>Why the pyramid's tower sinks less</summary>
 #
@@ -537,7 +532,7 @@ braking = scenes.brake()
 for label, engine, how in (
     ("own code", own, FAIR),
     ("MuJoCo as shipped", mujoco, AS_SHIPPED),
-    ("MuJoCo fair but solref", mujoco, FAIR.using(but=("solref",))),
+    ("MuJoCo, default solref", mujoco, FAIR.using(but=("solref",))),
     ("MuJoCo fair", mujoco, FAIR),
 ):
     one = measures.path_error(engine, braking, 1e-3, how, moving=braking.duration / 1.5)
@@ -555,9 +550,9 @@ for label, engine, how in (
 #
 # **Key insight.** Where nothing touches, engines with the same scheme and the same step make nearly the same error.
 # With their defaults, their errors can differ a hundredfold. Where bodies touch, the contact models differ by design:
-# with all settings that this page tries, each of the three simulators has at least one fault: it hops, creeps or sags.
-# A comparison that doesn't list its settings compares settings. Ask "which scheme, which step, which contact?" before
-# you ask "which simulator?"
+# whether fair or as shipped, each of the three simulators keeps a fault. MuJoCo's block hops, Drake's tower sags or
+# falls, and PyBullet's block creeps or slides down a slope that should hold it. A comparison that doesn't list its
+# settings compares settings. Ask "which scheme, which step, which contact?" before you ask "which simulator?"
 #
 # </div>
 #
@@ -567,9 +562,9 @@ for label, engine, how in (
 #
 # Without contact there is one right answer. With contact, each engine solves a different problem, on purpose. An ideal
 # rigid body doesn't deform, so its contact force can't be computed from positions, as the force of a spring can. Each
-# engine fills this gap differently: it softens the contact, or accepts one of many possible solutions, or solves
-# Coulomb's law exactly. The simulation below shows the tower of five cubes, with the engines as shipped. Drake's
-# contact is then at a point. Its tower falls, and its curve leaves the picture:
+# engine finds its own way out: it softens the contact, or accepts one of many possible solutions, or solves Coulomb's
+# law exactly. The simulation below shows the tower of five cubes, with the engines as shipped. Drake's contact is then
+# at a point. Its tower falls, and its curve leaves the picture:
 
 # %%
 simulation("platforms", "Collapsing tower")
@@ -588,7 +583,7 @@ simulation("platforms", "Collapsing tower")
 # can't resist tipping. A single cube may keep its balance on it (*drop*), but the tower in the simulation tips over. A
 # **hydroelastic contact** assumes a pressure inside each body, which grows towards its middle. Where two bodies
 # overlap, the contact patch is the surface on which both pressures are equal. Drake integrates the pressure over this
-# patch (Elandt, Drumwright, Sherman and Ruina, IROS 2019). A patch resists tipping, and its force changes smoothly.
+# patch (Elandt and others, IROS 2019). A patch resists tipping, and its force changes smoothly.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(8, 2.6), layout="constrained")
@@ -634,9 +629,10 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
-# engine reached? They do, up to rounding. For rigid contacts the residual of complementarity would be 0. Here it is a
-# few mm/s, because a soft contact pushes while bodies overlap. (The code divides the impulse, force times step, by a
-# mass, and the gap by the step, before it compares them. So the unit is m/s.) No force leaves the cone.
+# engine reached? They do, up to rounding. The residual of complementarity turns force and gap into speeds [m/s] and
+# takes the smaller one. For the force, this is the speed that it adds in one step. For an overlap, it is the speed at
+# which chapter 2 would undo it, a fifth of it per step. For rigid contacts one of the two is 0. Here it is a few mm/s,
+# because a soft contact pushes while bodies overlap. No force leaves the cone.
 #
 # ### Does a better scheme help with contact?
 #
@@ -647,6 +643,9 @@ for settings in (AS_SHIPPED, FAIR):
 # %%
 show("rk4_and_contact")
 
+# %% [markdown]
+# So keep RK4 for smooth motion. With contact, it evaluates the forces four times per step and is often no better.
+
 # %%
 more_claims("drake_guarantees", "opened")
 
@@ -655,16 +654,16 @@ more_claims("drake_guarantees", "opened")
 #
 # ### Write needs, not ratings
 #
-# Comparison tables often give stars: four for speed, three for accuracy, and so on, added up to a rating. In a sum, a
-# good mark makes up for a bad one. But no speed makes up for a gripper that drops the part.
+# Comparison tables often give stars for speed, accuracy and so on, and add them up to a rating. In a sum, a good mark
+# makes up for a bad one. But no speed makes up for a gripper that drops the part.
 #
 # Write **needs** instead. A need is a limit on one measured fact, such as "the grasp may be off by at most 1 mm". An
 # engine that misses a need is out. A fact that was never measured meets no need. Among the engines that remain, take
 # the cheapest. Then say how close the decision was: which limit would have to change, and how far, before you would
 # pick another engine?
 #
-# The facts come from one chart: ten scenes on four engines at 1 ms, rebuilt with `make charts`. A point shows the error
-# divided by the tolerance of its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.)
+# The facts come from one chart: ten scenes on four engines at 1 ms. A point shows the error divided by the tolerance of
+# its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.)
 #
 # ![Error divided by tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
@@ -672,6 +671,7 @@ more_claims("drake_guarantees", "opened")
 figures(
     read("platforms_table"),
     "With the same",
+    "A first-order step",
     "As shipped, the",
     "Fair, all",
     "Our own",
@@ -680,27 +680,32 @@ figures(
 )
 
 # %% [markdown]
-# In the printed lines, *fair* means with fair settings. Our own contacts are accurate but expensive: in every scene
-# with contact, our step costs over a hundred times MuJoCo's. Fair settings bring the three simulators together in rest,
-# brake and slide: there their errors differ less than tenfold. In drop, tower, grasp and field they still differ more.
-#
+# Our own contacts are accurate but expensive: in every scene with contact, our step costs over a hundred times
+# MuJoCo's. Fair settings bring the three simulators together in rest, brake and slide: there their errors differ less
+# than tenfold.
 #
 # These are errors at the end of each motion. A motion can end well and be wrong in between. So a second chart shows the
-# largest error on the way and the share of time without contact (for *brake*, until Coulomb's law stops the block).
+# largest error on the way and the share of time without contact (for *brake*, of the time until Coulomb's law stops the
+# block).
 #
 # ![Largest error on the way and time in the air, by scene and engine](../docs/charts/platform_paths.png)
 #
-# The printed columns are the error at the end, the largest error on the way, and the share of time in the air:
+# The printed columns are the error at the end [m], the largest error on the way [m], and the share of time in the air:
 
 # %%
 print_figures(
-    "platform_paths", "drop     MuJoCo", "brake    own", "brake    MuJoCo", "Fair, MuJoCo", "Nobody"
+    "platform_paths",
+    "drop     MuJoCo",
+    "brake    own",
+    "brake    MuJoCo",
+    "Fair, MuJoCo",
+    "No other",
 )
 
 # %% [markdown]
-# Apply the same tolerance on the way. With fair settings, the cube of *drop* then fails in each simulator as it lands,
-# although it ends well: MuJoCo's error is more than twice the tolerance, Drake's and PyBullet's are just above it.
-# Among the braking blocks, MuJoCo's hop is the largest difference that remains.
+# Now apply the tolerance to the error on the way. With fair settings, each simulator then fails *drop* as the cube
+# lands, although it ends well: MuJoCo's error is more than twice the tolerance, Drake's and PyBullet's are just above
+# it.
 #
 # <details><summary>Does Drake's block hop, too?</summary>
 #
@@ -710,10 +715,11 @@ print_figures(
 #
 # </details>
 #
-# Here are seven jobs with their needs. Most needs are limits on the numbers of the two charts, all at 1 ms;
-# another step can change a pick. Two more facts are not in the charts: the share of faulty models that an engine
-# rejects or warns about (*faults reported*, section 7), and whether `make lab`, which opens this course, installs it.
-# (RL is reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's Isaac Sim.)
+# Here are seven jobs with their needs. Most needs are limits on the numbers of the two charts, with fair settings and
+# at 1 ms; another step can change a pick. Two more facts are not in the charts: the share of faulty models that an
+# engine rejects or warns about (*faults reported*, section 7), and whether `make lab`, which opens this course,
+# installs it. (RL is reinforcement learning; a certificate is a proof of safety; PhysX is the engine of NVIDIA's Isaac
+# Sim.)
 
 # %%
 facts = jobs.facts()
@@ -761,8 +767,7 @@ more_claims(
 # %% [markdown]
 # ### Platforms that are not measured here
 #
-# Many tools need an NVIDIA GPU and can't run here. Know what each one is *for*, how it stores a model, and how
-# it solves contact.
+# Many tools need an NVIDIA GPU and can't run here. First, two of their contact solvers, PGS and TGS.
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse (force times step)
 # that satisfies this contact alone, and go on to the next; after several sweeps the impulses change little. **PGS**
@@ -808,7 +813,8 @@ for ax, title, ends in zip(
 plt.show()
 
 # %% [markdown]
-# In the table, RTX is NVIDIA's renderer, and USD a file format for scenes (explained below).
+# In the table, RTX is NVIDIA's renderer, Newton an engine for GPUs (section 9), and USD a file format for scenes
+# (explained below).
 #
 # The documentation says, as read in November 2026:
 #
@@ -859,14 +865,13 @@ more_claims("headless_renders")
 #
 # </details>
 #
-# A rate that is announced for such an engine counts the steps of all its worlds, in a scene that the authors chose.
+# A rate that is announced for an engine on a GPU counts the steps of all its worlds, in a scene that the authors chose.
 
 # %%
 predict("millions_a_second")
 
 # %% [markdown]
-# **USD** (Universal Scene Description) is not a simulator. It is Pixar's open format for large scenes. Files can be
-# stacked in layers, so that one file changes another without editing it. Its extension
+# **USD** (Universal Scene Description) is not a simulator. It is Pixar's open format for large scenes. Its extension
 # [UsdPhysics](https://docs.omniverse.nvidia.com/kit/docs/pxr-usd-api/latest/pxr/UsdPhysics.html) adds mass, collision
 # shapes, joints, limits and drives (motors of joints).
 #
@@ -875,13 +880,12 @@ predict("millions_a_second")
 # | What | URDF | MJCF | USD with UsdPhysics |
 # |---|---|---|---|
 # | Structure | a tree of links and joints | a tree of nested bodies | objects; each joint names its two bodies |
-# | Closed loops of links | no | equality constraints | a joint marked as not part of the tree |
-# | Motor | effort and speed limits | actuators with gains | drives with stiffness and damping |
+# | Closed loops of links | no | constraints that tie two bodies together | a joint marked as not part of the tree |
+# | Motor | limits of torque and speed | actuators with gains | drives with stiffness and damping |
 # | Solver settings | no | yes, MuJoCo's | in extensions |
 #
-# What the target format can't
-# say is lost, and what the source didn't say is filled in with a default. After each conversion, compare masses,
-# inertias, limits, damping and motor gains with the original.
+# What the target format can't say is lost, and what the source didn't say is filled in with a default. After each
+# conversion, compare masses, inertias, limits, damping and motor gains with the original.
 #
 # <details><summary>More statements that you will read, and what the projects' own pages say (2026, not measured
 # here)</summary>
@@ -933,10 +937,11 @@ table(
 # %% [markdown]
 # For *smooth accuracy*, each engine gets the computing time that MuJoCo needs at 1 ms, and takes the shortest step that
 # fits into it. The value is its error in chain and tumble, divided by the tolerance. *Contact accuracy* is error
-# divided by tolerance at 1 ms, in three scenes with contact. *Speed in contact* is the cost of a step relative to
-# MuJoCo's. *Largest step* is the largest step [s] that stays within the tolerance. *Honesty* is the share of faulty
-# models that the engine rejects or warns about. In the picture, a thick band on an axis shows the range over the
-# scenes.
+# divided by tolerance at 1 ms, in three scenes with contact.
+#
+# *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays
+# within the tolerance; if none that we tried does, the value is at the centre. *Honesty* is the share of faulty models
+# that the engine rejects or warns about. In the picture, a thick band on an axis shows the range over the scenes.
 #
 # The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is $\tfrac12
 # \sin 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*. Reorder the
@@ -979,9 +984,9 @@ more_claims("radar_area")
 #
 # ### One interface for four engines
 #
-# Engines differ in their conventions, such as the order of a quaternion. An adapter
-# translates each engine's convention into ours. A comparison then needs only two operations: build a run of a scene,
-# and let it run some steps in the engine's own loop.
+# Engines differ in their conventions, such as the order of a quaternion. An adapter translates each engine's convention
+# into ours. A comparison then needs only two operations: build a run of a scene, and let it run some steps in the
+# engine's own loop.
 
 # %% tags=["show-code"]
 Markdown(
@@ -1135,13 +1140,12 @@ print_figures(
 )
 
 # %% [markdown]
-# Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. (Drake's
-# best scheme here is of order three, and PyBullet has Euler only.) On the arm, Euler costs over three times as much as
-# RK4. On this short chain, both cost about the same; on the chain of 2 s, Euler needs a step five times shorter, and
-# RK4 wins. The tolerance of the short tumble is loose, so Euler with a long step is enough.
+# Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. On the
+# arm, Euler costs over three times as much as RK4. On this short chain, both cost about the same. On the chain of 2 s
+# (section 1), Euler needs 0.4 ms instead of 2 ms, and RK4 wins.
 #
-# With contact, a cheap step
-# wins. Our solver is exact on the tower, but it runs in Python.
+# With contact, the cheapest step wins, which is MuJoCo's. Our solver is exact on the tower, but slow, because it runs
+# in Python.
 #
 # ### How the cost grows with the scene
 #
@@ -1150,23 +1154,25 @@ print_figures(
 #
 # ![Cost of a step against the size of chain, tower and field, and Python's share](../docs/charts/platform_scaling.png)
 #
-# The first two printed lines give PyBullet's cost divided by MuJoCo's, for each number of cubes. The exponent at the
-# end of each line is the slope of PyBullet's own cost over the three largest numbers of cubes:
+# The first two printed lines give PyBullet's cost divided by MuJoCo's, for $n$ cubes. The exponent at the end of each
+# line is the slope of PyBullet's own cost over the three largest $n$:
 
 # %% tags=["nbval-ignore-output"]
 print_figures(
     "platform_scaling",
     "field: PyBullet",
     "tower: PyBullet",
-    "PyBullet: share of an empty",
+    "PyBullet, chain",
 )
 
 # %% [markdown]
+# So in MuJoCo and PyBullet, ten times the cubes on a field cost about ten times as much. On a tower they cost more.
+#
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python, which saves time.
 # For these three, the panel shows how much of the time is saved by taking 100 steps in one call. On small chains this
-# is about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. Its curve shows the time
-# of a step in an *empty* world as a share of a full step. So on a small scene, a measured rate says little about how
-# fast the engine moves bodies.
+# is about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. Its curve and the last
+# printed line show the time of a step in an *empty* world as a share of a full step. So on a small scene, a measured
+# rate says little about how fast the engine moves bodies.
 #
 # <details><summary>How PyBullet's curve was measured</summary>
 #
@@ -1175,11 +1181,11 @@ print_figures(
 #
 # </details>
 #
-# On these scenes, the measurements suggest four choices. For smooth motion with a tight tolerance, take RK4 in MuJoCo
-# or our code, unless strong damping forces it to short steps. With a loose tolerance, Euler is enough. If bodies may
-# sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this. For bodies that slide and
-# must stay on the ground, take PyBullet or Drake with fair settings. For a contact area that must resist tipping, take
-# Drake's hydroelastic contact, if you can afford it.
+# On these scenes, the measurements suggest the following choices. For smooth motion with a tight tolerance, take RK4 in
+# MuJoCo or our code, unless strong damping forces it to short steps. With a loose tolerance, Euler is enough. If bodies
+# may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this. For bodies that slide
+# and must stay on the ground, take PyBullet or Drake with fair settings. For a contact area that must resist tipping,
+# take Drake's hydroelastic contact, if you can afford it.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("steps_per_second", "fewer_environments")
@@ -1222,12 +1228,10 @@ print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too fa
 # The large deviations come from defaults. In the printed lines, a negative share means that the block went too far. Its
 # position is taken at the end of the scene, which lasts one and a half times Coulomb's stopping time. PyBullet
 # *multiplies* the coefficients of both bodies, so its block has half the friction: it is 80 % too far when the scene
-# ends, and still slides. Drake as shipped stops far too early. There the block touches the ground in a single point.
+# ends, and still slides. (Half the friction alone would take it further, but its default damping brakes it, too.) Drake
+# as shipped stops far too early. There the block touches the ground in a single point.
 #
-# <details><summary>More about both engines</summary>
-#
-# With half the friction alone, PyBullet's block would be even further off, as the last printed line says. The default
-# damping brakes it as well.
+# <details><summary>More about Drake and MuJoCo</summary>
 #
 # Drake's contact approximation `lagged` limits friction in its one contact point with the normal force of the step
 # before. (Why this stops the block at once, we did not examine.) With `sap`, which computes both forces in the same
@@ -1297,9 +1301,9 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # In the chart, MuJoCo and PyBullet each have two series with the same marks. The flat series is the round cone. The
-# curved one is MuJoCo's default pyramid, or the box that is an option of PyBullet. So you can recognise an engine's
-# cone without reading its source. Launch a block between the two axes of the contact; the length and direction of its
-# path show the shape. Along an axis all three shapes agree, so a test there shows nothing.
+# curved one is MuJoCo's default pyramid, or the box that is an option of PyBullet. So to recognise an engine's cone,
+# launch a block between the two axes of the contact, and measure the length and direction of its path. Along an axis
+# all three shapes agree, so a test there shows nothing.
 #
 # ### Creep: why a held part sinks
 #
@@ -1315,15 +1319,15 @@ for settings in (AS_SHIPPED, FAIR):
 predict("part_that_sinks")
 
 # %% [markdown]
-# The creep speed follows from two effects. First, a soft contact yields to the load $f_t$ along its surface: in MuJoCo,
-# the load accelerates the sliding by $R_t f_t$. The factor $R_t$ [1/kg] is the **compliance** of the contact, its
-# softness. Second, the contact damps the sliding: at the speed $v$, it decelerates the sliding by $b\,v$. The damping
-# rate $b$ [1/s] follows from `solref`. In steady creep the two effects cancel, so $v = R_t\,f_t/b$.
+# How fast does the part creep? Friction carries the load $f_t$ along the surface. In MuJoCo, a contact under this load
+# slides with a speed $v$ that changes at the rate $R_t f_t - b\,v$. The first term speeds the sliding up. Its factor
+# $R_t$ is the **compliance** of the contact, its softness. (The unit of $R_t$ is 1/kg, since it turns a force into an
+# acceleration.) The second term slows the sliding down. Its damping rate $b$ [1/s] follows from `solref`. In steady
+# creep both terms cancel, so $v = R_t\,f_t/b$. A rigid contact has $R_t = 0$ and doesn't creep.
 #
-# A harder contact
-# has a smaller compliance. (Its hardness, set by `solimp`, is called the **impedance** $d$.) Lighter bodies have a
-# larger compliance, and the option `impratio` divides it. The chart also shows
-# **noslip** with 3 iterations, a second pass after the solver that reduces the remaining sliding.
+# A harder contact (set by `solimp`) has a smaller compliance, lighter bodies have a larger one, and the option
+# `impratio` divides it. The chart also shows **noslip** with 3 iterations, a second pass after the solver that reduces
+# the remaining sliding.
 #
 # ![Creep of a block and a part against impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
@@ -1338,9 +1342,9 @@ print_figures(
 )
 
 # %% [markdown]
-# For the elliptic cone, the law agrees with the simulation to many digits over a factor of 300 in `impratio`. (The
-# chart has MuJoCo's default `solref` and `solimp` and presses with 6 N. The fair grasp of section 3 is stiffer and
-# creeps more slowly. Our code doesn't creep.)
+# For the elliptic cone, the law agrees with the simulation to many digits over a factor of 300 in `impratio`, as long
+# as all corners of the body carry load. (The chart has MuJoCo's default `solref` and `solimp` and presses with 6 N. The
+# fair grasp of section 3 is stiffer and creeps more slowly.)
 #
 # <details><summary>A question of MuJoCo's users</summary>
 #
@@ -1349,9 +1353,6 @@ print_figures(
 # by the creep speed times the holding time, so a short grasp suffers little.
 #
 # </details>
-#
-# The law holds for an elliptic cone, as
-# long as all corners of the body carry load. (On a steep slope, the upper corners of a block carry nothing.)
 #
 # ### The smallest force that holds
 #
@@ -1387,16 +1388,16 @@ for name, share in least.items():
 #
 # At 1 ms, MuJoCo and Drake have a threshold: the part is held at every squeeze above it. So has our code, which ran at
 # 8 ms only. Our code and MuJoCo drop the part close to Coulomb's force. With Drake's patches, the part counts as held
-# down to 0.98 of this force, but only because it sinks evenly. At 0.98 it sinks by 12 mm in half a second. The patches
-# tilt, and they report forces 2 % outside the cone.
+# down to 0.98 of this force, but only because it sinks evenly, by 12 mm in half a second. Drake's reported friction is
+# then 2 % larger than Coulomb's law allows. (Why, we did not examine.)
 #
 # PyBullet has no threshold at 1 ms: the part counts as held at some squeezes, and is dropped at a larger one. *Held*
 # says little here. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second (section 3). The
 # reason is that PyBullet's sweeps end with most of the force on one corner of a finger. This satisfies Coulomb's law,
 # since four corners can share a load in many ways. But the part swings about that corner.
 #
-# At 2 ms and more, PyBullet
-# has a threshold, too. As shipped, it drops the part at every squeeze, because default motors hold the fingers back.
+# At 2 ms and more, PyBullet has a threshold, too. As shipped, it drops the part at every squeeze, because default
+# motors hold the fingers back.
 #
 # <details><summary>PyBullet as shipped</summary>
 #
@@ -1411,9 +1412,9 @@ show("grasp_threshold")
 # %% [markdown]
 # ### Sagging towers
 #
-# Stack $n$ equal cubes with a soft contact between each two. The lowest contact carries all $n$ cubes, the one above
-# it $n - 1$, and so on. If each contact were the same spring, the top would sink by $1 + 2 + \dots + n = n(n+1)/2$
-# times what a single cube sinks: 3 times for two cubes, 6 for three.
+# Stack $n$ equal cubes with a soft contact between each two. The lowest contact carries all $n$ cubes, the one above it
+# $n - 1$, and so on. If each contact were the same spring, the top would sink by $1 + 2 + \dots + n = n(n+1)/2$ times
+# what a single cube sinks.
 #
 # ![How deep a tower sinks against its number of cubes, by engine](../docs/charts/platform_sag.png)
 
@@ -1427,8 +1428,7 @@ print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (
 # MuJoCo's tower sinks in proportion to $n^2$ instead. In MuJoCo, the softness of a contact is proportional to $1/m_1 +
 # 1/m_2$, where $m_1$ and $m_2$ are the masses of its two bodies. The ground doesn't move, so its mass counts as
 # infinite and adds nothing. So a contact between two equal cubes is twice as soft as the one on the ground, and the sum
-# becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Our
-# tower doesn't sink, because nothing in our contact is soft.
+# becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Our tower doesn't sink, because nothing in our contact is soft.
 
 # %%
 show("tower_by_engine")
@@ -1445,8 +1445,7 @@ show("fresh_worlds_repeat")
 
 # %% [markdown]
 # Building a new world is slow, so training code *resets* the old one. Some engines have a call that resets the whole
-# state; with others you write the initial positions and velocities back yourself. Does the next run then repeat the
-# first one?
+# state; with others you write the initial positions and velocities back yourself.
 
 # %%
 predict("after_a_reset")
@@ -1472,8 +1471,8 @@ world.close()
 
 # %% [markdown]
 # An engine may store more than positions and velocities, such as the contacts and forces of the last step, from which
-# its solver starts (the **warm start**). In this run of MuJoCo, it changed the last digits only, and the run repeated
-# once the warm start was written back, too. Test your own scene, and reset it in the middle of a contact.
+# its solver starts (the **warm start**). In this run of MuJoCo, the missing warm start changed the last digits only.
+# Once it was written back, too, the run repeated. Test your own scene, and reset it in the middle of a contact.
 #
 # ### A joint limit and a mimic joint
 #
@@ -1484,12 +1483,12 @@ world.close()
 # ![Angle beyond a limit, and error of a mimic joint, in four engines](../docs/charts/platform_joints.png)
 
 # %%
-print_figures("platform_joints", "limit, own", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
+print_figures("platform_joints", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
 
 # %% [markdown]
-# MuJoCo's limits and copies are soft springs. Our own code has neither limits nor copies, so its rod swings through and
-# leaves the panel. PyBullet's reader drops the copy without a message. So after loading a file, drive each joint into
-# its stops, and check each copy.
+# MuJoCo's limits and copies are soft springs. (With a soft copy, joint 1 is also off by more than the error of the
+# step.) Our own code has neither limits nor copies, so its rod swings through and leaves the panel. PyBullet's reader
+# drops the copy without a message. So after loading a file, drive each joint into its stops, and check each copy.
 #
 # <details><summary>What each engine does, and the cures</summary>
 #
@@ -1515,14 +1514,14 @@ more_claims("limit_is_a_wall")
 # often after an export. A good reader rejects them or warns. If it *swallows* the fault, you simulate nonsense. Just
 # as bad is a **silent repair**: the model runs, and isn't the one in your file.
 #
-# The chart shows what five readers do with such files: chapter 4's, the three engines', and that of Pinocchio, a
-# library for robot dynamics. A wide blue bar counts the files that a reader refused or warned about. The narrow orange
-# bar counts those that it swallowed or that made it crash. Repaired files are in neither bar. (The claim below counts
-# them as swallowed.)
+# The chart shows what five readers do with such files: our own (*chapter 4*, which explains it), the three engines',
+# and that of Pinocchio, a library for robot dynamics. A wide blue bar counts the files that a reader refused or warned
+# about. The narrow orange bar counts those that it swallowed or that made it crash. Repaired files are in neither bar.
+# (The claim below counts them as swallowed.)
 #
-# The panel of broken formats includes two files that URDF allows: a link without `inertial`, and
-# one with zero inertia. We count them as faults because here the link moves. The lower panel is about valid files:
-# which features does a reader keep, and which does it lose?
+# The upper right panel is about files that break the format. It includes two files that URDF allows: a link without
+# mass and inertia (element `inertial`), and one with zero inertia. We count them as faults because here the link moves.
+# The lower panel is about valid files: which features does a reader keep, and which does it lose?
 #
 # <details><summary>The names of the faults</summary>
 #
@@ -1550,10 +1549,9 @@ figures(
 )
 
 # %% [markdown]
-# Chapter 4's reader rejects the most faults. (We wrote both the reader and the faults, so this is no independent test.)
-# It also rejects valid joints of kinds that it doesn't know, and says which. In September
-# 2026, an importer lost all damping and friction of joints without a message (Isaac Sim, issue 841). So read the loaded
-# model back and compare.
+# Our own reader rejects the most faults. (We wrote both the reader and the faults, so this is no independent test.) It
+# also rejects valid kinds of joints that it doesn't know. In September 2026, an importer lost all damping and friction
+# of joints without a message (Isaac Sim, issue 841). So read the loaded model back and compare.
 
 # %%
 more_claims("loaded_is_not_sound", "friction_of_a_urdf")
@@ -1577,7 +1575,8 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
 # %% [markdown]
 # The first pick is for two needs: many worlds at once for training, and a grasp that holds. Nothing was measured here
 # about the worlds, so the honest answer is *none*. The second pick is for the grasp alone. In an interview, name what
-# is documented (Isaac Lab, MuJoCo Warp), and say that you would first run your own grasp there.
+# is documented (Isaac Lab, or MuJoCo Warp, MuJoCo's version for NVIDIA GPUs), and say that you would first run your own
+# grasp there.
 #
 # ### Symptoms, causes, tests
 #
@@ -1645,10 +1644,10 @@ simulation("platforms", "Sinking grasp")
 #
 # ### How to read a claim about speed
 #
-# In December 2024, Genesis was announced with tens of millions of steps per second. Users took the benchmark apart in
-# its issue 181: the robot received one action and then none, and collisions with itself were off. With more accurate
-# settings, self-collision and random actions, the maintainers' own table went from 14.5 to 1.2 million. So three things
-# changed at once. One of them is easy to show: where little touches, a step is cheap.
+# In December 2024, Genesis, an engine for GPUs, was announced with tens of millions of steps per second. Users took the
+# benchmark apart in its issue 181: the robot received one action and then none, and collisions with itself were off.
+# With more accurate settings, self-collision and random actions, the maintainers' own table went from 14.5 to 1.2
+# million. So three things changed at once. One of them is easy to show: where little touches, a step is cheap.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 from course.measure.timing import batches, interleaved
@@ -1801,8 +1800,8 @@ check(compare_engines)
 # %% [markdown]
 # ### A formula: the missing distance of a braking block
 #
-# The formula in the cell is wrong; correct it. Any equivalent form is right. Type $\mu$ as `mu` and the step $h$ as
-# `dt`. <span class="kernel-only">Edit the formula in quotes.</span>
+# The formula in the cell is wrong on purpose; correct it. Any equivalent form is right. Type $\mu$ as `mu` and the step
+# $h$ as `dt`. <span class="kernel-only">Edit the formula in quotes.</span>
 
 # %%
 answer("braking_short", "v*dt/2")
@@ -1835,8 +1834,9 @@ answer("braking_short", "v*dt/2")
 # ### The gap between two simulators
 #
 # You can rehearse the step from simulation to a real robot without a robot. Tune a controller on one simulator, and run
-# it on another. The **sim-to-sim gap** is the accuracy that the controller loses. Here the controller is chapter 6's
-# computed torque, which cancels the arm's dynamics with its own model. It moves a seven-joint arm to a target.
+# it on another. The **sim-to-sim gap** is the accuracy that the controller loses. Here the controller is **computed
+# torque** (explained in chapter 6), which cancels the arm's dynamics with its own model. It moves a seven-joint arm to
+# a target.
 
 # %%
 predict("lost_damping")
@@ -1854,16 +1854,23 @@ for (name, settings), one in reach.items():
 # Between our code and MuJoCo, hardly anything is lost. Of all four engines, only PyBullet as shipped fails: its default
 # motors hold the joints.
 #
-# Now take the importer's bug of 2026: the joints' damping $d$ is lost on the way into the simulator. The controller
-# still believes in it and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like *negative*
-# damping. The controller itself adds a damping torque $2\,\omega M \dot q$ (chapter 6), where $\omega$ is its bandwidth
-# (the rate at which errors decay) and $M$ the mass matrix.
+# Now take the importer's bug of 2026: the joints' damping is lost on the way into the simulator. The controller still
+# believes in a damping $d$, and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like
+# *negative* damping.
 #
-# Let $q$ be the small deviation from the target, and $d$ the same for all joints. Then $M\ddot q + (2\,\omega M -
-# d)\,\dot q + \omega^2 M q = 0$. Along an eigenvector of $M$ with the eigenvalue $m$ (the inertia in this direction),
-# the remaining damping is $2\,\omega m - d$. If it is negative, the arm is unstable. This happens if some $m$ is below
-# $d/(2\,\omega)$. The cell runs this reach for 3 s on an arm without damping. (The reach above took 1.5 s on an arm
-# with damping, so don't compare the two errors.)
+# Let $q$ be the small deviation from the target, and $M$ the **mass matrix** of the arm: at rest and without gravity,
+# $M\ddot q$ is the torque for the acceleration $\ddot q$ (chapter 4). The controller acts like a spring and a damper.
+# It adds the torques $-\omega^2 M q$ and $-2\,\omega M\dot q$, where the bandwidth $\omega$ is the rate at which errors
+# decay (chapter 6). With the same $d$ for all joints,
+#
+# $$M\ddot q + (2\,\omega M - d)\,\dot q + \omega^2 M q = 0 .$$
+#
+# Along an eigenvector of $M$ with the eigenvalue $m$ (the inertia in this direction), the remaining damping is
+# $2\,\omega m - d$. If it is negative, the arm is unstable. So the smallest $m$ sets a limit to $d$: it must stay below
+# $2\,\omega m$.
+#
+# In the cell, the simulated arm has no damping at all. Each row has another $d$, the damping in which the controller
+# believes. (This reach lasts 3 s, on another arm than above, so don't compare the errors.)
 
 
 # %% tags=["hide-code"]
@@ -1884,19 +1891,20 @@ def lost(damping, duration=3.0, dt=1e-3):
 
 mass = kinematics.mass_matrix(scenes.arm().chain, np.array(measures.GOAL))
 limit = 2.0 * measures.PACE * np.linalg.eigvalsh(mass)[0]
-print(f"limit by theory: {limit:.4f} N m s/rad; the model's damping was 0.5")
+print(
+    f"limit of d by theory: {limit:.4f} N m s/rad; the arm above had 0.5, {0.5 / limit:.0f} times this"
+)
 for share in (0.0, 0.5, 0.9, 1.2, 2.0):
     deviation = lost(share * limit)
     print(
-        f"lost damping {share:3.1f} times the limit: ",
+        f"controller believes in {share:3.1f} times the limit: ",
         f"tip off by {deviation:.5f} mm" if deviation < np.inf else "the arm flies apart",
     )
 
 # %% [markdown]
-# Below the limit the reach barely changes, because at rest nothing is damped and nothing is missing. At 1.2 times the
-# limit and more, the arm flies apart within the 3 s. (Just above the limit, a deviation also grows exponentially, but
-# so slowly that a short run may not show it.) So *a reach that succeeds says little about the model*. Compare the
-# torques during the motion instead.
+# Below the limit the reach barely changes, because at rest nothing is damped and nothing is missing. From 1.2 times the
+# limit, the arm flies apart within the 3 s. So *a reach that succeeds says little about the model*. Compare the torques
+# during the motion instead.
 
 # %%
 more_claims("controller_moves")
@@ -1917,7 +1925,7 @@ interview("platforms")
 
 # %%
 mine = ""
-print("written" if len(mine.split()) > 30 else "open: thirty words or more")
+print("written" if len(mine.split()) > 30 else "not written yet: thirty words or more")
 
 # %% [markdown]
 # <details><summary>An answer, from this chapter's figures</summary>

@@ -76,7 +76,7 @@ def platform_scaling(
             y = [cost[label, n] / unit for n in x]
             last = slope(x[-3:], y[-3:])
             beside = [cost[label, n] / cost["MuJoCo", n] for n in x]
-            message = ", ".join(f"{n} {c:.3g}" for n, c in zip(x, beside, strict=True))
+            message = ", ".join(f"n={n}: {c:.3g}" for n, c in zip(x, beside, strict=True))
             panel.series.append(
                 Series(
                     f"{label}, n^{last:.2f}",
@@ -84,8 +84,7 @@ def platform_scaling(
                     y,
                     label,
                     size=5.0,
-                    note=f"{name}: {label} over MuJoCo by n: {message}; exponent at the end "
-                    f"{last:.2f}",
+                    note=f"{name}: {label} over MuJoCo: {message}; exponent at the end {last:.2f}",
                 )
             )
         panel.notes.append(
@@ -106,13 +105,13 @@ def platform_scaling(
         each = np.array([time.best / steps for time, steps in result]).reshape(-1, 2)
         if engine.loop:
             share = np.maximum(1.0 - each[:, 1] / each[:, 0], 0.0)
-            words = f"{label}: left out by a loop"
+            words = f"{label}, chain of n links: time saved by 100 steps in one call"
         else:
             # It has no loop: what a call costs is a step of a world in which there is nothing.
             (empty, steps) = step_costs([(engine, _nothing(), 100)], dt, repeats)[0]
             share = np.minimum(empty.best / steps / each[:, 1], 1.0)
-            words = f"{label}: share of an empty world's step"
-        message = ", ".join(f"{n} {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
+            words = f"{label}, chain of n links: an empty world's step as a share"
+        message = ", ".join(f"n={n}: {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
         panel.series.append(
             Series(label, links, share, label, size=5.0, note=f"{words}: {message}")
         )

@@ -74,9 +74,10 @@ JOBS: Mapping[str, tuple[list[Need], str]] = {
     "Soft, deformable objects": ([ELEMENTS], "cost of grasp"),
 }  # fmt: skip
 DOCUMENTED = {
-    CAMERAS.row: "Isaac Sim renders with path tracing on an RTX card (its manual, 2026)",
+    CAMERAS.row: "Isaac Sim renders by tracing paths of light, on an NVIDIA GPU (its manual, 2026)",
     CERTIFICATE.row: "Drake can prove that states of a *model* are safe (its manual, 2026)",
-    ELEMENTS.row: "SOFA (its README, 2024); PhysX has soft bodies (Isaac Lab's manual, 2026)",
+    ELEMENTS.row: "SOFA, an engine for soft bodies, has them (its README, 2024); "
+    "PhysX has soft bodies, too (Isaac Lab's manual, 2026)",
 }
 
 

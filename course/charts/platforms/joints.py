@@ -165,7 +165,8 @@ def platform_joints(
             f"limit, {label}: beyond it by "
             + ", ".join(f"{1e3 * x:.2g}" for x in past)
             + f" mrad at steps of {', '.join(f'{1e3 * dt:g}' for dt in steps)} ms; "
-            f"speed back {back:.0%}, rests {1e3 * max(rest, 0.0):.2f} mrad beyond"
+            f"bounces back with {back:.0%} of its speed, "
+            f"rests {1e3 * max(rest, 0.0):.2f} mrad beyond"
         )
         panel.series.append(line)
     if "own code" in known:
@@ -202,9 +203,9 @@ def platform_joints(
         style = "--" if changed else "-"
         line = Series(label, steps, worst, name, style, extra=name == "own code")
         line.note = (
-            f"mimic, {label}: copy off by at most {1e3 * max(gaps):.2g} mrad; error of joint 1 "
+            f"mimic, {label}: copy off by at most {1e3 * max(gaps):.2g} mrad; joint 1 off by "
             + ", ".join(f"{1e3 * x:.2g}" for x in worst)
-            + " mrad"
+            + " mrad at the same steps"
         )
         error.series.append(line)
     yield lost

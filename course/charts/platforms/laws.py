@@ -55,7 +55,9 @@ def platform_braking(
         y = [1.0 - stop(engine, 0.0, dt).distance / FULL for dt in x]
         # Deviation from the first-order law of a step's braking.
         error = max(abs(s / theory.stopped_short(dt=dt) - 1.0) for s, dt in zip(y, x, strict=True))
-        message = ", ".join(f"{1e3 * dt:g} ms {100 * s:.4f} %" for s, dt in zip(y, x, strict=True))
+        message = ", ".join(
+            f"{100 * s:.4f} % at {1e3 * dt:g} ms" for s, dt in zip(y, x, strict=True)
+        )
         series = on_one_another(name, name, x, y)
         series.note = f"{name:<9} {message}; within {100 * error:.2g} % of the law, "
         series.note += f"order {slope(x, y):.3f}"
@@ -80,7 +82,7 @@ def platform_braking(
     for label, name, engine, settings in known(rows):
         y = [1.0 - stop(engine, 0.0, dt, settings).distance / FULL for dt in steps]
         message = ", ".join(
-            f"{1e3 * dt:g} ms {100 * s:.2f} %" for s, dt in zip(y, steps, strict=True)
+            f"{100 * s:.2f} % at {1e3 * dt:g} ms" for s, dt in zip(y, steps, strict=True)
         )
         panel.series.append(
             Series(
@@ -196,7 +198,7 @@ def platform_creep(
         for cone, style in (("elliptic", ""), ("pyramidal", "--")):
             soft = AS_SHIPPED.using(**SOFT, cone=cone)
             y = [creep(MuJoCo(), scene, dt, soft.using(impratio=r)) for r in ratios]
-            message = ", ".join(f"{r:g} {1e6 * v:.4g}" for r, v in zip(ratios, y, strict=True))
+            message = ", ".join(f"{r:g}: {1e6 * v:.4g}" for r, v in zip(ratios, y, strict=True))
             line = Series(
                 f"MuJoCo, {cone}",
                 ratios,
@@ -205,7 +207,7 @@ def platform_creep(
                 style,
                 size=6.0,
                 hollow=cone == "pyramidal",
-                note=f"{scene.name}, {cone}, um/s by impratio: {message}",
+                note=f"{scene.name}, {cone}, um/s at impratio {message}",
             )
             if cone == "elliptic":
                 line.theory = law

@@ -89,7 +89,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
             for s in SMOOTH
         )
     ),
-    "A step of 1 ms of order 1 is too long for chain, arm and slide in every engine.": (
+    "A first-order step of 1 ms is too long for chain, arm and slide in every engine.": (
         lambda r: not any(good(r, e) & {"chain", "arm", "slide"} for e in ENGINES)
     ),
     "Fair, all engines are good at drop, rest, brake, tower and field.": (
@@ -226,7 +226,7 @@ MESSAGES: dict[str, Callable[[Rows], bool]] = {
     "Fair, MuJoCo's braking and sliding blocks are in the air for over half of the time.": (
         lambda r: min(in_the_air(r, s)["MuJoCo"] for s in ("brake", "slide")) > 0.5
     ),
-    "Nobody else's block is in the air for over 1 % of the time in either.": (
+    "No other engine's block, braking or sliding, is in the air for over 1 % of the time.": (
         lambda r: (
             max(
                 share
@@ -237,7 +237,7 @@ MESSAGES: dict[str, Callable[[Rows], bool]] = {
             < 0.01
         )
     ),
-    "On the way it errs over four times as much as at the end, and more than as shipped.": (
+    "On the way MuJoCo errs over four times as much as at the end, and more than as shipped.": (
         lambda r: (
             path_errors(r, "brake")["MuJoCo"]
             > max(

@@ -43,7 +43,7 @@ def stops(name, headings, dt, settings=None):
         "v^2/(2 mu g) is missing?",
         "mu*g*dt/v",
         {
-            "v*dt/2": "That is the missing way in metres.",
+            "v*dt/2": "That is the missing distance in metres, not a share.",
             "mu*g*dt/(2*v)": "v dt / 2 is missing of v^2 / (2 mu g).",
             "2*mu*g*dt/v": "Half a step of the first speed is missing, not a whole one.",
             "v*dt": "That is a share of nothing: its unit is metres.",
