@@ -55,7 +55,7 @@ def retract(q, u):
         return q + u
     n = u.shape[0] - 3
     result = np.empty_like(q)
-    # Rotations in the body frame multiply from the right: q (+) u = q exp(u).
+    # A rotation in the body frame multiplies from the right: q becomes q exp(u).
     turned = product(q[n:], exp(u[n:]))
     # Row by row, which for one body is number by number and compiles far faster than slices.
     for i in range(n):
@@ -260,13 +260,13 @@ def rk4(q, v, acceleration, dt, params):
     v2 = _along(v, half, a1)
     a2 = acceleration(retract(q, half * v), v2, params)
     v3 = _along(v, half, a2)
-    # The stage's rotation: the two rates belong to different orientations, so their commutator
-    # enters (Munthe-Kaas).
+    # The rotation for the third evaluation. Its two angular velocities belong to different
+    # orientations, so a cross product (the bracket) corrects it (Munthe-Kaas).
     turn = _along(half * v2, 0.125 * dt * dt, bracket(q, v, v2))
     a3 = acceleration(retract(q, turn), v3, params)
     v4 = _along(v, dt, a3)
     a4 = acceleration(retract(q, dt * v3), v4, params)
-    # The step's rotation vector: Simpson's mean of the rates, and the commutator of its ends.
+    # The rotation of the step: the average of the four angular velocities, and a second correction.
     turn = _along(dt * _mean(v, v2, v3, v4), dt * dt / 12.0, bracket(q, v, v4))
     return retract(q, turn), _along(v, dt, _mean(a1, a2, a3, a4))
 

@@ -214,7 +214,8 @@ def scene_bouncing_box() -> Iterator[Panel]:
     panel = Panel("The bouncing tile")
     panel.notes = [
         bouncing_box().table(),
-        f"answer {answer:.4f} m; MuJoCo with the same model, step {FINE:g} s: {rigid:.4f} m",
+        f"answer {answer:.4f} m; MuJoCo with the same effects neglected, step {FINE:g} s: "
+        f"{rigid:.4f} m",
         "where the plane ends: error of leaving out the third dimension by depth of the body, "
         f"tilt {np.degrees(TILT):.1f} deg: {rows}",
     ]

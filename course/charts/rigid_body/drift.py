@@ -276,7 +276,7 @@ def spin_errors(update: str, angle: float, steps: Sequence[int]) -> tuple[Array,
     run = compiled(_spin, VECTOR(VECTOR, VECTOR, numba.float64, numba.int64, numba.int64))
     axis = np.array([1.0, 2.0, 2.0]) / 3.0
     q = np.array([1.0, 0.0, 0.0, 0.0])
-    length, attitude = [], []
+    length, orientation = [], []
     done = 0
     for n in steps:
         with np.errstate(over="ignore", invalid="ignore"):
@@ -287,8 +287,8 @@ def spin_errors(update: str, angle: float, steps: Sequence[int]) -> tuple[Array,
         # Whole turns are taken off before the angle is halved: they change q's sign at most.
         truth = quaternion.exp(axis * math.remainder(angle * n, 2.0 * math.pi))
         length.append(abs(size - 1.0))
-        attitude.append(float(quaternion.angle_between(q / size, truth)))
-    return np.array(length), np.array(attitude)
+        orientation.append(float(quaternion.angle_between(q / size, truth)))
+    return np.array(length), np.array(orientation)
 
 
 def added_length(angle: float, steps: float | Array) -> Array:
@@ -315,7 +315,7 @@ def quaternion_drift(
     angles: Sequence[float] = (1e-3, 1e-2),
     counts: Sequence[int] = (500, 1000, 2000, 4000, 8000),
 ) -> Iterator[Panel]:
-    """Chart length and attitude of a turning quaternion by three updates, and by RK4 in two forms.
+    """Chart errors of a turning quaternion by three updates, and by RK4 in two forms.
 
     Args:
         at_most: steps of the longest turn.
@@ -324,21 +324,21 @@ def quaternion_drift(
         counts: steps of the tumble over 20 s.
     """
     steps = np.unique(np.geomspace(10, at_most, points).astype(int))
-    norm_panel, attitude_panel = (
+    norm_panel, orientation_panel = (
         Panel(title, "steps", y, scale="log", ylim=(FLOOR / 3.0, top))
         for title, y, top in (
             ("Added, a quaternion grows", "distance of |q| from 1 (0 is at 1e-17)", 1e7),
-            ("Renormalising does not bring the lag back", "attitude error [rad]", 1.0),
+            ("Renormalising does not bring the lag back", "orientation error [rad]", 1.0),
         )
     )
     for update in UPDATES:
         for angle, marker in zip(angles, "o^sD", strict=False):
-            length, attitude = spin_errors(update, angle, steps.tolist())
+            length, orientation = spin_errors(update, angle, steps.tolist())
             added = update == "added"
             text = f"{update}, {angle * 1e3:g} mrad a step"
             taken = f"{at_most:.0e}".replace("e+0", "e")
-            note = f"{text:<44} after {taken} steps: length {length[-1]:.2e} off, attitude "
-            note += f"{attitude[-1]:.2e} rad off"
+            note = f"{text:<44} after {taken} steps: length {length[-1]:.2e} off, orientation "
+            note += f"{orientation[-1]:.2e} rad off"
             if added:
                 note += f" (theory: {float(added_length(angle, at_most)) - 1.0:.2e}, "
                 note += f"{float(added_lag(angle, at_most)):.2e})"
@@ -362,11 +362,11 @@ def quaternion_drift(
                     note=note,
                 )
             )
-            attitude_panel.series.append(
+            orientation_panel.series.append(
                 Series(
                     text,
                     steps,
-                    np.maximum(attitude, FLOOR),
+                    np.maximum(orientation, FLOOR),
                     update,
                     "",
                     lag if update != "exponential map" else None,
@@ -375,12 +375,12 @@ def quaternion_drift(
                     size=8.0 if added else 4.0,
                 )
             )
-    yield from (norm_panel, attitude_panel)
+    yield from (norm_panel, orientation_panel)
 
     right = Panel(
         "At fourth order it hardly matters",
         "step [ms]",
-        "attitude error after 20 s of free tumbling [rad]",
+        "orientation error after 20 s of free tumbling [rad]",
         scale="log",
         ylim=(1e-11, 1e-4),
         ticks=(2.5, 5, 10, 20, 40),

@@ -177,7 +177,7 @@ def box_contenders(samples: int = 24) -> list[Contender]:
 def body_contenders(
     samples: int = 24, integrators: Sequence[str] = ("RK4", "Euler", "implicitfast")
 ) -> list[Contender]:
-    """Return free bodies, each at the coarsest step that keeps the attitude to 1 mrad for 1 s."""
+    """Return free bodies, each at the coarsest step that keeps its orientation to 1 mrad."""
     start = body_states(samples)
     # Reference with a step far below those compared.
     fine, _ = advance_bodies(*start, INERTIA, 5e-4, 2000)
@@ -363,7 +363,7 @@ def throughput(
 
     bodies = measure_rates(body_contenders(samples), sizes, repeats)
     right = _panel(
-        "Free bodies, attitude to 1 mrad after 1 s",
+        "Free bodies, orientation to 1 mrad after 1 s",
         "simulated body-seconds per second",
         bodies,
         False,

@@ -88,7 +88,7 @@ def _energy_ratio(name: str) -> Any:
         {
             "1 + omega*h": "The first-order terms of kinetic and potential energy cancel.",
             "1 - omega^2*h^2": "It gains: look at the sign of the determinant's second term.",
-            "sqrt(1 + omega^2*h^2)": "That is the factor of the amplitude; energy is its square.",
+            "sqrt(1 + omega^2*h^2)": "Yours is the factor of the amplitude; energy is its square.",
             "1 + omega^2*h^2/2": "Both position and velocity contribute a half.",
         },
     ),
@@ -118,9 +118,9 @@ def explicit_energy_factor(result):
         "the leading form for small steps, exp(...) with h in the exponent.",
         "factor, E = exp(omega^2*h)",
         {
-            "1 + omega^2*h^2": "That is the factor of one step; a second has 1/h of them.",
+            "1 + omega^2*h^2": "Yours is the factor of one step; a second has 1/h of them.",
             "exp(omega*h)": "The exponent per step is (omega h)^2.",
-            "exp(omega^2*h^2)": "That is one step; a second has 1/h steps.",
+            "exp(omega^2*h^2)": "Yours is one step; a second has 1/h steps.",
         },
     ),
 )
@@ -709,8 +709,8 @@ def semi_implicit_keeps_area_always(result):
         "By which factor does RK4 multiply the energy of an undamped oscillator at each step?",
         "factor, E = 1 - (omega*h)^6/72 + (omega*h)^8/576",
         {
-            "1 - (omega*h)^6/72": "That is the leading term; the exact factor has one more.",
-            "1 - (omega*h)^6/144": "That is the leading term of the amplitude's factor.",
+            "1 - (omega*h)^6/72": "Yours is the leading term; the exact factor has one more.",
+            "1 - (omega*h)^6/144": "Yours is the leading term of the amplitude's factor.",
             "1 + (omega*h)^6/72 - (omega*h)^8/576": "The signs are the other way round.",
         },
     ),
@@ -748,10 +748,10 @@ def rk4_energy_factor(result):
         "At which angular frequency does velocity Verlet oscillate, for omega h < 2?",
         "Omega, w = 2/h*asin(omega*h/2)",
         {
-            "omega": "That is the true one; the numerical one is higher.",
+            "omega": "Yours is the true one; the numerical one is higher.",
             "asin(omega*h)/h": "cos(Omega h) = 1 - (omega h)^2 / 2, and half angles come out.",
-            "2/h*atan(omega*h/2)": "That is the implicit midpoint rule, which lags.",
-            "omega*(1+(omega*h)^2/24)": "That is the start of the series, not the exact one.",
+            "2/h*atan(omega*h/2)": "Yours is the implicit midpoint rule, which lags.",
+            "omega*(1+(omega*h)^2/24)": "Yours is the start of the series, not the exact one.",
         },
     ),
 )

@@ -174,7 +174,7 @@ def _change(method: str) -> tuple[Any, Any]:
         {
             "m*g*h": "That would be a potential energy, with h a height; here h is the step.",
             "m*g^2*h^2": "Twice too much: expand (v - g h)^2 / 2 and the term in v cancels.",
-            "-m*g^2*h^2/2": "That is semi-implicit Euler; explicit Euler gains.",
+            "-m*g^2*h^2/2": "Yours is semi-implicit Euler; explicit Euler gains.",
         },
     ),
 )
@@ -201,7 +201,7 @@ def free_fall_energy_error(result):
         "By how much does semi-implicit Euler change the energy in each step of free fall?",
         "dE, E = -m*g^2*h^2/2",
         {
-            "m*g^2*h^2/2": "That is explicit Euler; the sign is the other one here.",
+            "m*g^2*h^2/2": "Yours is explicit Euler; the sign is the other one here.",
             "0": "It is symplectic, but symplectic does not mean that energy is conserved.",
             "-m*g^2*h^2": "Twice too much: the kinetic part gives back half.",
         },

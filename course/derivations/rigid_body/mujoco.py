@@ -320,12 +320,12 @@ def mujoco_any_stiffness(result):
     "Damping is implicit there and raises the limit to {formula}, from 2 sqrt(m / k) without it. "
     "Taken explicitly it would lower it.",
     ask=(
-        "The spring is explicit, the damping implicit, as in MuJoCo's Euler. What is the largest "
-        "stable step?",
+        "Semi-implicit Euler, with the damping force from the new velocity, as in MuJoCo's Euler: "
+        "what is the largest stable step of a damped spring with a mass?",
         "dt < (c + sqrt(c^2 + 4*m*k))/k",
         {
-            "2*sqrt(m/k)": "That is the limit without damping.",
-            "(-c + sqrt(c^2 + 4*m*k))/k": "That is the limit with explicit damping.",
+            "2*sqrt(m/k)": "Yours is the limit without damping.",
+            "(-c + sqrt(c^2 + 4*m*k))/k": "Yours is the limit with explicit damping.",
             "(c + sqrt(c^2 + m*k))/k": "Check c = 0, where it must be 2 sqrt(m / k).",
         },
     ),

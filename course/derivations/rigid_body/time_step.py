@@ -64,8 +64,8 @@ def explicit_undamped_limit(result):
         "What is the modulus of the eigenvalues of explicit Euler's step on an undamped spring?",
         "r, modulus, lambda = sqrt(1 + omega^2*h^2)",
         {
-            "1 + omega^2*h^2": "That is its square, which is also the determinant.",
-            "1": "That is semi-implicit Euler below its limit.",
+            "1 + omega^2*h^2": "Yours is its square, which is also the determinant.",
+            "1": "Yours is semi-implicit Euler below its limit.",
             "1 + omega*h": "The eigenvalues are 1 +- i omega h; take the modulus of that.",
         },
     ),
@@ -193,9 +193,9 @@ def semi_implicit_unconditional(result):
         "dt < 2*sqrt(m/k)",
         {
             "sqrt(m/k)": "The factor 2 is missing: the trace reaches -2 at omega h = 2.",
-            "2*sqrt(k/m)": "That is 2 omega, a rate; a stiffer spring needs a smaller step.",
+            "2*sqrt(k/m)": "Yours is 2 omega, a rate; a stiffer spring needs a smaller step.",
             "2*m/k": "The root is missing: check the units.",
-            "4*m/k": "That is the square of the limit.",
+            "4*m/k": "Yours is the square of the limit.",
         },
         also={"omega": "sqrt(k/m)"},
     ),
@@ -228,7 +228,7 @@ def semi_implicit_limit(result):
         "dt, limit < 2000*sqrt(1/100000)",
         {
             "1000*sqrt(1/100000)": "The factor 2 is missing.",
-            "2*sqrt(1/100000)": "That is in seconds; milliseconds are asked.",
+            "2*sqrt(1/100000)": "Yours is in seconds; milliseconds are asked.",
             "1000*2*sqrt(100000)": "m / k stands under the root, not k / m.",
         },
         tolerance=2e-3,
@@ -461,9 +461,9 @@ def stable_at_the_limit(result):
         "Euler?",
         "dt < 2*zeta/omega",
         {
-            "2/omega": "That is semi-implicit Euler without damping.",
+            "2/omega": "Yours is the limit of semi-implicit Euler without damping.",
             "zeta/omega": "The factor 2 is missing: |lambda|^2 = 1 - 2 zeta omega h + (omega h)^2.",
-            "1/(zeta*omega)": "That is the limit of the decay alone, without the oscillation.",
+            "1/(zeta*omega)": "Yours is the limit of the decay alone, without the oscillation.",
         },
     ),
 )
@@ -497,9 +497,9 @@ def explicit_damped_limit(result):
         "step of semi-implicit Euler?",
         "dt < 2*(sqrt(1 + zeta^2) - zeta)/omega",
         {
-            "2/omega": "That is without damping.",
-            "2*zeta/omega": "That is explicit Euler.",
-            "2*(sqrt(1 + zeta^2) + zeta)/omega": "That is with the damping taken implicitly.",
+            "2/omega": "Yours is without damping.",
+            "2*zeta/omega": "Yours is explicit Euler.",
+            "2*(sqrt(1 + zeta^2) + zeta)/omega": "Yours is with the damping taken implicitly.",
             "2*sqrt(1 - zeta^2)/omega": "The damped frequency is not what counts: -1 becomes an "
             "eigenvalue where 1 + trace + det = 0.",
         },
@@ -581,8 +581,8 @@ def verlet_limit(result):
         "per step?",
         "factor, E = 1 + (omega*h)^4/4",
         {
-            "1 + (omega*h)^2": "That is explicit Euler.",
-            "1 + (omega*h)^4/8": "That is the amplitude, to leading order.",
+            "1 + (omega*h)^2": "Yours is explicit Euler.",
+            "1 + (omega*h)^4/8": "Yours is the amplitude, to leading order.",
             "1 - (omega*h)^4/4": "It grows: (1 - u^2/2)^2 + u^2 = 1 + u^4/4.",
         },
     ),
@@ -639,10 +639,10 @@ def explicit_midpoint_limit(result):
         "What is the largest stable step of RK4 on an undamped oscillator?",
         "dt < 2*sqrt(2)/omega",
         {
-            "2/omega": "That is semi-implicit Euler.",
-            "2*sqrt(2)": "That is omega dt; asked is dt itself.",
+            "2/omega": "Yours is the limit of semi-implicit Euler.",
+            "2*sqrt(2)": "Yours is omega dt; asked is dt itself.",
             "8/omega": "Four evaluations do not give four times the step.",
-            "2.785/omega": "That is the limit on the real axis, for pure decay.",
+            "2.785/omega": "Yours is the limit on the real axis, for pure decay.",
             "sqrt(2)/omega": "A factor 2 is missing: 1 - u^6/72 + u^8/576 = 1 at u^2 = 8.",
         },
     ),
@@ -670,8 +670,8 @@ def rk4_limit(result):
         "By which phase angle does the implicit midpoint rule advance an oscillator per step?",
         "phi, angle = 2*atan(omega*h/2)",
         {
-            "omega*h": "That is the true one.",
-            "2*asin(omega*h/2)": "That is velocity Verlet, which has a limit.",
+            "omega*h": "Yours is the true one.",
+            "2*asin(omega*h/2)": "Yours is velocity Verlet, which has a limit.",
             "atan(omega*h/2)": "The factor 2 is missing: small steps must advance by omega h.",
         },
     ),

@@ -289,7 +289,7 @@ def gyroscopic_term_holds_the_top_up(result):
         {
             "sqrt(I1*m*g*l)/I3": "The factor 2 is missing: the condition is I3^2 w^2 > 4 I1 m g l.",
             "2*sqrt(m*g*l/I3)": "It takes both moments: I1 resists the fall, I3 carries the spin.",
-            "4*I1*m*g*l/I3^2": "That is the square of the spin.",
+            "4*I1*m*g*l/I3^2": "Yours is the square of the spin.",
         },
     ),
     source="Goldstein, Classical Mechanics, sec. 5.7 (the sleeping top)",
@@ -435,7 +435,7 @@ def wobble_comes_from_the_term(result):
         "At which rate does a disturbance of a spin about the middle axis grow?",
         "rate, lambda, s = omega*sqrt((I2-I1)*(I3-I2)/(I1*I3))",
         {
-            "omega^2*(I2-I1)*(I3-I2)/(I1*I3)": "That is the square of the rate.",
+            "omega^2*(I2-I1)*(I3-I2)/(I1*I3)": "Yours is the square of the rate.",
             "omega*sqrt((I2-I1)*(I3-I2))/I2": "Euler's equations 1 and 3 divide by I1 and I3.",
             "omega*sqrt((I2-I1)*(I3-I1)/(I2*I3))": "That belongs to a spin about axis 1, and "
             "there it is a frequency, not a growth.",

@@ -42,7 +42,7 @@ TITLE = "A free body: L stays, ω wanders"
 # Tables of its own, so that its words have the same numbers whatever else is there.
 word, colour = draw.Table(*turning.word.entries), draw.Table(*turning.colour.entries)
 (_VIOLET,) = colour("#b5487f")  # no body rate has it
-_L, _OMEGA, _THIRD = word("L", "ω", "3")
+_L, _OMEGA, _THIRD = word("L", "ω", "axis 3")
 _KEYS = word(
     "L: fixed in space",
     "ω: wanders",

@@ -63,7 +63,7 @@ _RINGS = ("yaw, outer ring", "pitch, middle ring", "roll, inner ring")
 _NAMES = word(*(f"axis of {ring}" for ring in _RINGS), "lost axis: no ring turns about it")[0]
 _MOVED = word(*(f"turning: {ring}" for ring in _RINGS))[0]
 _ANGLES, _VALUE, _THEORY = word("yaw, pitch, roll", "weakest turn", "in theory")
-_NEEDED, _NONE = word("rings, for 1 rad/s of it", "none is enough")
+_NEEDED, _NONE = word("ring rates for 1 rad/s", "none is enough")
 _PITCH, _SIGMA, _DEG, _RATE, _COMMA = word("pitch [°]", "weakest turn [rad/s]", "°", " rad/s", ", ")
 _SCENE, _CURVE = (0.1, 5.6, 0.1, 4.6), (6.35, 8.8, 2.6, 4.4)
 _INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE, draw.RED)
@@ -137,7 +137,7 @@ READOUTS = {
         "body turns about its worst axis when the rings turn at 1 rad/s."
     ),
     "in theory": "The same value from the formula sqrt(1 - |sin(pitch)|).",
-    "rings, for 1 rad/s of it": (
+    "ring rates for 1 rad/s": (
         "How fast the rings have to turn to rotate the body at 1 rad/s about its worst axis."
     ),
 }

@@ -67,7 +67,9 @@ def advance(state, controls, seconds):
 TITLE = "A spring and its step"
 word, colour = draw.words_table(), draw.colours_table()
 (_PALE,) = colour("#cfe3f2")
-_PHASE, _CIRCLE = word("states: the mass, and a patch of other starts", "eigenvalues of one step")
+_PHASE, _CIRCLE = word(
+    "states: the mass, and a patch of other starts", "eigenvalues of one step, unit circle"
+)
 _X, _V, _T, _H, _LIMIT = word("x", "v / ω", "time [s]", "ω h: drag me", "limit")
 _STEPS, _MODULUS, _DET = word("steps", "largest |eigenvalue|", "determinant")
 _AREA, _THEORY = word("area of the patch", "determinant ^ steps")

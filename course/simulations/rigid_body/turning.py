@@ -97,7 +97,7 @@ word, colour = draw.words_table(), draw.colours_table()
 SKIN = space.shades(colour, "#c9d1d9", "#c9d1d9", "#e6dcc4", "#e6dcc4", "#8fb3d9", "#d9775b")
 _CORNERS, _INDEX = space.box(1.0, 1.0, 1.0)
 _FILLS = np.array(SKIN)
-_RATES, _T, _RATE = word("body rates", "time [s]", "[rad/s]")
+_RATES, _T, _RATE = word("ω in the body", "time [s]", "[rad/s]")
 _NAMES = word("ω1", "ω2", "ω3")[0]
 _INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE)
 
