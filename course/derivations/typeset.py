@@ -138,8 +138,9 @@ def _set(run: list[Token], step: str) -> str:
         elif kind == "symbol" and word[-1].isdigit() and "_" not in word:
             out += f"{word[:-1]}_{word[-1]}"
         elif kind == "symbol" and "_" in word:
-            name, _, index = word.partition("_")
-            out += f"{name}_{{{index}}}"
+            name, _, index = word.rstrip("'").partition("_")
+            primes = "'" * word.count("'")
+            out += f"{name}_{{{index}}}{primes}"
         elif kind == "number" and out.endswith(("^", "^-")):
             out = out[: out.rindex("^") + 1] + f"{{{out[out.rindex('^') + 1 :]}{word}}}"
         elif kind == "operator":

@@ -290,6 +290,8 @@ def draw(
             if above:
                 bar.ax.set_ylim(0.0, REACH)
                 label = label.replace("purple below 1, orange above", "orange above 1")
+            if label == maps[0][1].quantity:  # two sides only: its numbers would mean nothing
+                bar.set_ticks([])
             bar.set_label(textwrap.fill(label, 44), fontsize=SMALL)
         if title:
             figure.suptitle(textwrap.fill(title, 48 if narrow else 96))

@@ -173,11 +173,11 @@ plt.show()
 # Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$: below 1
 # it does. The value 1 is called **critical damping**.
 #
-# The I term stops changing only when the error is zero. So no error is left if the joint settles. Dry friction can
-# prevent that. **Coulomb friction** is a torque of constant size against the motion. **Static friction** can hold a
-# joint at rest away from the set-point. The I term then grows until the joint breaks loose. If static friction is
-# larger than Coulomb friction, the joint can jump past the set-point and stick on the other side, again and again. This
-# is called **hunting**.
+# The I term stops changing only when the error is zero. So if the joint settles, no error is left. Dry friction can
+# keep the joint from settling. It has two parts: **Coulomb friction** is a torque of constant size against the motion,
+# and **static friction** holds a joint at rest. While static friction holds the joint away from the set-point, the I
+# term grows, until the joint breaks loose. If static friction is larger than Coulomb friction, the joint can jump past
+# the set-point and stick on the other side, again and again. This is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -227,15 +227,15 @@ predict("jammed")
 # away, then switch on anti-windup. Two methods are in use:
 #
 # * **Conditional integration** stops the sum while the command is at a limit and the error would push the command
-#   further over it.
+#   further beyond the limit.
 # * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the I
 #   term, so that the I term shrinks while the command is at the limit.
 #
-# The chart shows another joint, which is blocked for 2 s. The set-point is 0.25 rad, and a load pushes forwards. In the
-# right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed the
-# set-point. With conditional integration (blue), the command leaves the limit at once. The joint still overshoots by
-# two thirds of the step. Most of this is not windup: the strong I term of this loop causes overshoot even if the joint
-# is never jammed. Lines are the exact solution, dots are from the simulator MuJoCo:
+# The chart shows another joint, which is blocked for 2 s. The set-point is 0.25 rad, and a load pushes forwards. In
+# the right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed
+# the set-point. With conditional integration (blue), the command leaves the limit at once. The joint still overshoots,
+# but mostly because the strong I term of this loop causes overshoot even without a jam. Lines are the exact solution,
+# dots are from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -312,8 +312,8 @@ predict("more_p")
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# So count the hold as a delay of $dt/2$, and add it to the other delays of the loop, whose sum we call $D$. This is a
-# good approximation for slow motions. The **ultimate gain** $K_u$ is the P gain on the border between stable and
+# So count the hold as a delay of $dt/2$, which is a good approximation for slow motions. Let $D$ be the sum of all
+# other delays in the loop (not the D term). The **ultimate gain** $K_u$ is the P gain on the border between stable and
 # unstable. There the loop oscillates with constant amplitude. The first equation below gives the angular frequency
 # $\omega$ of this oscillation (its smallest positive solution), and the second gives $K_u$:
 #
@@ -353,10 +353,10 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # %% [markdown]
 # ### Stability margins
 #
-# Imagine that you cut the loop at the motor and send a sine of torque into it.
-# The joint moves, and the controller answers with another sine of torque. This torque opposes the motion, so it has a
-# minus sign; ignore this sign at first. The ratio of the two sizes is the **open-loop gain**, and the shift between the
-# two sines is the **phase lag**.
+# Imagine that you cut the loop at the motor and send a sine of torque into it. The joint moves, and the controller
+# answers with another sine of torque. This torque opposes the motion, so it has a minus sign; ignore this sign at
+# first. The size of the answer, divided by that of the sent sine, is the **open-loop gain**. The shift between the two
+# sines is the **phase lag**.
 #
 # A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and a lag of
 # 180 degrees, the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
@@ -365,7 +365,8 @@ more_claims("p_at_any_gain", "pade_is_enough")
 #   term, lower gains can make a loop unstable, too.)
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
 #   additional phase lag there that makes the loop unstable.
-# * The **delay margin** is the additional delay that makes the loop unstable.
+# * The **delay margin** is the additional delay that makes the loop unstable. It is the phase margin in radians,
+#   divided by the crossover frequency.
 #
 # A **Bode plot** draws gain and phase over the frequency, with logarithmic axes for gain and frequency:
 
@@ -421,8 +422,8 @@ plt.show()
 # * The **sensitivity** $S = e/d$ is the share of the error that is left. Where $\lvert S\rvert$ is 0.1, the loop
 #   removes 90 %. Where it is above 1, the loop amplifies the disturbance.
 # * The **complementary sensitivity** $T$ is the share of the sensor noise that the joint follows. If D acts on the
-#   error, $T$ is also the ratio of joint angle to set-point. The **bandwidth** is the frequency at which
-#   $\lvert T\rvert$ falls below $1/\sqrt2$.
+#   error, the set-point enters the loop as the noise does, so $T$ is also the ratio of joint angle to set-point. The
+#   **bandwidth** is the frequency at which $\lvert T\rvert$ falls below $1/\sqrt2$.
 #
 # The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
 # **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$.
@@ -437,8 +438,8 @@ simulation("nyquist")
 
 # %% [markdown]
 # The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. Raise the gain by the gain margin: the
-# curve now passes through $-1$, and the step response oscillates at the frequency of that point. Compare $\lvert
-# S\rvert$ between 100 and 1000 rad/s in the presets *High sensitivity* and *Comfortable*:
+# curve now passes through $-1$, and the step response oscillates at the frequency of that point, the *phase
+# crossover*. Compare $\lvert S\rvert$ between 100 and 1000 rad/s in the presets *High sensitivity* and *Comfortable*:
 
 # %%
 show("more_gain_rejects_everywhere")
@@ -484,11 +485,10 @@ predict("faster_loop")
 # Every estimate of the rate from angles has noise and lag, and less of one means more of the other. A plain difference
 # has the least lag and the most noise. A low-pass filter averages the difference over about its time constant. A
 # **tracking observer** predicts angle and rate one sample ahead, and corrects both with the error of the predicted
-# angle. Under constant acceleration, the filtered rate is late by the filter's time constant, plus the half sample of
-# the difference. An observer whose errors decay equally fast is about twice as late.
+# angle.
 #
-# The chart compares the three. At the same lag, the observer (green) has less
-# noise than the filter (orange):
+# The chart compares the three; the lag is the one under a steady acceleration. At the same lag, the observer (green)
+# has less noise than the filter (orange):
 #
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
 
@@ -525,12 +525,11 @@ plt.show()
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
-# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and an upright pendulum can
-# fall. In the map, the motor has half of the torque that would hold the pendulum horizontal. Near upright, the motion
-# has two parts. The sum angle + rate$/\sqrt{g/l}$ grows by itself ($g$ is gravity, $l$ the length); the difference
-# angle - rate$/\sqrt{g/l}$ decays. So the controller pushes against the sum. Purple states are caught, orange ones lost
-# (ignore the numbers on the right). On the border, full torque only just stops the fall, so no controller can catch
-# more without letting the pendulum fall first:
+# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and an upright pendulum
+# can fall. In the map, the motor has half of the torque that would hold the pendulum horizontal. The controller pushes
+# against the sum angle + rate$/\sqrt{g/l}$ ($g$ is gravity, $l$ the length), which is the part of the motion that
+# grows by itself. Purple states are caught, orange ones are lost. On the border, full torque only just stops the fall.
+# Beyond it no controller can stop the fall: it would have to let the pendulum fall and swing it up again:
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
 
@@ -566,19 +565,18 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
-# Our joint has an ultimate gain, because of its hold and a delay of 20 ms. A constant amplitude does not prove that
-# you have found it: with a torque limit, larger gains end in an oscillation of constant amplitude, too.
+# Give our joint a delay of 20 ms. This delay and the hold set its ultimate gain.
 #
-# These rules suit a joint badly. Constant torque gives constant *speed*, and the angle is the integral of the speed.
-# An I term integrates once more, and each integration has a phase lag of 90 degrees.
+# These rules suit a joint badly. With friction, a constant torque gives a constant *speed*, and the angle is the
+# integral of the speed. An I term integrates once more. Each integration has a phase lag of 90 degrees. So with an I
+# term, slow motions lag by 180 degrees even without any delay.
 
 # %%
 show("ziegler_nichols_is_safe")
 
 # %% [markdown]
 # Another method uses three numbers that you know: $J$, $b$ and the delay. Let $D_t$ be the total delay: hold,
-# difference and communication. (For simplicity, the formula gives P the delay of the difference, too.) With PD, a
-# motion $e^{st}$ is possible if
+# difference and communication. With PD, a motion $e^{st}$ is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD_t} = 0 .$$
 #
@@ -610,9 +608,9 @@ tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# This output checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad without a
-# load. The row *often quoted* has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, which are
-# not the values of our joint:
+# This output checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad. The row
+# *often quoted* has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, which are not the
+# values of our joint:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -640,17 +638,17 @@ print(", ".join(f"{pole:.1f}" for pole in slowest))
 # %% [markdown]
 # <details><summary>Why the poles are not exactly equal</summary>
 #
-# In the sampled loop P is half a sample less late than in the formula. This splits the triple pole: one pole is about a
-# quarter slower, and the other two are a pair that oscillates but decays faster. All other poles decay several times
-# faster.
+# For simplicity, the formula gives P the delay of the difference, too. In the sampled loop P is half a sample less
+# late. This splits the triple pole: one pole is about a quarter slower, and the other two are a pair that oscillates
+# but decays faster. All other poles decay several times faster.
 #
 # </details>
 #
 # The chart repeats the test over a wide range of delays. The three rules overshoot far, or are unstable (triangles at
-# the top). The equal poles do not overshoot:
+# the top). The equal poles do not overshoot. Their $K_p$ may be above $K_u$: that is the limit of P alone, and D
+# raises the limit.
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
-# Is half of $K_u$ robust?
 
 # %%
 show("half_the_ultimate_gain")
@@ -664,8 +662,9 @@ more_claims("every_joint_has_ku", "quoted_gains_overshoot", "quoted_ku_tu", "saf
 # ### Tracking controllers: PD to computed torque
 #
 # An arm follows a planned motion $q_d(t)$. Each joint's motion loads the others, so a controller that knows the
-# equation of motion can do better than one PD loop per joint. Chapter 4 gave it as $M(q)\ddot q + h(q,\dot q) = \tau$,
-# where $h = C(q,\dot q)\,\dot q + g(q)$ collects velocity terms and gravity. Four controllers use more and more of it:
+# equation of motion can do better than one PD loop per joint. Chapter 4 gave this equation as
+# $M(q)\ddot q + h(q,\dot q) = \tau$, where $h = C(q,\dot q)\,\dot q + g(q)$ collects velocity terms and gravity. Four
+# controllers use more and more of it:
 #
 # | controller | torque | what it knows |
 # |---|---|---|
@@ -697,12 +696,12 @@ plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. Here, feedforward even has the smaller error, but its gains also make the elbow
-# stiffer. It computes the torque for the planned motion only: after a disturbance, the PD terms alone must bring the
-# arm back.
+# sample while the arm moves on. Here feedforward even has the smaller error. But the comparison is not quite fair: its
+# PD gains make the elbow stiffer than those of computed torque. Feedforward also computes the torque for the planned
+# motion only. After a disturbance, the PD terms alone must bring the arm back.
 #
 # Computed torque uses the measured angles and rates. Put its torque into the equation of motion: the velocity terms
-# and gravity cancel, and $M$ remains on both sides. (On the card, $a_{ref}$ is $\ddot q_d$.)
+# and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
 
 # %%
 show("computed_torque_law")
@@ -710,18 +709,19 @@ show("computed_torque_law")
 # %% [markdown]
 # With diagonal gain matrices, every joint's error obeys its own linear equation, with the same poles in every pose.
 # **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give $s^2 + 20 s + 100 = 0$, that is two
-# poles at $-10\,/\mathrm{s}$. An error then decays within about half a second.
+# poles at $-10\,/\mathrm{s}$.
 #
 # The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the torque
 # for the state and the reference half a sample ahead. This is called **half-sample preview**, and section 6 shows how
 # much it saves.
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
-# changes the model's parameters $\hat\theta$ during the motion. The model's torque is a matrix times these parameters,
-# $Y\hat\theta$. The matrix $Y$ is the **regressor** of chapter 4. Here it is computed from the measured $q$ and $\dot
-# q$, and from a reference velocity $\dot q_r = \dot q_d + \Lambda e$ with its derivative $\ddot q_r$, which contains no
-# measured acceleration. The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the error of the
-# velocity with the error of the angle. The torque is $Y\hat\theta + K s$, and the update is
+# changes the model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is $Y\hat\theta$.
+# The matrix $Y$ is the **regressor** of chapter 4. It is computed from the measured $q$ and $\dot q$, and from a
+# reference velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative. So no measured acceleration is needed.
+#
+# The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the errors of velocity and angle. The
+# torque is $Y\hat\theta + K s$, and the update is
 #
 # $$\dot{\hat\theta} = \Gamma\,Y^\mathsf{T} s ,$$
 #
@@ -733,8 +733,8 @@ show("adaptive_finds_parameters")
 
 # %% [markdown]
 # The estimate reaches the true values only if each parameter changes the torques in its own way during the motion.
-# This condition is called **persistent excitation**. A second warning: with a large $\Gamma$, a low sample rate or
-# sensor noise, the estimate can grow without limit. So limit it to plausible values.
+# This condition is called **persistent excitation**. With a large $\Gamma$, a low sample rate or sensor noise, the
+# estimate can grow without limit. So limit it to plausible values.
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
@@ -775,7 +775,8 @@ more_claims(
 predict("wrong_inertia")
 
 # %% [markdown]
-# Let the model use the inertia $\hat J$ while the true inertia is $J$. The error then obeys
+# Take one joint under computed torque. Its model has the inertia $\hat J$, while the true inertia is $J$. The error
+# then obeys
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
@@ -822,12 +823,11 @@ plt.show()
 # | the jerk, the rate of the acceleration | a late command or a late measurement |
 # | the sign of the velocity | Coulomb friction |
 # | the cosine of the angle from the horizontal | gravity |
-# | only the largest torques | a torque limit |
+# | the torque above a certain size | a torque limit |
 #
 # The *logged* error is the set-point minus the *measured* angle. In a single sine, velocity and jerk have the same
-# shape, so use a motion of several frequencies. A late measurement also makes the true angle lead the measured one, in
-# proportion to the velocity. Only a second sensor shows this. To separate the two causes in the first row, hold the arm
-# still against gravity. A wrong torque constant causes an error there, a wrong inertia alone does not.
+# shape, so use a motion of several frequencies. To separate the two causes in the first row, hold the arm still
+# against gravity. A wrong torque constant causes an error there, a wrong inertia alone does not.
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -840,7 +840,8 @@ plt.show()
 # with a damping ratio of $1/\sqrt2$ or more it is smaller.
 #
 # A torque that is $D$ late lacks $D\dot\tau$, for an inertia $DJ$ times the jerk. A late measurement delays the same
-# loop, so the logged error is the same. But the true angle is ahead of the measured one by $D\dot q$.
+# loop, so the logged error is the same. But the true angle is ahead of the measured one by $D\dot q$. Only a second
+# sensor shows this.
 #
 # </details>
 
@@ -882,9 +883,9 @@ _ = axes[2].plot(u, bend / 4.0, "--", lw=1)
 plt.show()
 
 # %% [markdown]
-# `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question. You
-# pass it a log and your model. It tries each of seven causes alone: inertia, viscous friction, Coulomb friction,
-# gravity, torque constant, delay and torque limit. It names each cause that alone explains the log up to the noise:
+# `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question. It
+# takes a log and your model, and tries each of seven causes alone: inertia, viscous friction, Coulomb friction,
+# gravity, torque constant, delay and torque limit. It names each cause that explains the log up to the noise:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
@@ -916,10 +917,10 @@ for name, named in causes.items():
     print(f"real change: {name:<18} diagnosed cause: {', '.join(named)}")
 
 # %% [markdown]
-# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral form
-# (blue) stays accurate. On the right, five curves lie on one another at 1: these causes are always named, and no other
-# one is. (*Constant* is the torque constant, *damping* is viscous friction. The torque limit is not drawn.) Only
-# Coulomb friction (green) is lost in the largest noise:
+# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral
+# form (blue) stays accurate. The right chart shows the share of logs in which the true cause, and no other, is named.
+# For five causes this share is always 1. (*Constant* is the torque constant, *damping* is viscous friction. The torque
+# limit is not drawn.) Only Coulomb friction (green) is lost in the largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -933,9 +934,9 @@ more_claims("inertia_by_differences")
 # $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples. The matrix
 # $Q$ weights deviations of the state $x$, and $R$ weights the effort of the command $u$.
 #
-# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$. So the next state $Ax + Bu$ costs
-# $(Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$. The best command minimises this plus its own cost $u^\mathsf{T}Ru$. (The term
-# $x^\mathsf{T}Qx$ does not depend on $u$.) Setting the derivative to zero gives
+# The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$ with some matrix $P$. So the next
+# state $Ax + Bu$ costs $(Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$. The best command minimises this plus its own cost
+# $u^\mathsf{T}Ru$. (The term $x^\mathsf{T}Qx$ does not depend on $u$.) Setting the derivative to zero gives
 #
 # $$u = -Kx,\qquad K = (R + B^\mathsf{T}PB)^{-1}B^\mathsf{T}PA,\qquad P = Q + A^\mathsf{T}P\,(A - BK) .$$
 #
@@ -989,10 +990,10 @@ _ = axes[0].legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# The clipped LQR brakes too late and overshoots by half a metre. MPC starts to brake earlier, because its plan
-# (crosses) contains the braking with the limited force. Left in the next chart, the cost of clipped LQR is divided by
-# that of MPC. Near the target, MPC saves nothing. Beyond the dotted line, the command reaches first one limit, then the
-# other. There MPC saves more at longer distances, up to a bound that grows with the horizon. The right chart shows the
+# The clipped LQR overshoots by half a metre. MPC starts to brake earlier, because its plan (crosses) contains the
+# braking with the limited force. The left chart below shows the cost of clipped LQR, divided by that of MPC, against
+# the distance at the start. At short distances, MPC saves nothing. Beyond the dotted line, the command reaches first
+# one limit, then the other. There MPC saves more, up to a bound that grows with the horizon. The right chart shows the
 # computing time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
@@ -1022,8 +1023,9 @@ more_claims("mpc_beats_clipping")
 #    all rollouts count nearly the same.
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 #
-# Here is one such sample for a mass of 1 kg. The cost is the sum of the squared distances from the target, plus a
-# little for force. The weighted mean passes the target. The plan is so short that this costs less than arriving late:
+# Here are these three steps once, for a mass of 1 kg. The cost is the sum of the squared distances from the target,
+# plus a little for force. The distance counts at every sample. So rollouts that approach fast have the largest
+# weights, and their mean goes beyond the target at the end:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1050,12 +1052,12 @@ plt.show()
 # %% [markdown]
 # The motor of the next pendulum is too weak to lift it directly: it delivers at most a third of the torque that would
 # hold the pendulum level. The pendulum has to swing back and forth first, and the horizon must be long enough to show
-# that this is worth its cost. The bands are 95 % confidence intervals:
+# that swinging is worth its cost. The bands are 95 % confidence intervals:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
-# With a horizon of 20 samples, 16 rollouts succeed nearly always. With a horizon of 8 samples, 64 rollouts succeed in
-# none of the runs: within such a short time, swinging away from the target only costs.
+# With a horizon of 20 samples, MPPI nearly always succeeds, even with 16 rollouts. With a horizon of 8 samples, it
+# never succeeds, even with 64 rollouts: within such a short time, swinging away from the target only costs.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1071,9 +1073,9 @@ more_claims("samples_find_the_plan")
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
-# You choose the mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. $F$ is the *external* force
-# with which somebody moves the hand along the path $x(t)$. The force that the controller commands points the other
-# way. If $M$ is the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
+# You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. $F$ is the
+# *external* force with which somebody moves the hand along the path $x(t)$. The force that the controller commands
+# points the other way. If $M$ is the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
 
 
 # %% tags=["hide-code"]
@@ -1122,18 +1124,18 @@ plt.show()
 # torque-controlled joints with little friction. Admittance control suits arms with high gear ratios, which have much
 # friction.
 #
-# Choose the controller in the panel, and drag the set-point into the wall. The orange arrow is the force of the wall on
-# the hand:
+# Choose the controller, and drag the set-point into the wall. The orange arrow is the force of the wall on the hand:
 
 # %%
 simulation("probe")
 
 # %% [markdown]
-# With a set-point inside the wall, the hand comes to rest where the controller's spring and the wall push equally hard.
-# The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
-# example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N. When
-# the hand vibrates, the outer ends of both springs are fixed. Then both push the hand back, so their stiffnesses $K$
-# and $k_e$ add up.
+# With a set-point inside the wall, the hand comes to rest where the controller's spring and the wall push equally
+# hard. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
+# example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N.
+#
+# That was the force at rest. Now push the hand a little away from its position of rest. Both springs push it back. So
+# for a vibration the stiffness is the sum $K + k_e$, where $k_e$ is that of the wall.
 
 # %%
 show("wall_in_series")
@@ -1144,13 +1146,13 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 # %% [markdown]
 # ### Stability at a wall: passivity, force gain, virtual mass
 #
-# How stiff may the controller's spring be? A spring computed with a delay pushes back a little too late: too weak while
-# the hand moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took. The
-# arm's own friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is
+# How stiff may the controller's spring be? A spring computed with a delay pushes back a little too late: too weak
+# while the hand moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took.
+# The arm's own friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is
 # **passive**. By the theorem of **passivity**, two passive systems that are joined together cannot build up a motion,
-# and come to rest if one of them loses energy in every motion. So such an arm is stable at every passive wall.
+# and come to rest if one of them loses energy in every motion. So a passive arm is stable at every passive wall.
 #
-# For a pure spring with the delay $D$, the condition of Colgate and Schenkel (1997) becomes
+# For a pure spring with the delay $D$, the condition for passivity (Colgate and Schenkel 1997) is
 #
 # $$K < \frac{b}{D + \tfrac12 dt}\, .$$
 #
@@ -1168,7 +1170,7 @@ show("damping_is_safe")
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, the green curve is MuJoCo's soft contact, which section 7 explains.
+# In the left chart, the curves *contact d* are MuJoCo's soft contact, which section 7 explains.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1180,8 +1182,8 @@ more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_i
 predict("softer_hand")
 
 # %% [markdown]
-# Energy explains it. The moving mass $m$ arrives with the energy $\tfrac12 m v^2$. At the peak all of it is in the
-# compressed surface, $F^2/(2k_e)$. So the peak is
+# Energy explains the answer. The moving mass $m$ arrives with the energy $\tfrac12 m v^2$. At the peak all of it is in
+# the compressed surface, $F^2/(2k_e)$. So the peak is
 #
 # $$F_{\max} = v\,\sqrt{m\,k_e}\, ,$$
 #
@@ -1221,7 +1223,7 @@ more_claims("stiff_control_hurts")
 #
 # A hand has to wipe a table. Along some directions you control force, along the others position. Which? Ask what the
 # table itself fixes in each direction. While the hand presses on it, a rigid, frictionless table allows no velocity
-# along its normal, and it gives no force along its tangents. Mason (1981) calls each of these a
+# along its normal, and it gives no force along its tangents. Mason (1981) calls such a fixed velocity or force a
 # **natural constraint**. You can control only what the table does not fix.
 
 # %%
@@ -1254,10 +1256,10 @@ _ = axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# **Hybrid control** (Raibert and Craig 1981) does exactly that, in the frame of the surface. Let $R$ be the rotation
-# from this frame to the world. Rotate the errors into the frame with $R^\mathsf{T}$. Along each axis, compute a force
-# from the force error or the position error. Rotate the force back with $R$, and map it to joint torques with
-# $\tau = J^\mathsf{T}F$, where $J$ is the Jacobian.
+# **Hybrid control** (Raibert and Craig 1981) controls the force along the normal and the position along the tangents.
+# Let $R$ be the rotation from the frame of the surface to the world. Rotate the errors into this frame with
+# $R^\mathsf{T}$. Along each axis, compute a force from the force error or the position error. Rotate the force back
+# with $R$, and map it to joint torques with $\tau = J^\mathsf{T}F$, where $J$ is now the Jacobian.
 #
 # <details><summary>Derive: why it can't be the other way round</summary>
 #
@@ -1269,11 +1271,15 @@ plt.show()
 #
 # </details>
 #
+# <details><summary>The equation of motion of the hand</summary>
+#
 # **Operational space** control (Khatib 1987) writes the equation of motion for the hand instead of the joints. The
-# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$. An arm with more joints than the
-# task needs can move without moving the hand. The projector $N = I - J^\mathsf{T}\Lambda J M^{-1}$ removes from any
-# torques $\tau$ the part that accelerates the hand. Such a projector is called **dynamically consistent**. Check:
-# $J M^{-1} N = 0$.
+# hand's inertia is $\Lambda = (JM^{-1}J^\mathsf{T})^{-1}$ (not the gain of section 2). An arm with more joints than
+# the task needs can move without moving the hand. The projector $N = I - J^\mathsf{T}\Lambda J M^{-1}$ removes from
+# any torques $\tau$ the part that accelerates the hand. Such a projector is called **dynamically consistent**. Check:
+# torques $\tau$ accelerate the hand by $J M^{-1}\tau$, and $J M^{-1} N = 0$.
+#
+# </details>
 #
 # ## 4 · Design: contact regimes and loop rates
 #
@@ -1312,14 +1318,14 @@ Markdown("\n".join(lines))
 # Without a controller, the impact would be $v\sqrt{m k_e}$ = 20 N. The soft controller and the damping of the force
 # controller slow the hand down before it touches. The 58 N of the stiff controller are not the impact but its steady
 # pressing: the two springs in series give 57 N at rest. The next chart has no damping, so there the first peak is the
-# impact. It hardly changes as long as the controller is softer than the wall. A stiffer controller (last point of each
-# curve) pushes the hand on into the wall.
+# impact. The peak hardly changes as long as the controller is softer than the wall. A stiffer controller (last point
+# of each curve) pushes the hand on into the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
 #
 # A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
-# at once. So the inner loop needs several times the bandwidth of the outer one. In the ideal case, four times avoids
-# overshoot; a delay in the inner loop demands more. These are typical sample rates:
+# at once. So the inner loop needs several times the bandwidth of the outer one. Without a delay in the inner loop,
+# four times is enough to avoid overshoot; with a delay you need more. These are typical sample rates:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1370,13 +1376,16 @@ predict("delay_predicted")
 
 # %% [markdown]
 # In the charts, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the last
-# stable ones, and the torque noise grows. One predictor assumes half of the true delay. The *observer with delay* has
-# the delay in its model.
+# stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position loop. One
+# predictor assumes half of the true delay. The *observer with delay* has the delay in its model.
 #
-# In the left chart, the feed-forward has 90 % of the true torque, so it leaves a tenth of the error. The loops with
-# feed-forward have another advantage: their D term uses the error. In the other two it uses the measured rate, so it
-# also brakes the planned motion. In the right chart, cascade and observer remove the error of a load, because both
-# contain an integral. The predictor allows the fastest poles, but at equal noise it rejects a load no better than PD:
+# In the left chart, the feed-forward has 90 % of the true torque, so it leaves a tenth of the error. In plain PD and
+# the plain cascade, the D term uses the measured rate, so it also brakes the planned motion. In the loops with
+# feed-forward it uses the error.
+#
+# In the right chart, cascade and observer leave no error under a constant load. The cascade has an I term, and the
+# observer's filtered load torque acts like one. The predictor allows the fastest poles, but at equal noise it rejects
+# a load no better than PD:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1435,28 +1444,30 @@ more_claims(
 #
 # ## 5 · Code, and the simulation in full
 #
-# The first listing builds the matrix of the closed loop. The state vector contains the state of the **plant** (the
-# controlled joint), the commands that wait in the delay, and the controller's state. `transition` is the plant's own
-# matrix. A command may arrive in the middle of a sample. Until then the old command acts, and after that the new one.
-# `before` is the effect of the old command on the state at the end of the sample, `now` that of the new one. `whole` is
-# the number of whole samples of delay, and `A`, `B`, `C`, `D` describe the controller:
+# The first listing builds the matrix of the closed loop. The state vector contains the `n` states of the **plant**
+# (the controlled joint), the commands that wait in the delay (newest first), and the `m` states of the controller,
+# which `A`, `B`, `C`, `D` describe. `transition` is the plant's own matrix.
+#
+# A command may arrive in the middle of a sample. `before` is the effect of the old command on the state at the end of
+# the sample, `now` that of the new one. `whole` is the number of whole samples of delay. `fed` says where this
+# sample's command goes: to the head of the queue, and directly to the joint if the delay is shorter than a sample:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
 
 # %% [markdown]
-# The next one is one sample of a PID controller for a real motor drive. Lines before it, not shown here, compute the
-# filtered rate `state[1]` from the measurement `y`. The shown lines limit the torque and its change per second
-# (`slew`), and have both methods against windup (`windup` is 1 for back-calculation, 2 for none). `weight` multiplies
-# the set-point in the P term:
+# The next listing is one sample of a PID controller for a real motor drive. Lines before it compute the filtered rate
+# `state[1]` from the measurement `y`. These lines limit the torque and its change per second (`slew`), and have both
+# methods against windup (`windup` is 1 for back-calculation with the time constant `tracking`, 2 for none). `weight`
+# multiplies the set-point in the P term:
 
 # %% tags=["hide-code"]
 source(control.pid._update, "error = setpoint - y")
 
 # %% [markdown]
-# This is computed torque with half-sample preview. The caller passes the reference for the middle of the sample. The
+# In computed torque with half-sample preview, the caller passes the reference for the middle of the sample. The
 # function extrapolates the measured state to the same instant. `needed` is inverse dynamics: the torque that the model
-# needs for a desired acceleration. `pd` computes the PD terms:
+# needs for a desired acceleration:
 
 # %% tags=["hide-code"]
 source(control.computed_torque, "half = 0.5")
@@ -1469,7 +1480,7 @@ source(control.computed_torque, "half = 0.5")
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and it ends. Four
+# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and the hunting ends. Four
 # questions on other presets:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
@@ -1496,10 +1507,11 @@ simulation("joint", "Hunting")
 # ### Which controller for which error
 #
 # A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample rate,
-# the lower one against computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse dynamics of
-# these libraries. LQR, MPC and MPPI correct the deviation from the planned motion. (In the upper right panel, computed
-# torque and half-sample preview coincide. The triangles at the upper edge are larger errors of MPPI.)
+# *wrong* model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample
+# rate, the lower one against computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse
+# dynamics of these libraries. LQR, MPC and MPPI correct the deviation from the planned motion. (In the upper right
+# panel, computed torque and half-sample preview coincide. Triangles at the upper edge: errors of MPPI that are too
+# large for the chart.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1508,7 +1520,7 @@ right, wrong = stored("tracking_laws")[:2]
 timed = dict(re.findall(r"^(\S.*?) {2,}(\d+\.\d) us a sample", read("tracking_laws"), re.M))
 lines = [
     "| controller at 1 kHz | largest error, right model [mrad] | wrong model [mrad] | "
-    "time per sample, with the arm [µs] |",
+    "time per sample, controller and simulated arm [µs] |",
     "|---|---|---|---|",
 ]
 for name in (
@@ -1531,14 +1543,16 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
-# about the same time. Only the loops of PD, computed torque and preview are compiled as a
-# whole. All other times, also of the libraries, contain Python's own.
+# about the same time. Only the loops of PD, computed torque and preview are compiled as a whole. All other times, also
+# of the libraries, include Python's own.
 #
-# With the wrong model, a part of the differences comes from the gains. Even with adaptation off, the stiffer adaptive
-# law has only a ninth of computed torque's error. Adaptation then reduces it by a factor of about fifty. LQR has the
-# highest gains, because neither delay nor noise limits them here. PD is seven times as stiff at the elbow as computed
-# torque. The next chart compares these two at equal stiffness. With the wrong model, computed torque is worse by a
-# factor below two. With the right one it is better by a factor above a hundred:
+# With the wrong model, a part of the differences comes from the gains. LQR has the highest gains: neither delay nor
+# noise limits them here. Even with adaptation off, the stiffer adaptive law has only a ninth of computed torque's
+# error. Adaptation then reduces it by a factor of about fifty.
+#
+# PD is seven times as stiff at the elbow as computed torque. The next chart compares these two at equal stiffness.
+# With the wrong model, computed torque is worse by a factor below two. With the right one it is better by a factor
+# above a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
 #
@@ -1673,8 +1687,8 @@ _ = axes[3].legend(fontsize=8, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# A, B and C are the first three rows of the table. In D, the I term could be too large. But its command was at the
-# limit (red bar) during the whole rise, so suspect windup first, and repeat the step with anti-windup:
+# A, B and C are the first three rows of the table. In trace D, the I term could be too large. But the command was at
+# the limit (red bar) during the whole rise, so suspect windup first, and repeat the step with anti-windup:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1863,15 +1877,17 @@ check(mppi_step)
 # ### Standing on an incline
 #
 # A biped on a slope needs contact forces that carry its weight. Each force must lie in its **friction cone**: its
-# tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as in
-# MPC, finds the forces of the lowest cost within these limits. A limit that the solution just reaches is **active**.
-# Its **multiplier** says how fast the lowest cost would fall if this limit were relaxed; it is never negative. The
-# equations for weight and moment have multipliers of either sign. All these conditions, weighted with their
-# multipliers, balance the gradient of the cost.
+# tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as
+# in MPC, finds the forces of the lowest cost within these limits.
+#
+# A limit that the solution just reaches is **active**. Its **multiplier** says how fast the lowest cost would fall if
+# this limit were relaxed; it is never negative. The equations for weight and moment have multipliers of either sign.
+# At the minimum, the gradients of the active limits and of the equations, each times its multiplier, cancel the
+# gradient of the cost.
 #
 # The left chart shows the steepest slope on which such forces exist, for strong joints and for joints of 13 N m. The
 # right chart shows how much of the allowed friction, and how much torque, the cheapest forces use with strong joints.
-# In the right chart torque costs little, so the cheapest forces need more than 13 N m:
+# Torque costs little there, so these forces need more than 13 N m:
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
 
@@ -1903,8 +1919,7 @@ check(standing_qp)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# This controller holds every load, and its oscillations die away. But its poles are not where the gains should have
-# put them. Find out why.
+# Find out why the poles of this controller are not where its gains should put them.
 
 # %%
 card("hold_joint")
@@ -2013,9 +2028,8 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 more_claims("residual_learning_is_faster", "residual_of_the_state")
 
 # %% [markdown]
-# You can also plan with MuJoCo as the model, and change a weight of the cost while the controller runs (as MJPC does;
-# Howell and others 2022). Here MPPI does this in a few lines. First the arm swings up. Then we raise the price of
-# torque, and the arm lets itself fall:
+# You can also plan with MuJoCo as the model, and change a weight of the cost while the controller runs. Here MPPI does
+# this in a few lines. First the arm swings up. Then we raise the price of torque, and the arm lets itself fall:
 
 # %% tags=["show-code"]
 body, arm = TwoLink(gravity=9.81).chain(), TwoLink(gravity=9.81)

@@ -32,6 +32,7 @@ def open_text(markdown: str) -> str:
         ("v^2/2 - omega^2 h x v/2 is", r"$v^{2}/2 - \omega ^{2} h x v/2$ is"),
         ("it adds m*g^2*h^2/2 a step", r"it adds $m\, g^{2}\, h^{2}/2$ a step"),
         ("R^-1 L", "$R^{-1} L$"),
+        ("torque J q_d'' of", r"torque $J q_{d}''$ of"),
         ("turns by 2 atan(omega h / 2) per", r"turns by $2 \arctan(\omega h / 2)$ per"),
         ("1 / cos(pitch): 573", r"$1 / \cos(\text{pitch})$: 573"),
         ("a 1 kg ball, 5 m up, I think, at 3 rad/s", None),

@@ -12,7 +12,7 @@ SYMBOLS = {
 
 
 @claim(
-    "With an exact model and without a hold, tau = M(q) (a_ref + Kd e' + Kp e) + C(q, q') q' + "
+    "With an exact model and without a hold, tau = M(q) (q_d'' + Kd e' + Kp e) + C(q, q') q' + "
     "g(q) makes the error obey e'' + Kd e' + Kp e = 0.",
     "C and g are those of the measured state, and the gains stand inside M. A hold makes it true "
     "only at the instant of the measurement. If the PD terms are added outside M, an error of one "
