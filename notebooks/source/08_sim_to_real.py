@@ -58,17 +58,19 @@ simulation("arms")
 
 # %% [markdown]
 # The left arm is the simulated arm on which the gains were tuned. The right arm plays the real one. It is simulated
-# too, so we know its true parameters. The first slider, *gap*, sets how much the two arms differ. At gap 1 the right
-# arm has every difference in the first picture; at gap 0 it has none of them. The delay of the commands has its own
-# slider. *DR Range* sets how widely the simulated arms varied while the gains were tuned (section 3).
+# too, so we know its true parameters. The slider *Reality Gap* sets how much load, friction, motor and encoder differ:
+# at 1 as much as in the first picture, at 0 not at all. The delay of the commands has its own slider. *DR Range* sets
+# how widely the simulated arms varied while the gains were tuned (section 3).
 #
-# <details><summary>What the buttons and the numbers mean</summary>
+# Under the arms, *longest stable delay* is the delay beyond which a joint of the right arm begins to oscillate (section
+# 1). *Delay to spare* is this limit minus the present delay. *Costliest difference* would cost the most successes if it
+# were the only difference.
 #
-# Each button is a preset: a prepared setting. *This one* reports how the reach that you see ended. For *limit, joint
-# alone*, one joint of the right arm moves and the other is locked. The limit is the largest delay at which the loop of
-# this joint is stable (section 1). *Left of that* is the limit minus the present delay. *Gain margin* is the factor
-# by which you can raise all gains before this joint becomes unstable. *Costs most alone* names the difference that
-# would cost the most successes if it were the only one.
+# <details><summary>The other numbers, and the buttons</summary>
+#
+# Each button is a preset: a prepared setting. *This reach* reports how the reach that you see ended. *Longest stable
+# delay* is computed for each joint with the other joint locked; the smaller value counts. *Gain margin* is the factor
+# by which you can raise all gains before a joint becomes unstable.
 #
 # </details>
 #
@@ -209,8 +211,8 @@ plt.show()
 # answers with more torque. A heavy load slows down every response of the arm. A delay makes feedback act on an old
 # measurement. And feedback can't see a constant offset of the encoder: the true angle stays wrong by this offset.
 #
-# One difference can also make another one cost more, or less. For example, the simulator's arm is light, so it rarely
-# needs the full torque of its motors.
+# One difference can also make another one cost more, or less. Take the motor: how often does a light arm need its full
+# torque, and how often a heavy one?
 
 # %%
 predict("which_part_matters")
@@ -236,6 +238,14 @@ _ = axis.legend(fontsize=8, title="gains tuned")
 plt.show()
 table(*rows)
 
+# %% [markdown]
+# Load and delay cost success. The other three cost almost nothing alone. The green squares are gains that were tuned on
+# the arm on which they run. They recover most of what was lost.
+#
+# The next table puts several differences into one arm. The line above it compares three searches, because each search
+# finds other gains. Their success differs by more than the intervals, which count only the luck of the trials. Both
+# tables use the first search.
+
 # %% tags=["hide-code"]
 rows = [("arm", "differences", "separate losses, added", "lost together")]
 for gap, delay, parts in (
@@ -258,18 +268,13 @@ print(", ".join(f"{rate:.2f}" for rate in searches))
 table(*rows)
 
 # %% [markdown]
-# Load and delay cost success. The other three cost almost nothing alone. At gap 1 all five together cost more than
-# their separate losses added up. The reason is the pair of load and motor: a heavy arm needs the torque that the weaker
-# motor lacks. The other two pairs cost a little less than their sums.
+# At gap 1 all five together cost more than their separate losses added up. The reason is the pair of load and motor: a
+# heavy arm needs the torque that the weaker motor lacks. The other two pairs, and all five at gap 0.5, cost a little
+# less than their sums.
 #
 # The last two rows (gap 0.3, 20 ms) show the opposite. There the delay alone makes almost every reach fail. Load and
 # delay *together* cost much less than the delay alone: the load slows down the loop, and a slower loop tolerates a
 # later command. So losses measured one at a time don't tell you what the differences cost together.
-#
-# Another search finds other gains. The table uses the first of the three searches in the printed line. These three
-# differ by more than the intervals, which count only the luck of the trials.
-#
-# The squares in the picture are gains that were tuned on the arm on which they run. They recover most of what was lost.
 #
 # <details><summary>On a real robot you start from symptoms: a table</summary>
 #
@@ -298,9 +303,8 @@ table(*rows)
 #
 # The **delay margin** is the delay at which a loop becomes unstable. Chapter 6 derives it: $\tau_\text{max} =
 # \varphi_m/\omega_c$. The crossover frequency $\omega_c$ says how fast the loop reacts. The phase margin $\varphi_m$ is
-# an angle: if a delay shifts an oscillation at $\omega_c$ by this part of its cycle, the loop becomes unstable. Here
-# higher gains raise $\omega_c$, so they shorten the delay margin. For example, a phase margin of 60° (1.05 rad)
-# tolerates 26 ms at a crossover of 40 rad/s, and 13 ms at 80 rad/s.
+# an angle: if a delay shifts an oscillation at $\omega_c$ by this angle, the loop becomes unstable. Here higher gains
+# raise $\omega_c$, so they shorten the delay margin.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
@@ -316,16 +320,16 @@ _ = axis.set_title("the same reach and gains at three delays", fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Without delay the hand overshoots once and settles. With the two delays it swings about three times as far and doesn't
-# settle.
+# These gains were tuned without delay. At 0 ms the hand overshoots once and settles. With the two delays it swings
+# about three times as far and doesn't settle.
 
 # %%
 predict("gains_and_a_late_command")
 
 # %% [markdown]
 # In the left panel below, one factor multiplies all gains. The circles show the delay at which half of the reaches
-# fail. In the band around them 10 to 90 % of the reaches fail. The other two curves are computed delay margins of
-# motors without a torque limit. Squares: joint 1 is locked. Diamonds: both joints are free, the elbow bent by 1.6 rad.
+# fail; in the blue area 10 to 90 % fail. The other two curves are computed delay margins, as if the motors had no
+# torque limit. Squares: joint 1 is locked. Diamonds: both joints are free, the elbow bent by 1.6 rad.
 #
 # <details><summary>Why a free joint 1 shortens the limit</summary>
 #
@@ -335,8 +339,8 @@ predict("gains_and_a_late_command")
 # </details>
 #
 # The right panel shows success over the delay. The gains *no range* were tuned on one arm, the gains *range 1* on many
-# different arms (section 3). For *MuJoCo* the arm runs in the physics engine MuJoCo, not in the course's own model.
-# Bands are 95 % intervals; vertical lines are delay margins of joint 2 alone.
+# different arms (section 3). For *MuJoCo* the arm runs in the physics engine MuJoCo, not in the course's own model. The
+# coloured areas are 95 % intervals. The vertical lines are the delay margins of joint 2 with joint 1 locked.
 #
 # ![Delay at which reaches fail, against the gains, and success against the delay](../docs/charts/late_commands.png)
 
@@ -361,9 +365,9 @@ curves(
 # nothing, so the search raises the gains. Gains that were tuned on many different arms are lower (the two lines above
 # the table), so they tolerate a later command.
 #
-# At both ends of the left panel something else decides. With much lower gains the arm is too slow to arrive in time.
-# With high gains reaches succeed at delays beyond both computed limits: the motors' torque limit stops the growing
-# oscillation, so the hand only trembles.
+# At both ends of the left panel it isn't the delay margin that decides. With much lower gains the arm is too slow to
+# arrive in time. With high gains reaches succeed at delays beyond both computed margins: the motors' torque limit stops
+# the growing oscillation, so the hand only trembles.
 
 # %% tags=["hide-code"]
 with mock.patch.object(plants, "ARM", replace(plants.ARM, torques=(600.0, 300.0))):
@@ -436,8 +440,7 @@ plt.show()
 
 # %% [markdown]
 # In the drawing red is positive and blue negative. Each column is scaled by its own largest value, so compare only the
-# patterns. If one column were a weighted sum of others, the log couldn't separate their parameters. Here even the most
-# similar pair, $b$ and $d$, has opposite signs in some rows.
+# patterns. If one column were a weighted sum of others, the log couldn't separate their parameters.
 #
 # The difficulty is $\ddot q$. An encoder measures angles. Differentiating twice multiplies the noise by about $1/\Delta
 # t^2$, where $\Delta t$ is the time between samples. With samples every 2 ms, 1 mrad of noise becomes accelerations
@@ -449,7 +452,8 @@ plt.show()
 # 1. Filter the angles before you differentiate them, and filter the torques in the same way.
 # 2. Use the integral (weak) form. Multiply the equation by a **test function** $\phi$, a smooth bump that is zero
 #    outside a short window, and integrate over the window. Integration by parts turns $\int\phi\,\ddot q\,dt$ into
-#    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, and not the noisy angle.
+#    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, and not the noisy angle. (The terms of $b$ still contain
+#    speeds: there you differentiate the angle once instead of twice.)
 # 3. Don't differentiate at all. The next method does this.
 #
 # ### Output error
@@ -471,7 +475,7 @@ plt.show()
 # model is right, in 95 % of all logs the true value is no farther than this from the fitted one.
 
 # %% tags=["show-code"]
-# The simulation, the log, the starting guess, and the bounds of each parameter.
+# The simulation, the log, the starting guess, and the free parameters with their bounds.
 result = fit(arm, log, logs.GUESS, logs.FREE)
 
 # %% tags=["hide-code"]
@@ -509,18 +513,17 @@ table(
 # ### Fisher information and the Cramér-Rao bound
 #
 # How accurate can any method be? Suppose that every sample has independent normal noise of standard deviation $\sigma$.
-# The **Fisher information** $F$ measures how much the whole log reveals about the parameters. Its inverse limits the
-# covariance of every method that is right on average (unbiased). This limit is the **Cramér-Rao bound**. It says that
-# the variance of each parameter's estimate is at least its diagonal entry of $F^{-1}$. The sign $\succeq$ says more:
-# every weighted sum of the estimates has at least the variance that you compute for it from $F^{-1}$.
+# The **Fisher information** $F$ measures how much the whole log reveals about the parameters. No method that is right
+# on average (unbiased) can have a smaller covariance than $F^{-1}$. This is the **Cramér-Rao bound**. So the variance
+# of each parameter's estimate is at least its diagonal entry of $F^{-1}$. ($\succeq$ says the same of every weighted
+# sum of the estimates.)
 #
 # $$F = \frac{1}{\sigma^2}\,J^\mathsf{T}J, \qquad \operatorname{cov}\hat\theta \;\succeq\; F^{-1}
 # = \sigma^2\,(J^\mathsf{T}J)^{-1} .$$
 #
-# Read $J$ as sensitivity. If a parameter moves the angles strongly, its variance is small, unless another parameter
-# moves them in the same way. Take a single parameter, and let each of $n$ samples change by $j$ per unit of the
-# parameter. Then $F = n j^2/\sigma^2$, and the standard deviation is at least $\sigma/(j\sqrt n)$. So four times as
-# many samples halve it.
+# If a parameter moves the angles strongly, its variance is small, unless another parameter moves them in the same way.
+# Take a single parameter, and let each of $n$ samples change by $j$ per unit of the parameter. Then $F = n
+# j^2/\sigma^2$, and the standard deviation is at least $\sigma/(j\sqrt n)$. So four times as many samples halve it.
 #
 # `fit` reports $\sigma^2(J^\mathsf{T}J)^{-1}$ as the covariance of its estimate. It takes $\sigma$ from the residual.
 # Does the method reach the bound? We record 60 logs that differ only in the noise and fit each of them. Then we compare
@@ -553,9 +556,11 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 # log, a better sensor, better torques, or knowledge from elsewhere, such as a weighed payload.
 #
 # The next picture shows two common complications. Signals of different kinds, such as angles and speeds, need weights:
-# wrong weights increase the scatter of the fits (left panel). A controller that reacts to the sensor's noise during the
-# log biases least squares, but not output error (other panels; $I$ is the joint's inertia). If the sensor is perfect
-# and an unknown torque shakes the joint, it is the other way round.
+# wrong weights increase the scatter of the fits (left panel). And a controller that runs during the log reacts to the
+# sensor's noise. This biases least squares, but not output error. The other panels show it for a joint with the inertia
+# $I$, where least squares finds $1/I$. A longer log doesn't remove its error (middle). A higher gain of the controller
+# increases the error, until most of the torque is noise (right). (The *formula* and a third method, *instrument*, are
+# in the fold.)
 #
 # <details><summary>Logs of several signals, and logs under a running controller: a run of each</summary>
 #
@@ -651,9 +656,9 @@ more_claims("signals_of_different_kinds", "feedback_and_regression")
 # this direction is infinite.
 #
 # The remedy is to fit only the combinations that matter. These are called **base parameters**: a smallest set of
-# combinations that determines every motion. Our $a, b, d, c_1, c_2$ are the base parameters of the six numbers. The
-# singular value decomposition of $J$ has as many singular values above zero as there are base parameters. The singular
-# vectors of the other ones are the null directions.
+# combinations that determines every motion. Our $a, b, d, c_1, c_2$ are the base parameters of the six numbers. Now
+# take the $J$ of the six numbers. Its singular value decomposition has one singular value above zero for each base
+# parameter. The singular vectors of the zero values are the null directions.
 
 # %% tags=["hide-code"]
 free = dict.fromkeys(logs.six(), (1e-4, 10.0))
@@ -684,7 +689,7 @@ print(f"six parameters, rank {report.rank}: {'; '.join(report.null)}")
 #
 # You can compute $F$ in simulation, so you can compare plans *before* you record anything. A common summary is the
 # **condition number** of $J$: multiply each column by its parameter's value, and divide the largest singular value by
-# the smallest one. A value near one is good. A large value warns of a nearly null direction.
+# the smallest one. A large value warns of a nearly null direction.
 #
 # What counts in the end is the **standard error**: the standard deviation of an estimate, about half of the 95 %
 # half-width. The table shows it for the worst parameter. In the last column all plans are scaled to the same rms torque
@@ -717,8 +722,7 @@ table(*rows)
 
 # %% [markdown]
 # The slow joint has a smaller condition number than the steps and yet a larger error, because its torques are small. A
-# ratio can't show that. At equal rms torque the slow joint beats the steps. (The steps get slightly worse when they are
-# scaled up, because larger torques move the arm to other places.)
+# ratio can't show that. At equal rms torque the slow joint beats the steps.
 #
 # ### When the fit misleads you
 #
@@ -729,7 +733,7 @@ table(*rows)
 # If the model explains everything except sensor noise, the residual is **white**: no sample is correlated with any
 # earlier one. The test of Ljung and Box (1978) measures this. It correlates the residual with copies of itself that are
 # shifted by one sample, by two, by three, and so on. It adds up the squares of these correlations, and returns the
-# probability that pure noise gives such a large sum.
+# probability that pure noise gives such a large sum. Below 1 % we say *not white*.
 #
 # A second test is **validation**: let the fitted model predict another log, which you didn't fit. If the model is
 # right, the prediction differs from that log only by the sensor's noise.
@@ -751,8 +755,8 @@ figure_, axes = plt.subplots(1, 4, figsize=(9, 1.9), layout="constrained", share
 rows = [
     (
         "in the log",
-        "largest true error",
-        "claimed: 95 % half-width",
+        "largest error of a parameter",
+        "largest half-width claimed (95 %)",
         "residual",
         "verdict of the test",
         "error of prediction, another log",
@@ -778,8 +782,8 @@ table(*rows)
 
 # %% [markdown]
 # The whiteness test raises the alarm in rows two and three. It doesn't in the last row: the residual looks like noise,
-# and yet the parameters are wrong. The motion was so slow that other parameters could imitate the delay. So the
-# whiteness test is a smoke detector, not a certificate. The other log reveals the error.
+# and yet the parameters are wrong. The motion was so slow that other parameters could imitate the delay. Only the other
+# log reveals the error.
 
 # %%
 show("believed_error_bar")
@@ -810,12 +814,15 @@ wrong = fit(arm, slipped, logs.GUESS, logs.FREE)
 error = np.abs(wrong.value - truth) / np.sqrt(np.diag(result.covariance))
 lag, sure = late(wrong, slipped)
 worst = 100 * np.abs(wrong.value / truth - 1).max()
-print(f"largest error: {error.max():.0f} standard deviations, {worst:.1f} % of the parameter")
+name = result.names[error.argmax()]
+print(
+    f"largest error: {error.max():.0f} standard deviations ({name}); in per cent at most {worst:.1f} %"
+)
 verdict = "not white" if wrong.white < 0.01 else "white"
 print(f"residual: {wrong.noise / result.noise:.2f} times that of the correct log, {verdict}")
 exact = {name: np.array([value]) for name, value in logs.TRUTH.items()}
 unfitted = np.sqrt(((arm(exact, slipped)[..., 0] - stamped) ** 2).mean())
-print(f"with the true parameters it would be {unfitted / result.noise:.2f} times as large")
+print(f"with the true parameters: {unfitted / result.noise:.2f} times that of the correct log")
 print(
     f"lag from the residual and the speed: {1e3 * lag:.2f} +- {1e3 * sure:.2f} ms (true: {1e3 * log.dt:.0f} ms)"
 )
@@ -851,8 +858,8 @@ more_claims("one_sample_late")
 # Perhaps you can't record a log, because the robot isn't built yet. Then you can tune for many possible robots.
 # **Domain randomisation** (DR) samples new simulator parameters for every episode, so that the gains can't rely on any
 # one value. The *range* sets how far the parameters may differ from the simulator's. At range 1 each parameter differs
-# by at most as much as at gap 1, in both directions. Payload, dry friction and noise can't be negative, so they only
-# increase. The delay lies between 0 and 30 ms at range 1, and between 0 and 12 ms at range 0.4.
+# by at most as much as at gap 1, in both directions. The delay lies between 0 and 30 ms at range 1, and between 0 and
+# 12 ms at range 0.4.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6, 2.5), layout="constrained")
@@ -907,8 +914,6 @@ curves(
 )
 
 # %% [markdown]
-# (Bands in the left panel: the three searches, or the 95 % interval of one.)
-#
 # On an arm identical to the simulator range 1 costs no success here, only time. In the table the real arm always has a
 # delay of 10 ms, which the simulator lacks. So some reaches fail even at gap 0. Range 1 recovers much of what the delay
 # costs, and little of what the load costs at large gaps.
@@ -916,9 +921,13 @@ curves(
 # The third row is **the other approach**: find the real arm's parameters and tune on them. We used the exact
 # parameters, so this row is the best that identification could reach. Up to gap 0.5 range 1 succeeds about as often,
 # and it needs no log. (But we chose it so that it contains the real arm.) At large gaps the true parameters are far
-# better. (*True, range 0.4* adds a range around them and gains nothing.)
+# better.
 #
-# <details><summary>Why the success at gap 1 has other values in other tables</summary>
+# <details><summary>The rest of the chart, and why the success at gap 1 has other values in other tables</summary>
+#
+# In the left panel, the areas around *no range* and both ranges reach from the worst to the best of three searches. The
+# other areas in the chart are 95 % intervals. *True, range 0.4* adds a range around the true parameters and gains
+# nothing.
 #
 # The searches and the tasks differ. Section 1 uses the first of three searches. The table above shows the mean of these
 # three on other tasks, section 9 on other tasks again. The corrections below use the mean of two more searches. So
@@ -935,12 +944,10 @@ more_claims("measured_or_randomised")
 # So far the real arm was our own arm with other parameters. Real robots also have effects for which our simulator has
 # no parameter. The chapter's **twin** is another model of the arm, built in MuJoCo, with three such effects:
 # **backlash** (free play between the teeth of the gears), the inertia of the motors' rotors, and friction that first
-# gives way a little like a spring (presliding). Its motors also brake themselves in proportion to their speed
-# (back-EMF). Our model can imitate that, because viscous friction is such a torque.
+# gives way a little like a spring (presliding).
 #
 # No parameters make our simpler arm move exactly like the twin: nothing in it can imitate the backlash. But a
-# controller doesn't need true parameters. It needs a model that moves as the robot moves, in the kind of motion that it
-# will make.
+# controller doesn't need true parameters. It needs a model that moves like the robot in the motions of the task.
 
 # %%
 predict("which_wins")
@@ -958,16 +965,14 @@ curves("robot_time", 0, "success after robot time [s] of", {"identified from a l
 curves("robot_time", 0, "success after robot time [s] of", {"fine-tuned": "fine-tuned"})
 
 # %% [markdown]
-# One log of less than a second lifts the success far above every range (dotted lines). A longer log, or a range around
-# the identified values, changes it by less than the confidence intervals. Fine-tuning ends at a similar rate and used
-# far more robot time. The *adaptive law* of chapter 6 is at the top. But its settings were chosen on the twin, and the
-# chart doesn't count that time.
+# One log of less than a second lifts the success far above every range (the three lowest dotted lines). A longer log,
+# or a range around the identified values, changes it by less than the confidence intervals. Fine-tuning ends at a
+# similar rate, after far more robot time.
 #
 # <details><summary>Chapter 6's adaptive controller on this arm</summary>
-#
-# Chapter 6's adaptive controller corrects its model while it moves. But most of its advantage over the plain gains
-# remains when adaptation is switched off: its control law is better suited to the task. Its settings were chosen by
-# trying them on the twin.
+# Chapter 6's adaptive controller corrects its model while it moves. It is at the top of the chart (*adaptive law*). But
+# most of its advantage over the plain gains remains when adaptation is switched off: its control law is better suited
+# to the task. And its settings were chosen by trying them on the twin, a time that the chart doesn't count.
 #
 # </details>
 #
@@ -1034,11 +1039,9 @@ predict("which_arm_shakes")
 #   trained to output the true parameters, mostly in episodes that it controlled itself. This is the idea of **rapid
 #   motor adaptation** (RMA; Kumar and others, 2021).
 #
-# An arm without load has a quarter of the inertia that fixed gains assume. So it gets four times the feedback that it
-# needs, and it becomes unstable first. The last panel below shows this; its dotted lines are computed limits.
-#
 # *Best gains in hindsight* tries every gain set of the search on each test arm and picks the best for that arm. No
-# single gain set of the search can beat this. A method with a better estimate of the arm can.
+# single gain set of the search can beat this. A method with a better estimate of the arm can. The *error* of an arm is
+# the root of its mean squared tracking error.
 #
 # ![Six methods on arms that vary](../docs/charts/varying_arms.png)
 
@@ -1048,7 +1051,7 @@ rows = [
     (
         "method",
         "median error [mrad]",
-        "error that 9 of 10 arms stay below [mrad]",
+        "9 of 10 arms below [mrad]",
         "mean error [mrad]",
     )
 ]
@@ -1056,18 +1059,8 @@ table(*rows, *re.findall(pattern, read("varying_arms")))
 
 # %% [markdown]
 # On the median arm the teacher is about as good as the best gains in hindsight. It is better on the arms that fixed
-# gains serve badly: compare the third column (in the chart, the right ends of the bars in the first panel). The student
-# comes close on the median arm, and less close on the others. One tuned gain set has a good median, too, but the
-# largest mean: it shakes the light arms. The second panel varies the load, also beyond the range of training:
-#
-# <details><summary>The first, the third and the last panel</summary>
-#
-# The first panel adds the computing time: the student needs more, for its network. The third panel shows that a student
-# with a shorter history is worse. With the full history, five times the noise hardly changes its median error. In the
-# last panel the limits differ by more than a factor of four, because the panel varies only a part of the feedback, the
-# damping.
-#
-# </details>
+# gains serve badly: compare the column *9 of 10 arms below*. The student comes close on the median arm, and less close
+# on the others. The next table belongs to the second panel. It varies the load, also beyond the 2 kg of the training:
 
 # %% tags=["hide-code"]
 names = ("randomised gains", "adaptive law", "student with history", "teacher")
@@ -1077,6 +1070,17 @@ curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name f
 # %% [markdown]
 # The student works a little beyond the heaviest arm of its training, then fails. Without load it is far worse than the
 # teacher. The adaptive law still works on heavy arms, because it keeps correcting the error that it observes.
+#
+# <details><summary>The first, the third and the last panel</summary>
+#
+# The first panel adds the computing time: the student needs more, for its network. The ends of a bar are the errors
+# that 10 % and 90 % of the arms stay below. The third panel shows that a student with a shorter history is worse. With
+# the full history, five times the noise hardly changes its median error. In the last panel the dotted lines are
+# computed limits. An arm without load has a quarter of the inertia that fixed gains assume. So it gets four times the
+# feedback that it needs, and it becomes unstable first. The limits differ by more than a factor of four, because the
+# panel varies only a part of the feedback, the damping.
+#
+# </details>
 
 # %%
 more_claims("best_fixed_gains")
@@ -1085,9 +1089,9 @@ more_claims("best_fixed_gains")
 # ### Correcting one parameter can hurt
 #
 # The usual advice is a loop: find a difference, correct it in the simulator, and tune again. Does the success rise each
-# time? At gap 1 the load costs most, and correcting it first does help (in the left panel below it is the highest dot
-# at 1). But suppose that you begin with the delay, because it is the easiest to measure. Each row of the table corrects
-# one more parameter and tunes again:
+# time? At gap 1 the load costs most, and correcting it first does help: in the left panel below it is the highest of
+# the dots with one correction. But suppose that you begin with the delay, because it is the easiest to measure. Each
+# row of the table corrects one more parameter and tunes again:
 
 # %% tags=["hide-code"]
 text = read("mending")
@@ -1131,7 +1135,8 @@ def half_width(some, part):
 
 sure = [one for one in worse if -one[2] > half_width(*one[:2])]
 large = [(before, part) for before, part, change in worse if change < -0.1]
-print(f"{len(worse)} of the 80 possible single corrections show a lower success rate,")
+print("a single correction: 5 parameters, each with 16 sets of earlier corrections, 80 in all")
+print(f"{len(worse)} of these 80 show a lower success rate,")
 print(
     f"{len(sure)} by more than the interval of the trials, {len(large)} by more than 10 percentage points."
 )
@@ -1145,16 +1150,16 @@ for part, *worth in re.findall(
 table(*rows)
 
 # %% [markdown]
-# If corrections did nothing, chance alone would lower the rate in about half of the 80 cases. So the first number
-# proves nothing. The second ignores that another search changes a rate, too. But all the large falls have the same
-# form: the delay is corrected before the load.
+# If corrections did nothing, chance alone would lower the rate in about half of the 80 cases. And another search
+# changes rates by more than the interval of the trials. But the large falls all have the same form: the
+# delay is corrected before the load.
 #
 # Which difference is "dominant", then? A parameter is worth three different amounts: as the first correction, as the
 # last, and on average over all orders. This average is called **Shapley's value**. The five averages add up to the gain
-# of correcting all.
+# of correcting all (up to rounding).
 #
-# The practical rule: *correct together everything that your logs reveal, and treat it as one change. Keep this change
-# if the confidence interval of the* difference *in success on the robot lies above zero.* Where a change needs new
+# The practical rule: *correct together everything that your logs reveal, and treat it as one change.* Keep this change
+# if the confidence interval of the *difference* in success on the robot lies above zero. Where a change needs new
 # training, compare the means of several trainings.
 
 # %%
@@ -1173,11 +1178,23 @@ show("mended_parameter")
 #
 # The width of a confidence interval is inversely proportional to the square root of the number of trials. So four times
 # as many trials halve it.
-#
+
+# %% tags=["hide-code"]
+figure_, axis = plt.subplots(figsize=(5.5, 1.6), layout="constrained")
+for row, (k, n) in enumerate(((7, 10), (70, 100), (700, 1000))):
+    low, high = wilson(k, n)
+    _ = axis.plot([low, high], [row, row], lw=6, color="#9fa8da")
+    _ = axis.plot(k / n, row, "o", color="#1a237e")
+_ = axis.set(yticks=range(3), yticklabels=["7 of 10", "70 of 100", "700 of 1000"], xlim=(0, 1))
+_ = axis.set(xlabel="true success rate, 95 % interval", ylim=(-0.6, 2.6))
+plt.show()
+
+# %% [markdown]
 # How many trials do you need to tell two policies apart? That depends on the **level** of the test, the probability
 # that equally good policies look different (usually 5 %), and on its **power**, the probability that a real difference
 # is detected (usually 80 %). Let $p$ be the mean of the two success rates and $d$ their difference. Then each policy
-# needs about $n = 2p(1-p)z^2/d^2$ trials. For the usual level and power, $z$ = 1.96 + 0.84.
+# needs about $n = 2p(1-p)z^2/d^2$ trials. For the usual level and power, $z$ = 1.96 + 0.84. These are two quantiles of
+# the normal distribution, one for the level and one for the power.
 #
 # <details><summary>From level and power to a number of trials</summary>
 #
@@ -1198,14 +1215,6 @@ show("mended_parameter")
 # | old policy loses | $c$ | both lose |
 
 # %% tags=["hide-code"]
-figure_, axis = plt.subplots(figsize=(5.5, 1.6), layout="constrained")
-for row, (k, n) in enumerate(((7, 10), (70, 100), (700, 1000))):
-    low, high = wilson(k, n)
-    _ = axis.plot([low, high], [row, row], lw=6, color="#9fa8da")
-    _ = axis.plot(k / n, row, "o", color="#1a237e")
-_ = axis.set(yticks=range(3), yticklabels=["7 of 10", "70 of 100", "700 of 1000"], xlim=(0, 1))
-_ = axis.set(xlabel="true success rate, 95 % interval", ylim=(-0.6, 2.6))
-plt.show()
 print("to find a difference of 78 % and 87 % in 80 % of the cases, at the 5 % level:")
 print(f"{trials(0.78, 0.87)} trials of each policy on its own tasks;")
 print(
@@ -1219,8 +1228,8 @@ print(
 # worlds in which the best policy can be computed exactly.
 #
 # A Markov decision process has states $s$ and actions $a$. An action leads to a next state $s'$ and pays a reward $R(s,
-# a, s')$. Rewards $t$ steps ahead count by $\gamma^t$, where the discount $\gamma$ is below one. $Q(s, a)$ is the
-# discounted sum that you can expect if you take $a$ now and act optimally afterwards. The **value** $V(s)$ is the
+# a, s')$. A reward $t$ steps ahead is multiplied by $\gamma^t$, where the discount $\gamma$ is below one. $Q(s, a)$ is
+# the discounted sum that you can expect if you take $a$ now and act optimally afterwards. The **value** $V(s)$ is the
 # largest $Q(s, a)$ of a state.
 #
 # A reward that is paid only at the goal is rare, and learning from it is slow. **Reward shaping** adds rewards that
@@ -1252,10 +1261,9 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Now write it down. In the first field, give the discounted sum of what shaping adds over three steps, if the first
-# state has the potential `a` and the last one `b`. In the second, give the shaped value of an action: its unshaped
-# value is `Q`, its state has the potential `phi`, and the task has no terminal states. <span class="kernel-only">Change
-# the text in quotation marks.</span>
+# Now write it down: first the discounted sum of what shaping adds over three steps, if the first state has the
+# potential `a` and the last one `b`; then the shaped value of an action whose unshaped value is `Q`, in a state with
+# the potential `phi`, if nothing ends. <span class="kernel-only">Change the text in quotation marks.</span>
 #
 # <details><summary>Hint 1</summary>Write the three added terms under each other, with their discounts, and look for
 # what
@@ -1337,10 +1345,10 @@ plt.show()
 #
 # </details>
 #
-# And the distance itself? Paying minus the distance to the goal in each step is *not* a difference of potentials. The
-# payments add up along the path. So a longer path that soon comes near the goal can cost less than a shorter one that
-# stays far away until its last steps. Paying for *getting nearer* has no such effect: $\gamma\Phi(s') - \Phi(s)$ with
-# $\Phi = -\text{distance}$.
+# What if you pay minus the distance to the goal in each step? That is *not* a difference of potentials: the payments
+# add up along the path. So a longer path that soon comes near the goal can cost less than a shorter one that stays far
+# away until its last steps. Paying for *getting nearer* has no such effect: $\gamma\Phi(s') - \Phi(s)$ with $\Phi =
+# -\text{distance}$.
 
 # %%
 show("two_routes")
@@ -1349,7 +1357,9 @@ show("two_routes")
 # Shaping preserves the best policy. But it can speed up or slow down *learning* a great deal. **Tabular Q-learning**
 # stores one estimate of $Q$ for each state and action and corrects it after every step. For it, shaping with $\Phi$ has
 # the same effect as starting with $Q = \Phi$ (Wiewiora 2003). The left chart below compares seven potentials in a grid
-# of ten by ten cells (largest distance: 18). The bars count the steps until the learned path is a shortest one.
+# of ten by ten cells (largest distance: 18). The bars count the steps until the learned path is a shortest one. By far
+# the fastest are the potentials that rise towards the goal and lie between 0 and the true value $V$. Minus the distance
+# is the slowest.
 #
 # <details><summary>Which potentials help, and why minus the distance starts too low</summary>
 #
@@ -1360,9 +1370,9 @@ show("two_routes")
 #
 # </details>
 #
-# A potential that is never negative and never above the true value $V$ can still slow down learning, if it rises in the
-# wrong place:
-#
+# It isn't enough to lie between 0 and $V$. The goal is in the lower right corner, and the potential in the second line
+# below falls to zero at the middle, on the way to it. So each step into the right half costs something:
+
 # %% tags=["hide-code"]
 world = grid(10)
 true_value = value_iteration(world).value
@@ -1376,7 +1386,7 @@ for name, phi in (("0 everywhere", 0.0 * left), ("V in the left half, 0 in the r
 # %% [markdown]
 # ![Steps of learning by potential, and the share of the bound that is reached](../docs/charts/shaping_speed.png)
 #
-# (The right panel belongs to section 4.)
+# (Section 4 refers to the right panel.)
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1416,7 +1426,7 @@ plt.show()
 
 # %% [markdown]
 # The red arrow carries three things: the torques that were sent, the angles that came back, and time stamps of both on
-# *one* clock. A pipeline that doesn't record commands can't be debugged.
+# *one* clock.
 #
 # <details><summary>The chapter's code follows this loop: what each component takes, returns and rejects</summary>
 #
@@ -1439,13 +1449,13 @@ plt.show()
 # ### A design exercise: the hand that turned a cube
 #
 # In 2018 and 2019 OpenAI trained a five-fingered hand in simulation only, first to turn a block, then to manipulate a
-# Rubik's cube. Thousands of simulated environments (copies of the hand in its cage) ran in parallel.
+# Rubik's cube. Thousands of simulated copies of the hand (*environments*) ran in parallel.
 
 # %%
 predict("thirteen_thousand_years")
 
 # %% [markdown]
-# Now you are the architect. The hand holds an object with its fingertips and turns it to a given orientation.
+# Now you are the architect: the hand holds an object with its fingertips and turns it to a given orientation.
 #
 # | | requirement |
 # |---|---|
@@ -1460,10 +1470,10 @@ predict("thirteen_thousand_years")
 
 # %%
 mine = {
-    "1 engine: few accurate contacts, or many environments on a GPU?": "",
-    "2 observations: joint angles, forces, a camera? The gap of each?": "",
+    "1 engine: accurate contacts on CPUs, or more environments on GPUs?": "",
+    "2 observations: joint angles, forces, cameras? How real is each in simulation?": "",
     "3 what is randomised, in which ranges, without real data?": "",
-    "4 images: photorealistic, or features that transfer? Which camera?": "",
+    "4 images: photorealistic, or with random colours? Cameras where?": "",
     "5 a curriculum (easy tasks first), or everything at once?": "",
 }
 for question, words in mine.items():
@@ -1560,7 +1570,8 @@ plt.show()
 #
 # </details>
 #
-# The intervals for the 6, 2 and 0 successes of ten trials in fold-out 5:
+# The result for the cube rests on few trials. With sensors inside the cube, 6 of 10 trials completed half a scramble
+# and 2 all of it. With cameras alone, 0 of 10 completed all of it. So the intervals of the true rates are wide:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(5, 1.5), layout="constrained")
@@ -1588,8 +1599,8 @@ plt.show()
 #
 # With 1 or 3 s of log the learned model runs away (the triangles at the upper edge). With 10 s or more it beats the
 # equations without friction and delay. But the equations with friction and delay are better than both, with one second
-# of data. The learned model improves little after 10 s, probably because the twin isn't linear in its features. (We
-# didn't try a neural network.) *Our arm* doesn't improve with a longer log: it lacks some of the twin's effects.
+# of data. The learned model improves little after 10 s, probably because the twin isn't linear in its features. *Our
+# arm* doesn't improve after 3 s, because it lacks some of the twin's effects.
 #
 # ### A learned actuator
 #
@@ -1604,7 +1615,8 @@ plt.show()
 # and dry friction, fitted to the same recording as the network. On motions like the recorded ones the network is
 # better: the formula lacks the voltage limit and the larger friction at rest.
 #
-# Other motions or another supply voltage multiply the errors. So record those that the policy will meet.
+# Other motions or another supply voltage multiply the errors. So record the motions and voltages that the policy will
+# meet.
 #
 # <details><summary>The rows of the chart, and the right panel</summary>
 #
@@ -1625,14 +1637,15 @@ plt.show()
 #
 # **Domain adaptation** is the general problem: learn in a source domain and work in a target domain. Theory offers a
 # **transfer bound**, a limit on how much the value of a policy can differ between two worlds. Let both worlds pay the
-# same rewards, between 0 and $R$, which don't depend on the next state. Take any state, any action and any set of next
-# states. The probability of reaching this set differs between the worlds by at most $\epsilon$ (the *total variation*).
-# Then the values $V$ and $V'$ of a policy in the two worlds satisfy
+# same rewards, between 0 and a constant $R$, which don't depend on the next state. Take any state, any action and any
+# set of next states. The probability of reaching this set differs between the worlds by at most $\epsilon$ (the *total
+# variation*). Then the values $V$ and $V'$ of a policy in the two worlds satisfy
 #
 # $$|V - V'| \le \frac{\gamma\,\epsilon\,R}{(1-\gamma)^2} .$$
 #
 # The worlds differ again at every step; that is why the denominator is squared. The picture shows a process with two
-# states. Its values differ by almost as much as the bound allows, if $\epsilon$ is much smaller than $1-\gamma$.
+# states. Its values differ by almost as much as the bound allows, if $\epsilon$ is much smaller than $1-\gamma$ (right
+# panel of section 3's chart on shaping).
 #
 # <details><summary>How to derive it, and a chain that comes close to it</summary>
 #
@@ -1655,15 +1668,9 @@ axis = diagram(
 plt.show()
 
 # %% [markdown]
-# The bound says something only if the two distributions of the next state overlap.
-#
-# <details><summary>How close the chain comes, and why the bound says nothing about our arm</summary>
-#
-# The right panel of the chart on shaping (section 3) shows how much of the bound this two-state chain reaches. On our
-# arm the bound says nothing. The next state of a slightly heavier arm almost never equals that of the lighter one, so
-# $\epsilon$ is one, and with $\gamma$ above one half the bound then exceeds every possible value.
-#
-# </details>
+# If the two worlds never reach the same next state, $\epsilon$ is 1. With $\gamma$ above one half the bound is then
+# larger than $R/(1-\gamma)$, the largest possible value, and says nothing. Our arm is such a case: a slightly heavier
+# arm almost never reaches exactly the same next state.
 #
 # <details><summary>Would a network that is pretrained on many simulated robots transfer to a new one?</summary>
 #
@@ -1714,8 +1721,8 @@ plt.show()
 show("set_const_inertia")
 
 # %% [markdown]
-# The last line of the listing is about delay. A queue returns its oldest entry. How long did that entry wait? In the
-# drawing, each step first appends the new action on the left. Then it reads and uses the oldest one, on the right.
+# How long does an entry wait in such a queue? In the drawing, each step first appends the new action on the left. Then
+# it reads and uses the oldest one, on the right.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 1.8), layout="constrained")
@@ -1736,13 +1743,13 @@ plt.show()
 show("queue_of_k")
 
 # %% [markdown]
-# In the exercise `randomize` (in a terminal, `drills start randomize`) you write a correct version. Training at scale
-# also needs a vectorised environment: a class that steps many copies of a task and resets those whose episode has ended
-# (exercise `vector_env`). Computing all copies in one array (*ArmReachVector*, *MujocoArmReachVector*) is faster than a
-# loop over the copies (*SyncVectorEnv*). Processes (*ProcessVectorEnv*) help little here, and only where one step is
-# expensive (third panel):
+# In the exercise `randomize` you write a correct version. Training at scale also needs a vectorised environment: a
+# class that steps many copies of a task and resets those whose episode has ended (exercise `vector_env`). Computing all
+# copies in one array (*ArmReachVector*, *MujocoArmReachVector*) is faster than a loop over the copies
+# (*SyncVectorEnv*). Several processes (*ProcessVectorEnv*) help little here, and only where one step is expensive
+# (third panel of the chart).
 #
-# <details><summary>Its traps are at the ends of episodes</summary>
+# <details><summary>The traps of a vectorised environment are at the ends of episodes</summary>
 #
 # One flag `done` can't tell a finished task from a time limit. And the last observation has to survive the reset,
 # because a learner bootstraps from it: `final_obs` in Gymnasium 1, `terminal_observation` in Stable-Baselines3.
@@ -1782,8 +1789,9 @@ more_claims(
 # %% [markdown]
 # ### The core of the chapter in code
 #
-# One function copies chosen parameters from the real arm into the simulator. (`PARTS` and `KINDS` name the parameters,
-# and `nominal` returns the simulator's arm.)
+# One function copies chosen parameters from the real arm into the simulator. `PARTS` names the fields of each part:
+# *load* is `mass` and `payload`. `KINDS` groups parts: *dynamics* is load, friction and motor. `one_of` rejects unknown
+# names, and `nominal` returns the simulator's arm.
 
 # %% tags=["hide-code"]
 Markdown(f"```python\n{inspect.getsource(transfer.mended)}```")
@@ -1811,7 +1819,7 @@ for attempt in (
 # The simulated motion is drawn over the right arm as a shadow. Say what will happen before you choose a preset:
 #
 # 1. *Gap and range*: what does randomisation cost on the left?
-# 2. *Delay beyond the margin*: does the arm fail at the delay that the panel calls *limit, joint alone*?
+# 2. *Delay beyond the margin*: at which delay does the arm begin to fail? Compare it with *longest stable delay*.
 # 3. *Cancelling errors* (gap 0.3, 20 ms): load and delay partly cancel (section 1). What happens on
 #    the right when you reduce the gap to zero?
 # 4. *Mended delay alone* (only the delay corrected): then correct the load as well.
@@ -1823,9 +1831,9 @@ simulation("arms", "Cancelling errors")
 # ## 6 · Speed and accuracy of identification
 #
 # Here the methods of section 2 estimate the same five parameters from the same logs, together with MuJoCo's own tool,
-# `mujoco.sysid`. The left panel plots the error against the sensor noise. The right panel plots it against computing
-# time, for logs of 0.5, 1, 2 and 4 s. The dotted line is an error of 1 %. The circle marks the fastest result that is
-# clearly below it (0.8 % or less). It is the integral form, which also needs no starting guess.
+# `mujoco.sysid`. The left panel plots the error against the sensor noise, the right panel against computing time, for
+# logs of 0.5, 1, 2 and 4 s. The circle marks the fastest result that is clearly below 1 %. It is the integral form,
+# which also needs no starting guess.
 #
 # ![Error of the parameters against noise, and against time, by method](../docs/charts/what_finds_the_numbers.png)
 #
@@ -1849,8 +1857,8 @@ simulation("arms", "Cancelling errors")
 # the motion. Output error is the most accurate, because its error approaches the Cramér-Rao bound. It also works where
 # the model is not linear in its parameters, for example when it contains a delay.
 #
-# `mujoco.sysid` solves the same least-squares problem. So on the same log both programs should return almost the same
-# parameters: the difference should be far smaller than an error bar.
+# `mujoco.sysid` solves the same least-squares problem. So both programs should return almost the same parameters from
+# the same log.
 
 # %%
 show("same_as_mujoco")
@@ -1954,7 +1962,8 @@ for name, (scene, report, caught) in toggles.items():
     low, high = wilson(held, 20)
     rows.append((name, report, f"{held} of 20", f"{low:.2f} to {high:.2f}", caught))
 heavy, light = (lab.lift(lab.Lab(mass=m)).error for m in (0.55, 0.5))
-print(f"a box 10 % heavier is lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high")
+print(f"a box 10 % heavier is lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high;")
+print(f"free width on each side of the box: {1e3 * lab.Lab().opening:.0f} mm")
 table(*rows)
 
 # %% [markdown]
@@ -1962,13 +1971,12 @@ table(*rows)
 # that, so at 20 mm some lifts fail.
 #
 # Several common predictions are wrong here. A step of 20 ms doesn't make the simulation explode with MuJoCo's default
-# contacts, because MuJoCo softens contacts that are too stiff for the step. (Longer steps lose boxes: see the chart
-# below.) With stiff contacts set by hand the grip does fail. A box that is 10 % heavier is lifted almost as high,
-# because the servo controls the height. Whether a box is crushed, the model can't show: its box is rigid.
+# contacts, because MuJoCo softens contacts that are too stiff for the step. With stiff contacts set by hand the grip
+# does fail. A box that is 10 % heavier is lifted almost as high, because the servo controls the height. Whether a box
+# is crushed, the model can't show: its box is rigid.
 #
 # The charts below vary each fault beyond its limit. The first one plots the force divided by the force that the box
-# needs. Below ratio 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out, at
-# about the same force in newtons for friction 0.4 and 0.9.
+# needs. Below ratio 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out.
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -1990,8 +1998,8 @@ Markdown(rf"""<details><summary>How fast does the energy of a contact grow if th
 You may read that the energy grows by a factor $1 + \Delta t^2 k/m$ per step, where $\Delta t$ is the step, $k$ the
 stiffness of the contact and $m$ the mass. That is the factor of explicit Euler, which moves the position with the *old*
 speed. It grows at every step size, and MuJoCo doesn't use it. Semi-implicit Euler uses the *new* speed. With it the
-energy of an undamped spring stays bounded as long as $\omega\,\Delta t < 2$, where $\omega = \sqrt{{k/m}}$. Above that
-threshold it can grow even faster. At $\omega\,\Delta t$ = {omega_dt:.2f} the energy grows per step by a factor of
+energy of an undamped spring stays bounded as long as $\omega\,\Delta t$ is below 2, where $\omega = \sqrt{{k/m}}$. Above
+that threshold it can grow even faster. At $\omega\,\Delta t$ = {omega_dt:.2f} the energy grows per step by a factor of
 {1 + omega_dt**2:.0f} with explicit Euler, and of {radius**2:.0f} with semi-implicit Euler.
 
 </details>""")
@@ -2001,7 +2009,7 @@ more_claims("large_step_at_contact", "camera_off")
 
 # %% [markdown]
 # Do the losses add up? Each switch gives the two-link arm a fault, and each dot is a combination of switches. On the
-# dashed line a combination costs the sum of its separate losses.
+# dashed line a combination costs the sum of its separate losses. (*Control step*: the time between two commands.)
 
 # %%
 simulation("faults")
@@ -2054,7 +2062,7 @@ axis = diagram(
         (
             6.6,
             0,
-            "look at what the policy observed, and for a\ndelay that only the closed loop feels",
+            "look at what the policy observed, and when:\na replay doesn't use the policy's inputs",
         ),
     ),
     (
@@ -2076,7 +2084,7 @@ plt.show()
 #
 # **Debugging tip.** *It works in simulation and fails on the robot.* Replay the recorded commands first, as in the
 # drawing. Then replay the *policy* in the simulator with the delay you found, and see whether it now fails as the robot
-# does. A simulator that predicts the failure is the first milestone.
+# does.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -2112,8 +2120,8 @@ plt.show()
 # controller observes the error, pushes the motor across the play, overshoots, and pushes back. This repeats as a
 # **limit cycle**, an oscillation of steady amplitude.
 #
-# We watch a joint without dry friction under a PD controller for 20 s, in six runs. The play is 4, 10 or 40 mrad; at 40
-# mrad we also divide the gains by 2, 10 and 30.
+# We watch a joint without dry friction under a PD controller for 20 s. The play is 4, 10 or 40 mrad; at 40 mrad we also
+# divide the gains by 2, 10 and 30. So there are six runs with each encoder.
 
 # %% tags=["hide-code"]
 axis = diagram(
@@ -2331,7 +2339,7 @@ your_robot(8)
 # ## 9 · Frontier: ranges and models that are found automatically
 #
 # Choosing randomisation ranges by hand is guesswork. Published methods find the ranges from the policy's success or
-# from real logs. Others replace parts of the simulator by scans or by learned models.
+# from real logs. Others replace parts of the simulator by scans of the real scene or by learned models.
 #
 # <details><summary>Six works, and what their common summaries get wrong</summary>
 #
@@ -2359,10 +2367,10 @@ your_robot(8)
 #
 # </details>
 #
-# Automatic domain randomisation is small enough to run here. It begins at the simulator's parameters. In some episodes
-# one parameter is set exactly to an end of its range, and the result goes into the buffer of that end. When the buffer
-# is full, its success rate is compared with two thresholds. At or above the upper one (90 %) the end moves outward, at
-# or below the lower one (80 %) inward. If the rate is between the thresholds, the end stays. Until the buffers are full
+# We run automatic domain randomisation on the arm. It begins at the simulator's parameters. In some episodes one
+# parameter is set exactly to an end of its range, and the result goes into the buffer of that end. When the buffer is
+# full, its success rate is compared with two thresholds. At or above the upper one (90 %) the end moves outward, at or
+# below the lower one (80 %) inward. If the rate is between the thresholds, the end stays. Until the buffers are full
 # again, the gains are tuned further on the present ranges.
 
 # %% tags=["hide-code"]
@@ -2419,8 +2427,8 @@ scatter = [
     for gap in (0.0, 0.3)
     for name in ("range 0.4", "range 1")
 ]
-print("at gaps 0 and 0.3 the three searches behind one rate by hand differ by up to", end=" ")
-print(f"{max(scatter):.2f}")
+print("the rates of range 0.4 and range 1 are means of three searches;")
+print(f"at gaps 0 and 0.3 these three differ by up to {max(scatter):.2f}")
 table(*rows)
 
 # %% [markdown]
@@ -2438,9 +2446,9 @@ table(*rows)
 #
 # The ranges tell you what *this task* tolerates after training. They don't tell you where the robot is, because nothing
 # in the method has observed it. In this run the automatic ranges do better at gap 1 than both ranges that we chose by
-# hand. One reason may be effort: their gains were tuned for longer. New gains, tuned from scratch on the same ranges,
-# keep only a part of the advantage. At the smaller gaps range 1 is best, but its lead is hardly larger than the
-# differences between searches (printed above the table).
+# hand. (The tasks, and so the rates, are others than in section 3.) One reason may be effort: their gains were tuned
+# for longer. New gains, tuned from scratch on the same ranges, keep only a part of the advantage. At the smaller gaps
+# range 1 is best, but its lead is hardly larger than the differences between searches (printed above the table).
 #
 # ## 10 · Interview
 #

@@ -185,8 +185,8 @@ def fitted(seed=0, **changed):
 
 
 @claim(
-    "Except by rare chance, a fitted parameter is wrong by less than twice the half-width of the "
-    "fit's 95 % confidence interval.",
+    "A fitted parameter is almost never wrong by more than twice the half-width of its 95 % "
+    "confidence interval.",
     "The interval is computed from the slopes and assumes that the model is right and the noise "
     "white. Then only about one parameter in {one_in:,.0f} lies outside by chance. With {friction} "
     "N m of dry friction in the arm and none in the model the worst parameter is {wrong:.1%} "

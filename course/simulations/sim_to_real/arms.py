@@ -40,12 +40,12 @@ CONTROLS = Record(
     policy=menu(
         "Tuned on",
         (
-            "the simulator as it was",
-            "a range about it",
+            "the unchanged simulator",
+            "a range around it",
             "the arm, identified at 10 ms",
-            "a range about that",
-            "the simulator, delay mended",
-            "the simulator, load mended",
+            "a range around that",
+            "the simulator, delay corrected",
+            "the simulator, load corrected",
         ),
         1,  # a range, so that each slider acts from the start
     ),
@@ -263,10 +263,14 @@ _REASON, _PART = word(*plants.REASONS)[0], word(*PARTS)[0]
 _RATE, _FAR, _TIME, _TARGET, _LATE, _LIMIT = word(
     "successes [%]", "tip to target [cm]", "time [s]", "target", "actuator delay [ms]", "limit"
 )
-_SUCCESS, _SHOWN = word("success, simulated", "success, real")[0], word("this one, simulated")[0]
+_SUCCESS, _SHOWN = word("success, simulated", "success, real")[0], word("this reach, simulated")[0]
 _BAND, _TO, _CLOSE, _PERCENT, _MS, _NONE, _COMMA = word(" % (", "-", ")", " %", " ms", "none", ", ")
 _REALLY, _STABLE, _GAIN, _WORST, _LEFT = word(
-    "this one, real", "limit, joint alone", "gain margin", "costs most alone", "left of that"
+    "this reach, real",
+    "longest stable delay",
+    "gain margin",
+    "costliest difference",
+    "delay to spare",
 )
 _COLOUR = (draw.BLUE, draw.ORANGE)
 _SCENES, _VIEW = ((0.1, 3.0, 1.7, 4.6), (3.15, 6.05, 1.7, 4.6)), (-0.95, 0.95, -0.95, 0.95)
@@ -369,27 +373,27 @@ def drag(controls, state, x, y):
 
 
 PRESETS = {
-    "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that is not quite "
-        "it. Pull the gap up, and successes are lost; then pull DR Range up, and part of them "
-        "comes back. Drag the target: the ghost is what the simulator promised."),
+    "Gap": Preset({}, "A policy that never fails in its simulator, on an arm that differs a "
+        "little. Raise the gap, and successes are lost. Then raise DR Range, and part of them "
+        "comes back. Drag the target: the ghost is the simulated motion."),
     "No range": Preset({"policy": NOMINAL}, "The same arm with a policy that was tuned on the "
-        "simulator as it was. DR Range does nothing here: no range was used."),
-    "No gap": Preset({"gap": 0.0, "delay": 0.0, "policy": NOMINAL}, "The arm it was tuned on. All "
-        "succeed, and it is the only place where that says anything. Then give it 10 ms of delay."),
-    "Gap and range": Preset({"width": 0.4}, "Tuned on arms drawn anew for each "
-        "episode: part of the loss comes back, and none of it costs a success at home."),
+        "unchanged simulator. DR Range does nothing here, because no range was used."),
+    "No gap": Preset({"gap": 0.0, "delay": 0.0, "policy": NOMINAL}, "The real arm equals the "
+        "simulated one, and all reaches succeed. Then give it 10 ms of delay."),
+    "Gap and range": Preset({"width": 0.4}, "Tuned on arms that differ in every "
+        "episode: part of the loss comes back, and in the simulator no success is lost."),
     "Wide range, far gap": Preset({"gap": 1.0, "width": 1.0}, "The widest range "
-        "at the full gap: little more than half. It costs no success at home, only time in the "
-        "target; and one identified arm does far better."),
+        "at the full gap: little more than half succeed. In the simulator the range costs no "
+        "success, only time in the target. Gains for the identified arm do far better."),
     "Delay beyond the margin": Preset({"gap": 0.0, "delay": 20.0, "policy": NOMINAL}, "No gap but "
-        "delay, later than the limit of joint 2: hardly one succeeds. At 12 ms, well below it, "
-        "most do: those whose arm ends folded."),
+        "a delay that is longer than the longest stable one: hardly one reach succeeds. At 12 ms, "
+        "well below it, most succeed: those that end with a folded arm."),
     "Cancelling errors": Preset({"gap": 0.3, "delay": 20.0, "policy": NOMINAL}, "The same delay on "
-        "an arm that is wrong in all else too: most succeed. Its load makes it slower, and a "
-        "slower arm stands a later command: see the limit. Take the gap away, and they fail."),
-    "Mended delay alone": Preset({"gap": 1.0, "policy": DELAY}, "The simulator learned the true "
-        "delay, and the arm does worse than with the one that knew nothing: its gains are "
-        "lower, and the load needs more. Mend the load."),
+        "an arm that differs in all else, too: most reaches succeed. Its load makes it slower, and "
+        "a slower arm stays stable with a longer delay. Set the gap to zero, and they fail."),
+    "Mended delay alone": Preset({"gap": 1.0, "policy": DELAY}, "The simulator has the true "
+        "delay, and the real arm does worse than with gains from the unchanged simulator: the "
+        "gains are lower, and the load needs higher ones. Now correct the load, too."),
 }  # fmt: skip
 
 # What each number below the picture means.
@@ -399,14 +403,17 @@ READOUTS = {
         "Successful episodes on the arm that stands for the real one, with a 95 % confidence "
         "interval."
     ),
-    "this one, simulated": "How the episode shown ended in the simulator.",
-    "this one, real": "How the same episode ended on the real arm.",
-    "limit, joint alone": (
-        "Largest delay with which the loop of one joint is stable, according to theory."
+    "this reach, simulated": "How the episode shown ended in the simulator.",
+    "this reach, real": "How the same episode ended on the real arm.",
+    "longest stable delay": (
+        "Longest delay of the real arm's commands at which both joints are stable, each with the "
+        "other one locked (computed)."
     ),
-    "left of that": "Delay margin that is left: that limit minus the actuator delay.",
+    "delay to spare": "The longest stable delay minus the actuator delay.",
     "gain margin": "Factor by which the loop gain can rise before the joint becomes unstable.",
-    "costs most alone": "The modelling error that alone costs the most successes, and how many.",
+    "costliest difference": (
+        "The difference that costs the most successes if it is the only one, and how many."
+    ),
 }
 
 MODEL = Model(

@@ -165,7 +165,11 @@ TITLE = "Faults that can be combined"
 word, colour = draw.words_table(), draw.colours_table()
 _PAPER, _LIT, _SAND = colour("#f7f7f7", "#fbe3c8", "#f7f5ef")
 _NAMES = word(
-    "step 20 ms", "sliding friction", "mass + 10 %", "camera off by 2 cm", "no randomisation"
+    "control step 20 ms",
+    "sliding friction",
+    "mass + 10 %",
+    "camera off by 2 cm",
+    "tuned without randomisation",
 )[0]
 _ACTIVE, _OFF, _FAULTS, _REACH, _TARGET, _SEEN = word(
     "ACTIVE", "off", "faults", "one reach", "target", "where the camera sees it"
