@@ -58,7 +58,7 @@ simulation("arms")
 
 # %% [markdown]
 # The left arm is the simulated arm on which the gains were tuned. The right arm plays the real one. It is simulated
-# too, so we know its true parameters. The slider *Reality Gap* sets how much load, friction, motor and encoder differ:
+# too, so we know its true parameters. The first slider, *gap*, sets how much load, friction, motor and encoder differ:
 # at 1 as much as in the first picture, at 0 not at all. The delay of the commands has its own slider. *DR Range* sets
 # how widely the simulated arms varied while the gains were tuned (section 3).
 #
@@ -452,8 +452,8 @@ plt.show()
 # 1. Filter the angles before you differentiate them, and filter the torques in the same way.
 # 2. Use the integral (weak) form. Multiply the equation by a **test function** $\phi$, a smooth bump that is zero
 #    outside a short window, and integrate over the window. Integration by parts turns $\int\phi\,\ddot q\,dt$ into
-#    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, and not the noisy angle. (The terms of $b$ still contain
-#    speeds: there you differentiate the angle once instead of twice.)
+#    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, and not the noisy angle. (The terms of $b$ still
+#    contain speeds: there you differentiate the angle once instead of twice.)
 # 3. Don't differentiate at all. The next method does this.
 #
 # ### Output error
@@ -1075,10 +1075,11 @@ curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name f
 #
 # The first panel adds the computing time: the student needs more, for its network. The ends of a bar are the errors
 # that 10 % and 90 % of the arms stay below. The third panel shows that a student with a shorter history is worse. With
-# the full history, five times the noise hardly changes its median error. In the last panel the dotted lines are
-# computed limits. An arm without load has a quarter of the inertia that fixed gains assume. So it gets four times the
-# feedback that it needs, and it becomes unstable first. The limits differ by more than a factor of four, because the
-# panel varies only a part of the feedback, the damping.
+# the full history, five times the noise hardly changes its median error.
+#
+# In the last panel the dotted lines are computed limits. An arm without load has a quarter of the inertia that fixed
+# gains assume. So it gets four times the feedback that it needs, and it becomes unstable first. The limits differ by
+# more than a factor of four, because the panel varies only a part of the feedback, the damping.
 #
 # </details>
 
@@ -1998,9 +1999,9 @@ Markdown(rf"""<details><summary>How fast does the energy of a contact grow if th
 You may read that the energy grows by a factor $1 + \Delta t^2 k/m$ per step, where $\Delta t$ is the step, $k$ the
 stiffness of the contact and $m$ the mass. That is the factor of explicit Euler, which moves the position with the *old*
 speed. It grows at every step size, and MuJoCo doesn't use it. Semi-implicit Euler uses the *new* speed. With it the
-energy of an undamped spring stays bounded as long as $\omega\,\Delta t$ is below 2, where $\omega = \sqrt{{k/m}}$. Above
-that threshold it can grow even faster. At $\omega\,\Delta t$ = {omega_dt:.2f} the energy grows per step by a factor of
-{1 + omega_dt**2:.0f} with explicit Euler, and of {radius**2:.0f} with semi-implicit Euler.
+energy of an undamped spring stays bounded as long as $\omega\,\Delta t$ is below 2, where $\omega = \sqrt{{k/m}}$.
+Above that threshold it can grow even faster. At $\omega\,\Delta t$ = {omega_dt:.2f} the energy grows per step
+by a factor of {1 + omega_dt**2:.0f} with explicit Euler, and of {radius**2:.0f} with semi-implicit Euler.
 
 </details>""")
 
