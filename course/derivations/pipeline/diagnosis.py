@@ -10,7 +10,7 @@ import numpy as np
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
-    "dt": Symbol("step [s]", 0.01, 0.5),
+    "h": Symbol("step [s]", 0.01, 0.5),
     "H": Symbol("time constant of the discount [s]", 0.5, 5.0),
 }
 
@@ -222,13 +222,13 @@ def contracts_before_sliders(result):
     "({half}). If the reward of a step is converted to its shorter time as well, the best "
     "behaviour is the old one ({mended}).",
     ask=(
-        "A task has a discount with the time constant H. What is the discount for a step dt?",
-        "gamma = exp(-dt/H)",
+        "A task has a discount with the time constant H. What is the discount for a step h?",
+        "gamma = exp(-h/H)",
         {
-            "1 - dt/H": "That is the first-order approximation for short steps.",
-            "exp(-H/dt)": "A shorter step discounts less.",
-            "1/(1 + dt/H)": "That is the rule of a random end, the same to first order only.",
-            "exp(-dt*H)": "A longer horizon discounts less.",
+            "1 - h/H": "That is the first-order approximation for short steps.",
+            "exp(-H/h)": "A shorter step discounts less.",
+            "1/(1 + h/H)": "That is the rule of a random end, the same to first order only.",
+            "exp(-h*H)": "A longer horizon discounts less.",
         },
     ),
     source="K. Doya, Reinforcement learning in continuous time and space, 2000",
@@ -238,13 +238,13 @@ def reward_by_the_step(result):
 
     from course.pipeline.timestep import Way, chain, prefers
 
-    dt, H, a = sympy.symbols("dt H a", positive=True)
+    h, H, a = sympy.symbols("h H a", positive=True)
     # What is kept over one step of a decay at the rate 1 / H.
     f = sympy.Function("f")
     decay = sympy.dsolve(sympy.Eq(f(a).diff(a), -f(a) / H), f(a), ics={f(0): 1})
-    result.formula = decay.rhs.subs(a, dt)
+    result.formula = decay.rhs.subs(a, h)
     path, old, new = Way(), 0.01, 0.001
-    retained = float(result.formula.subs({dt: old, H: path.horizon}))
+    retained = float(result.formula.subs({h: old, H: path.horizon}))
     paid = path.horizon * (1.0 - retained)
     before = prefers(chain(path, old))
     after = prefers(chain(path, new, gamma=retained, per_step=paid))

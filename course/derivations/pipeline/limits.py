@@ -404,8 +404,8 @@ def look_and_move_limit(result):
     "through: {part:.2f} at g = {gain:.1f}. With images that are {late:.0f} frames late it is "
     "{more:.2f}.",
     ask=(
-        "In each frame, a fraction g of the error in a fresh, noisy image is corrected. Which "
-        "fraction of the variance of one image ends up in the position?",
+        "In each frame, a fraction g of the error in a fresh, noisy image is corrected. How large "
+        "is the variance of the position, divided by that of one image?",
         "g/(2 - g)",
         {
             "g^2": "Earlier images still contribute: each frame keeps 1 - g of the old error.",
