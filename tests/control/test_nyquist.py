@@ -10,6 +10,7 @@ from course import control
 from course.control import frequency
 from course.simulations.control import nyquist
 from course.simulations.model import Experiment
+from tests.budget import sampled
 
 
 def chosen(preset="Comfortable", **values):
@@ -52,7 +53,7 @@ SETTINGS = [
 ]
 
 
-@pytest.mark.parametrize("values", SETTINGS)
+@pytest.mark.parametrize("values", sampled(SETTINGS, 2))
 def test_curve_and_step_response_are_those_of_scipy(values):
     experiment = chosen(**values)
     state, dt = experiment.state, 1e-3 * experiment.controls["dt"]

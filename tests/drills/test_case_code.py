@@ -29,7 +29,7 @@ from tests.drills.place import Place, a_place
 
 __all__ = ["a_place"]
 
-EXERCISES = exercise_params("hopper_filter", "solve_stack")
+EXERCISES = exercise_params("hopper_filter", "solve_stack", step=3)
 
 
 def run(card: Card, source: str, case: str) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def assert_reproduced(card: Card, report: Report) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXERCISES)
 def test_the_case_of_every_slip_fails_below_it(name: str) -> None:
-    """The first slip and the last; all of them in the long tier."""
+    """The first slip and the last of one exercise in three; all of them in the long tier."""
     card, exercise = catalogue.card(name), exercises.of(name)
     compared = 0
     for slip in exercise.slips if PROVE else (exercise.slips[0], exercise.slips[-1]):

@@ -141,6 +141,7 @@ def test_a_changed_text_makes_no_large_arrays() -> None:
     assert type(caught.value).__name__ == "_TooLong"
 
 
+@pytest.mark.prove
 def test_every_changed_step_is_another_text() -> None:
     counts: dict[str, int] = {}
     for card in catalogue.cards():
