@@ -76,7 +76,7 @@ lab: environment ## set up, then open the course in JupyterLab, in copies under 
 	@JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m tools.lab
 
 check: environment sphinx lint types ## lint, types and the quick tests, in about three minutes
-	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n $(WORKERS) --dist worksteal
+	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
 test: environment sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact

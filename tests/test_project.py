@@ -84,6 +84,7 @@ HEAVY = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "module", ["course", "course.vector_env", *(chapter.module for chapter in PRESENT)]
 )

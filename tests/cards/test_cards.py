@@ -141,6 +141,7 @@ def test_claims_that_no_notebook_shows_are_listed(tmp_path):
         cards.unplaced("rigid_body", tmp_path / "none")
 
 
+@pytest.mark.slow
 def test_a_claim_is_short_as_text():
     for id in ("renormalising_repairs", "rk4_costs_four_times", "gyroscopic_term_holds_the_top_up"):
         lines = repr(derivations.show(id)).splitlines()
@@ -217,6 +218,7 @@ def test_a_question_and_a_claim_have_different_names():
     assert not claims & {claim.id for claim in derivations.claims()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("topic", TOPICS)
 def test_no_card_shows_an_unfilled_field(topic):
     shown = [cards.predict(name) for name in cards.predictions(topic)]

@@ -84,6 +84,7 @@ def test_a_new_question_changes_only_the_draws_that_it_is_in(
 # --- How answers are graded -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("topic", TOPICS)
 def test_a_checkpoint_is_passed_when_all_five_are_right(topic: str) -> None:
     for seed in (1, 2):
@@ -95,6 +96,7 @@ def test_a_checkpoint_is_passed_when_all_five_are_right(topic: str) -> None:
             assert not missing.passed and "4 of 5 right, checkpoint open" in repr(missing)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("topic", TOPICS)
 def test_every_question_of_the_pool_accepts_its_answer_and_no_other(topic: str) -> None:
     for question in draws.pool(topic):
@@ -208,6 +210,7 @@ def test_an_estimate_that_is_not_whole_is_refused(changed: dict[str, Any], named
 # --- The pool of the site -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("topic", TOPICS)
 def test_without_a_script_the_site_shows_the_first_draw(topic: str) -> None:
     made = draws.offered(topic)

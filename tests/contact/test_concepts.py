@@ -123,6 +123,7 @@ def test_the_preset_of_the_pyramid_lies_between_cone_and_pyramid():
 # --- complementarity ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @examples(60)
 @given(st.floats(-2.0, 11.0), st.floats(-1.0, 6.0))
 def test_a_drag_to_anywhere_leaves_the_pair_on_a_half_axis(x, y):

@@ -498,6 +498,7 @@ def test_another_discretisation_or_anti_windup_is_right(derivative, integral):
     assert report.slip == ""
 
 
+@pytest.mark.slow
 def test_anti_windup_that_is_missing_or_too_slow_is_told_apart():
     missing, slow = (graded("Tustin", kind, 12) for kind in ("none", "back-calculation, slow"))
     assert (missing.verdict, missing.slip) == ("fail", "integral_not_stopped")

@@ -339,6 +339,7 @@ def copied(tmp_path, monkeypatch):
     records.load.cache_clear()
 
 
+@pytest.mark.slow
 def test_record_writes_nothing_when_nothing_changed(copied):
     path, command = copied
     before = path.read_text(encoding="utf-8")

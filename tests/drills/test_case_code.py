@@ -158,6 +158,7 @@ def test_a_value_as_code_is_the_same_value(value: Any) -> None:
         assert identical(again, value)
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_program_that_runs(place: Place) -> None:
     import subprocess
 

@@ -277,6 +277,7 @@ def test_links_lead_to_the_same_place_or_are_titles(tmp_path: Path) -> None:
     assert sources(outside)[0] == other
 
 
+@pytest.mark.slow
 def test_every_picture_of_the_course_is_found_from_a_copy(tmp_path: Path) -> None:
     for source in sorted((ROOT / "notebooks").glob("*.ipynb")):
         copied = bring(source, tmp_path / "work", closed).path

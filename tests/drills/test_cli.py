@@ -291,6 +291,7 @@ def test_doctor_names_the_protections(place: Place) -> None:
     assert all(row["ok"] for row in data["grader"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "distribution", "extra"), [(row[0], row[1], row[3]) for row in doctor.LIBRARIES]
 )
@@ -323,6 +324,7 @@ def test_no_title_is_cut_and_no_line_is_too_long(place: Place, columns: str) -> 
             assert all(word in words for word in to_ascii(card.title).split()), card.title
 
 
+@pytest.mark.slow
 def test_a_hint_knows_what_the_last_check_found(place: Place) -> None:
     card = catalogue.card("dbscan")
     slip = next(s for s in exercises.of("dbscan").slips if "exactly" in s.sentence)

@@ -117,6 +117,7 @@ class _Text(HTMLParser):
         self.text += data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["right", "wrong_value", "exception", "printed", "not_attempted"])
 def test_html_is_balanced_and_says_the_same(case: str) -> None:
     report = _report(case)

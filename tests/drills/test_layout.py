@@ -40,6 +40,7 @@ def test_a_big_library_is_asked_through_its_oracle(path: Path) -> None:
     assert result == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)
 def test_a_judge_imports_nothing_heavy_at_its_top(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -218,6 +218,7 @@ def bundle(shown: notebook.Shown) -> dict[str, Any]:
     return shown._repr_mimebundle_()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", catalogue.names())
 def test_a_card_says_what_one_needs(name: str) -> None:
     card = catalogue.card(name)
@@ -448,6 +449,7 @@ def test_reasons_of_results_are_of_the_closed_list() -> None:
 # --- The robot's button ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_page_without_a_kernel_names_the_command_instead_of_a_button(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -42,6 +42,7 @@ def test_a_chapter_has_twelve_questions_at_three_levels(topic: str) -> None:
     assert len({question.kind for question in mine}) >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("topic", "question"), [pytest.param(t, q, id=q.name) for t, q in ALL])
 def test_a_question_is_complete_and_its_figures_are_there(topic, question) -> None:
     assert BY_NUMBER[question.chapter] == topic

@@ -255,6 +255,7 @@ def test_the_policys_probes_stand_beside_those_of_the_model() -> None:
     assert scenarios.diagnose("touch", 1).probe("log_ticks").model is None
 
 
+@pytest.mark.slow
 @SAMPLED
 def test_a_session_ends_with_the_evidence(name: str, cause: str) -> None:
     session = scenarios.diagnose(name, seed_of(name, cause))
@@ -483,6 +484,7 @@ def test_a_listing_fits_a_terminal_and_is_the_same_program(one: Scenario) -> Non
         assert sorted(re.findall(r"\w+", result)) == sorted(re.findall(r"\w+", text))
 
 
+@pytest.mark.slow
 def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
     one, seed = scenarios.scenario("touch"), seed_of("touch", "windup")
     lines = [f"probe {name}" for name in scenarios.model_path("touch")]

@@ -41,6 +41,7 @@ def rngs():
     return st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NEW)
 def test_a_wrong_answer_is_drawn(name):
     """The picture of the first case that the starter has wrong."""

@@ -78,6 +78,7 @@ def test_weights_in_one_vector_learn_as_in_many():
     np.testing.assert_allclose(weights(nets[0]), weights(nets[1]), rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_line_is_found_and_a_loss_that_explodes_keeps_the_last_good_weights():
     rng = np.random.default_rng(3)
     x = rng.normal(size=(200, 2))

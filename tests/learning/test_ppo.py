@@ -267,6 +267,7 @@ def test_a_run_that_diverges_keeps_the_last_good_weights():
         list(ppo(points(), replace(SMALL, rate=1e18, longest_gradient=math.inf), steps=10**4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.4, 1e-3], ids=["some reset", "all reset at once"])
 def test_steps_that_reset_leave_fewer_rows_than_minibatches(radius):
     """Batches of one step of 8 environments, of which some, or all, only reset."""

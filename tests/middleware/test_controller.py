@@ -12,6 +12,8 @@ from course.middleware import controller, launch
 from course.middleware.qos import QoS
 from tests import optional
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
@@ -164,7 +166,6 @@ def test_it_names_its_interfaces_and_rejects_others(program, tmp_path):
     assert lines == ["1", *names, "0", "0", "0", "0"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("call", "report"),
     [

@@ -19,6 +19,7 @@ from tests.budget import examples
 CONTROL, CAMERA = Work("control", 0.001, 0.05), Work("camera", 0.025, 1 / 30, "subscription")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ORDERS)
 def test_a_short_callback_waits_for_a_long_one_in_every_order(order):
     works, worst = [CONTROL, CAMERA], 0.0

@@ -54,6 +54,7 @@ def home_page(folder: Path) -> str:
     return home.outputs[0].data["text/markdown"]
 
 
+@pytest.mark.slow
 def test_a_copy_names_the_kernel_as_jupyterlab_does_on_opening_it(project: Path) -> None:
     """Asked of a kernel that runs, by the protocol; JupyterLab writes down its answer."""
     from jupyter_client.manager import start_new_kernel

@@ -59,6 +59,7 @@ def test_points_lie_on_what_was_seen():
     assert np.abs(theirs - points).max() < 2.0**-23 * np.abs(points).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("voxel", [0.003, 0.01, 0.05, 3.0])
 def test_voxel_means_are_open3ds_to_the_last_bit(voxel):
     points, _ = back_project(render(scene(np.random.default_rng(4), 6), SMALL)[0], SMALL)

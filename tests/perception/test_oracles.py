@@ -61,6 +61,7 @@ def test_the_rays_of_open3d_meet_boxes():
         open3d.Rays(shape("sphere", 1.0), SMALL)
 
 
+@pytest.mark.slow
 def test_opengl_settles_where_the_middle_of_a_pixel_is():
     shapes = boxes(np.random.default_rng(1))
     try:

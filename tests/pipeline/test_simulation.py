@@ -76,6 +76,7 @@ def test_what_the_notes_say():
     assert filtered[whole.SHARE] > 0.8
 
 
+@pytest.mark.slow
 def test_a_plan_from_an_old_posture_jumps_and_a_plan_that_is_waited_for_does_not():
     """A plan moves a joint by at most its largest rate times the time between two pictures.
 

@@ -85,6 +85,7 @@ def test_the_tilt_along_a_chord_stays_below_its_bound_and_is_of_second_order(wor
     assert np.all(np.abs(orders - 2.0) < 0.3)
 
 
+@pytest.mark.slow
 def test_an_extension_walks_towards_its_target_upright_and_free(world) -> None:
     rng = np.random.default_rng(4)
     moved = 0
@@ -106,6 +107,7 @@ def test_an_extension_walks_towards_its_target_upright_and_free(world) -> None:
     assert moved >= 3
 
 
+@pytest.mark.slow
 def test_the_planner_keeps_the_cup_upright_with_the_proof_and_not_without() -> None:
     """A long step without the proof tilts the cup beyond the tolerance; with the proof no step."""
     world = planning.shelf("open").world

@@ -65,6 +65,7 @@ def test_a_pick_meets_all_needs_and_no_other_that_does_is_cheaper(table, needs) 
         assert set(one.failed) | set(one.unknown) <= set(result.deciding)
 
 
+@pytest.mark.slow
 @budget.examples(100)
 @given(tables, jobs, st.sampled_from(ENGINES), st.sampled_from([*ROWS, "gpu"]))
 def test_forgetting_a_fact_never_lets_an_engine_in(table, needs, engine, row) -> None:

@@ -24,6 +24,7 @@ def test_every_integrator_shows_its_order_on_the_tumble(tumble) -> None:
     assert tumble.observed_order("MuJoCo RK4") == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_mujocos_euler_is_our_semi_implicit_euler(tumble) -> None:
     theirs = [p.error for p in tumble.curve("MuJoCo Euler").points]
     ours = [p.error for p in tumble.curve("semi_implicit_euler").points]

@@ -276,6 +276,7 @@ def test_what_to_spend_on_is_what_helps():
         assert age(chain).mean - age(option.stages).mean == pytest.approx(option.gain)
 
 
+@pytest.mark.slow
 def test_a_fresh_sample_is_better_than_one_that_has_waited():
     """A planner that skips is younger than one that starts when free, and needs less."""
     options = {o.change: o for o in spend(CHAIN) if o.stage == "planning"}

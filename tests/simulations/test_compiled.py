@@ -14,6 +14,8 @@ from tests.budget import examples
 from tests.simulations.compiled import Compiled, assert_compiled_is_plain
 from tests.simulations.models import WALK
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("an area", "a line", "a polygon", "discs", "an arrow", "a text", "a readout")
 
 
@@ -62,7 +64,6 @@ def test_a_full_pen_names_what_has_no_room_and_nothing_is_written_past_its_end(c
         assert report == expected
 
 
-@pytest.mark.slow
 def test_a_copy_and_stray_points_are_refused_compiled() -> None:
     copy = numba.njit("(float64[::1], float64[::1])", error_model="numpy")(draw.copy)
     point = numba.njit("(float64[::1], float64, float64)", error_model="numpy")(draw.point)

@@ -131,6 +131,7 @@ magnitudes = st.one_of(st.floats(-1e6, 1e6), st.floats(-1e200, 1e200), st.floats
 spans = st.floats(-200.0, 200.0).map(lambda power: 10.0**power)
 
 
+@pytest.mark.slow
 @examples(300)
 @given(magnitudes, spans, st.integers(1, 12))
 @example(153307.0, 1e-6, 2)

@@ -48,6 +48,7 @@ def test_an_svg_is_the_same_each_time_and_has_its_size() -> None:
     assert not list(root.iter("{http://www.w3.org/2000/svg}text"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [SOME[0], *(pytest.param(name, marks=pytest.mark.prove) for name in SOME[1:])]
 )

@@ -20,6 +20,8 @@ from course.site import compiler
 from tests.site import pieces
 from tests.site.host import Instance, array
 
+pytestmark = pytest.mark.slow
+
 # What the compiler replaces or uses inside Numba, with the arguments that it counts on.
 NEEDED = {
     codegen.CPUCodeLibrary: {
@@ -105,7 +107,6 @@ def run(instance: Instance, name: str, values: Any) -> Any:
     return np.frombuffer(instance.read(place, given.nbytes))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param("maths", marks=pytest.mark.prove), "arrays", "lists", "wholes"]
 )

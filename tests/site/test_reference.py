@@ -40,6 +40,7 @@ def test_every_public_module_is_on_one_page() -> None:
     assert set(files()) <= set(LISTED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LISTED)
 def test_the_examples_run(name: str) -> None:
     module = importlib.import_module(name)

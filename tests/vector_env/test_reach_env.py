@@ -57,6 +57,7 @@ def test_gymnasium_finds_nothing_wrong(name: str) -> None:
     assert all("infinity" in text for text in warnings), warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_two_models_agree_over_an_episode(seed: int) -> None:
     """The same method and step in both: rounding is all that is left."""

@@ -405,6 +405,7 @@ def test_a_discrete_action_must_be_whole() -> None:
     nested.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 @pytest.mark.parametrize(
     ("arguments", "text"),

@@ -55,6 +55,7 @@ CASES: dict[str, Any] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.optional
 @pytest.mark.parametrize("case", CASES)
 def test_the_adapter_is_the_librarys_own_loop(library, case: str) -> None:

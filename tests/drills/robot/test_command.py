@@ -150,6 +150,7 @@ def test_a_broken_part_is_named_with_its_call(own: Place) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.optional
 def test_ompl_can_hold_the_planner(place: Place) -> None:
     if importlib.util.find_spec("ompl") is None:
