@@ -57,7 +57,7 @@ class Stage:
 
     def __post_init__(self) -> None:
         at = f"of {self.name}"
-        positive(f"execution {at}", self.execution, unit="s")
+        positive(f"execution time {at}", self.execution, unit="s")
         count(f"depth {at}", self.depth, 1)
         one_of(f"overload {at}", self.overload, ("", "skip", "queue", "pipelined"))
         finite(f"jitter {at}", self.jitter, 0.0, self.execution, unit="s")
@@ -86,11 +86,12 @@ class Stage:
         )
         if rule == "skip" and least == largest and not early:
             return period * largest
-        raise invalid(
-            f"execution of {self.name}",
-            longest,
-            f"up to its period of {period:g} s, or more with a rule for overload",
-        )
+        allowed = f"at most its period {period:.3g} s"
+        if rule:
+            allowed += ", as its results are not regular with this rule for overload"
+        else:
+            allowed += " without a rule for overload"
+        raise invalid(f"execution time of {self.name}", longest, allowed)
 
 
 @dataclass(frozen=True)

@@ -53,11 +53,11 @@ def age_precision(
     truth, rng = sampled(lattice(reference, 4)), np.random.default_rng(0)
     predicted = age(CHAIN)
     panel = Panel(
-        "Mean age of the chapter's chain: closed form and events",
+        "Error of the mean age: closed form and simulation",
         "processor time [s]",
-        "error [s]",
+        "error of the mean age [s]",
         scale="log",
-        lines=[("y", 1e-3, "0.3 mm at 0.3 m/s")],
+        lines=[("y", 1e-3, "1 ms: 0.3 mm at 0.3 m/s")],
     )
     requested: list[Callable[[], object]] = [functools.partial(age, CHAIN)]
     draws = {n: [rng.random((n, 4)) for _ in range(repeats)] for n in runs}
@@ -68,7 +68,7 @@ def age_precision(
     errors = np.array([[abs(sampled(d) - truth) for d in draws[n]] for n in runs])
     panel.series.append(
         Series(
-            "random phases",
+            "event simulation",
             [t.median for t in timed[1:]],
             np.median(errors, axis=1),
             "events",
@@ -115,12 +115,13 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
     """Chart where the mean is wrong: locked clocks, drifting clocks, deep queues, overload."""
     panel = Panel(
         "Locked clocks: the mean depends on the start",
-        "start phase of the reader",
+        "start phase, share of the reader's period",
         "mean age at reading [s]",
         lines=[("y", CAMERA / 2, "T / 2")],
     )
     starts = np.linspace(0.01, 0.99, phases)
-    for label, rate, key in (("10 Hz, one clock", 10.0, "locked"), ("9.73 Hz", 9.73, "events")):
+    readers = (("10 Hz, locked", 10.0, "locked"), ("9.73 Hz, not locked", 9.73, "events"))
+    for label, rate, key in readers:
         # Without the first readings, which start before the camera.
         ages = [at_read(1 / rate, p, seconds)[1][3:].mean() for p in starts]
         panel.series.append(
@@ -130,7 +131,7 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
                 ages,
                 key,
                 theory=(lambda p: (0.1 * p) % CAMERA + 1e-6) if rate == 10.0 else None,
-                note=f"{label:<18} from {min(ages):.4f} to {max(ages):.4f} s",
+                note=f"{label:<19} from {min(ages):.4f} to {max(ages):.4f} s",
             )
         )
     yield panel
@@ -154,7 +155,7 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
     depths = np.arange(1, 11)
     panel = Panel(
         "A queue of depth d adds (d - 1) T if its reader is slower",
-        "depth",
+        "queue depth d",
         "mean age at reading [s]",
     )
     for label, reader, full, key in (
@@ -182,14 +183,14 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
         # Slope after the first samples, when the queue has begun to grow.
         slopes.append(np.polyfit(run.published[9:], (run.published - run.captured)[9:], 1)[0])
     panel = Panel(
-        "Overload: in an endless queue the age grows",
-        "execution over period, C / T",
+        "Overload: without a limit the age grows",
+        "execution time over interval, C / T",
         "growth of the age [s/s]",
         lines=[("x", 1.0, "always busy")],
     )
     panel.series.append(
         Series(
-            "endless queue",
+            "queue without a limit",
             loads,
             slopes,
             "queue",

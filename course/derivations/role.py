@@ -164,16 +164,18 @@ def polling_makes_fresh(result):
 
 @claim(
     "A stage with one worker is in overload: its inputs come regularly, and it always needs the "
-    "same time, longer than their interval. The mean age of its newest result is smallest if the "
-    "stage takes the newest waiting input as soon as it is free.",
-    "That input has already waited. If the planner of this chapter's chain always needs exactly "
-    "{plan_ms:.0f} ms, the wait is {exact_wait_ms:.0f} ms on average, and the mean age of the "
+    "same time, longer than their interval. It can take the newest waiting input as soon as it is "
+    "free, or ignore the inputs that come while it is busy. With the first rule, its newest result "
+    "is younger on average.",
+    "With the first rule, the input has already waited. If the planner of this chapter's chain "
+    "always needs exactly {plan_ms:.0f} ms, the wait is {exact_wait_ms:.0f} ms on average, and the "
+    "mean age of the "
     "command is {exact_ms:.0f} ms. If this time varies a little, the wait is half of the "
     "interval between poses, {wait_ms:.0f} ms, and the mean age is {free_ms:.0f} ms. In both cases "
     "the planner keeps {free_cores:.1f} cores busy. It is better to ignore the inputs that come "
-    "while the planner is busy, and to start with the next one, which is fresh: {skip_ms:.0f} ms "
+    "while the planner is busy, because the next one is fresh: {skip_ms:.0f} ms "
     "with {skip_cores:.1f} cores. At none of {ratios:.0f} ratios of the two times were the results "
-    "older with this rule. At some of them both rules give the same age.",
+    "older with this second rule. At some of them both rules give the same age.",
 )
 def start_when_free(result):
     from dataclasses import replace
@@ -272,8 +274,9 @@ def reaction_is_age(result):
 
 
 @claim(
-    "In the long run the mean wait is half a period, whatever the two rates.",
-    "Then a reader at an odd rate meets all phases. But rates of 3 to 1 that come from one clock "
+    "In the long run the mean wait of a result is half of the producer's period, whatever the "
+    "rates of producer and reader.",
+    "Then the reader meets all phases. But rates of 3 to 1 that come from one clock "
     "keep the phase with which they start. With a camera at {fast_hz:.0f} Hz and a reader at "
     "{slow_hz:.0f} Hz, the age at reading stayed at {low_ms:.1f} "
     "ms in one run and at {high_ms:.1f} ms in another, to within {moved_ms:.0e} ms over a minute.",

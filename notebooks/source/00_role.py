@@ -20,13 +20,13 @@ simulation("stack")
 
 # %% [markdown]
 # The drawing shows the software of a robot, its *stack*. Each dot belongs to one image, and the number is the image's
-# age. The blue bars show the ages of the commands in a simulated run. A formula predicts the three dashed lines
-# (section 1).
+# age. The blue bars show how often the command has each age in a simulated run. A formula predicts the three dashed
+# lines (section 1).
 #
-# **After this chapter you can** draw a stack as a graph, with a rate, a size and a deadline on every arrow; compute how
-# old the information behind a motor command is; find the change that makes it younger; and recognise a full queue,
-# locked clocks and drifting clocks in a log. **Know first:** some Python, and what a mean is. Later chapters use linear
-# algebra, derivatives, differential equations and probability.
+# **After this chapter you can** draw a stack as a graph, with the rate, the size and the kind of deadline of every
+# arrow; compute how old the information behind a motor command is; find the change that makes it younger; and
+# recognise, in a log, a full queue and trouble between two clocks. **Know first:** some Python, and what a mean is.
+# Later chapters use linear algebra, derivatives, differential equations and probability.
 #
 # ## How this course works
 #
@@ -34,7 +34,7 @@ simulation("stack")
 # sides: concept, design, code, debugging and frontier.
 #
 # *Cards* ask questions. Some show a statement that you will often hear. You judge it: true, false, or true only under a
-# condition. The command `python -m course.derivations 0` checks these statements. Section 7 has these exercises:
+# condition. (`python -m course.derivations 0` checks the statements.) Section 7 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -78,21 +78,20 @@ def table(*rows):
 # %% [markdown]
 # ## 1 · Concept: six boxes and a robot
 #
-# The stack above has six boxes and the robot. Click a box to read what goes in and out:
+# The drawing has six boxes of software and one for the robot. Click a box to read what goes in and out:
 #
 # * The **simulation** takes torques (turning forces) and returns images and **joint states**, the angles and speeds
 #   of the joints. It stands for the robot (chapters 1 to 4).
 # * The **middleware** carries messages from one program to another. (Poses and trajectories pass through it, too, but
-#   are drawn without it.) It gives each measurement a **time stamp**, the moment at which it was
-#   taken (chapter 10).
-# * **Perception** turns images into poses, the positions and orientations of things, with their uncertainty, the
-#   *covariance* (chapter 7).
+#   are drawn without it.) Each image leaves it with a **time stamp**, the moment of its capture (chapter 10).
+# * **Perception** turns images (*frames*) into poses, the positions and orientations of things, with their
+#   uncertainty, the *covariance* (chapter 7).
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
 # * **Control**, also called the *joint loop*, turns trajectories and joint states into torques, the motor commands,
 #   1,000 times per second (chapter 6).
-# * **Learning** turns logs and **episodes**, which are tries at a task, into parameters of the simulation and into
-#   **policies**, which are programs that choose the next action. *Sim-to-real* means that such a policy
-#   then runs on the real robot (chapters 8 and 9).
+# * **Learning** turns logs and **episodes** (tries at a task) into parameters of the simulation and into **policies**,
+#   programs that choose the next action. *Sim-to-real* means that such a policy then runs on the real robot (chapters 8
+#   and 9).
 #
 # An arrow carries samples, such as images. With a **hard deadline** each late sample counts as a failure. With a
 # **soft deadline** a late sample is only worth less.
@@ -101,16 +100,20 @@ def table(*rows):
 predict("never_late")
 
 # %% [markdown]
-# The function `check_stack` tests the drawing: each box must have an input and an output, and each closed path of
-# arrows must pass through the robot or its simulation. In a closed path of other programs, each may wait for the next,
-# and the robot stops.
+# <details><summary>Which drawings of a stack are wrong?</summary>
+#
+# The function `check_stack` tests the drawing. Each box must have an input and an output, and each closed path of
+# arrows must pass through the robot or its simulation. In any other closed path, each program may wait for the one
+# before it. Then none of them ever starts.
+#
+# </details>
 #
 # The **bandwidth** of an arrow is its rate, in samples per second, times the size of each sample in bytes. A depth
 # camera measures the distance at each pixel. With 640 by 480 pixels of 2 bytes at 30 Hz, it sends $640 \cdot 480 \cdot
 # 2 \cdot 30 = 18.4$ million bytes per second.
 #
-# The table lists the arrows with the largest bandwidth. If the joint loop drives a simulation, it has no deadline,
-# because a simulation can wait. A log has no deadline either.
+# The table lists the arrows with the largest bandwidth. If the joint loop drives a simulation, the arrows between the
+# two have no deadline, because a simulation can wait. A log has no deadline either.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -124,7 +127,7 @@ table(
 
 # %% [markdown]
 # Nearly all bytes belong to images. Nearly all messages are joint states and torques. Only the arrows between the joint
-# loop and the robot have hard deadlines. So this program gets a *core* (one processor of the computer) of its own,
+# loop and the robot have hard deadlines. So the joint loop gets a *core* (one processor of the computer) of its own,
 # where other programs hardly delay it.
 #
 # ### How old is a command?
@@ -148,22 +151,26 @@ show("chain_age")
 
 # %% [markdown]
 # The next diagram shows how the age grows from 0, the capture of the image, to the present moment. All values are
-# means. Blue bars are work. An orange bar shows how long ago the result in use was finished:
+# means. Blue bars are work. An orange bar shows how long a result had been finished when the next stage read it. The
+# last orange bar shows how long the command has been in force:
 
 # %% tags=["hide-code"]
 parts, names = [], []
-for stage, wait in zip(CHAIN, age(CHAIN).waits, strict=True):
+words = (
+    ("perception: work", "pose: until it is read"),
+    ("planner: work", "plan: until it is read"),
+    ("joint loop: work", "command: in force"),
+)
+for stage, wait, both in zip(CHAIN, age(CHAIN).waits, words, strict=True):
     parts += [stage.execution, wait]
-    names += [
-        f"{stage.name}: work",
-        f"{stage.name}: {'result waits' if stage.period > 0.001 else 'command is in force'}",
-    ]
+    names += both
 ends = 1000 * np.cumsum(parts)
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
 for k, (part, end) in enumerate(zip(parts, ends, strict=True)):
     _ = axes.barh(k, 1000 * part, left=end - 1000 * part, color=[BLUE, ORANGE][k % 2])
     _ = axes.text(end + 2, k, f"{1000 * part:.1f}", va="center")
 _ = axes.set(yticks=range(6), yticklabels=names, xlabel="mean age [ms]", xlim=(0, 190))
+_ = axes.set_title(f"mean age of the command in force: {ends[-1]:.1f} ms")
 axes.invert_yaxis()
 plt.show()
 
@@ -188,7 +195,8 @@ table(
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
-# by $0.3 \cdot 172.4 \approx 52$ mm. So the gripper closes 52 mm behind the part.
+# by $0.3 \cdot 172.4 \approx 52$ mm. So the gripper closes 52 mm behind the part. At worst, whole periods come on top
+# instead of halves: $105.2 + 33.3 + 100 + 1 = 239.5$ ms. This is the *bound* in the table.
 #
 # The **phase** of two clocks is the time from a tick of one to the next tick of the other. Independent clocks
 # **drift**: no clock keeps its rate exactly, so the phase changes slowly and takes all values while the robot works.
@@ -234,11 +242,14 @@ show("polling_makes_fresh")
 # command that uses an image taken after the event. The event first waits for the next image. At each arrow the result
 # then waits until the *reader* starts.
 #
-# So at each arrow, data age contains half of the producer's interval, and reaction time half of the reader's. For the
-# whole chain, data age contains half of three intervals: perception's, the planner's, and that of the joint loop, whose
-# command is in force. Reaction time contains half of the camera's interval, because the event waits for the next image,
-# and half of the intervals of the two readers, the planner and the joint loop. The camera and perception have the same
-# interval, and both times contain all execution times. So both means are equal.
+# Both times contain all execution times. On average, these times come on top:
+#
+# * Data age: half an interval of perception and half an interval of the planner (the *producers*), and half an interval
+#   of the joint loop, whose command is in force.
+# * Reaction time: half an interval of the camera, because the event waits for the next image; half an interval of the
+#   planner and half an interval of the joint loop (the *readers*).
+#
+# The camera and perception have the same interval. So both means are equal.
 #
 # Do both times also have the same *distribution*: is each value as frequent in one as in the other? The next card tests
 # this with lost results and with **jitter**: a stage does not always need the same time. With jitter, one of two
@@ -248,16 +259,15 @@ show("polling_makes_fresh")
 show("reaction_is_age")
 
 # %% [markdown]
-# Günzel and others (ECRTS 2023) proved that the largest data age equals the largest reaction time, also if programs
-# share processors. In practice, log the data age, because you only need a time stamp that travels with the data. Write
-# requirements as reaction times, because people ask how soon a robot reacts.
+# Log the data age, because you only need a time stamp that travels with the data. Write requirements as
+# reaction times, because people ask how soon a robot reacts.
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
-# How old may the information be for a given task? The **latency** of a box or an arrow is the time that information
-# spends there. A **latency budget** divides the allowed age among the boxes and arrows. The **critical path** is the
-# slowest path from a sensor to the motors. The execution and waiting times on it add up to the age. If you save time on
-# another path, the critical path stays as long as it is.
+# The **latency** of a box or an arrow is the time that information spends there. If a task allows a certain age, a
+# **latency budget** divides this age among the boxes and arrows. The **critical path** is the slowest path from a
+# sensor to the motors. The execution and waiting times on it add up to the age. If you save time on another path, the
+# age stays the same.
 
 # %%
 predict("where_to_spend")
@@ -287,8 +297,7 @@ show("start_when_free")
 # half of the interval between poses, 16.7 ms on average. (That is right if the 60 ms vary a little. Section 6 shows
 # why.) *Pipelined*, no pose waits, and a plan comes every 33.3 ms.
 #
-# The change that saves most per core comes first. A joint loop on arrival is not listed: it would start only ten times
-# per second, when a plan comes, and miss its hard deadlines.
+# The change that saves most per core comes first:
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -303,10 +312,9 @@ table(
 #
 # ### What is a millisecond worth?
 #
-# A part with the speed $v$ has moved by $v A$ if its position is $A$ seconds old. If you use the position as it came,
-# you are wrong by this distance. If you know the age, you can **predict**: you add $v A$ to the old position. The
-# prediction is right if the velocity stays constant. If the part accelerates by $a$, an error of $\tfrac12 a A^2$
-# remains.
+# In the time $A$ a part with the speed $v$ moves by $v A$. If its position is $A$ seconds old and you use it as it
+# came, you are wrong by this distance. If you know the age, you can **predict**: you add $v A$ to the old position. But
+# if the part also accelerates by $a$, it moves by another $\tfrac12 a A^2$. This error remains after the prediction.
 #
 # To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the prediction
 # has an additional error. The **standard deviation** measures how much a value varies around its mean. The standard
@@ -317,27 +325,35 @@ table(
 # lag** is $2\pi f A$. (It is not a phase of clocks.) A correction that comes late enough pushes the arm further instead
 # of braking it, and the swing grows (chapter 6).
 #
-# The chart shows the errors at speeds up to 1 m/s, and the table those at 0.3 m/s:
+# The chart shows the errors at speeds up to 1 m/s, for a part that accelerates by 1 m/s². The table shows those at 0.3
+# m/s:
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
+title = f"mean age {1000 * report.mean:.0f} ms, acceleration 1 m/s²"
 figure_, axes = plt.subplots(figsize=(8, 3.0), layout="constrained")
+errors = np.array([cost(report, v, 1.0)[:3] for v in speeds])
+errors[:, 0] += errors[:, 1]  # What is used as it came also misses what the acceleration adds.
 for name, row, style in (
     ("used as it came", 0, "-"),
-    ("predicted, a = 1 m/s²", 1, "--"),
+    ("predicted", 1, "--"),
     ("additional without time stamps (standard deviation)", 2, ":"),
 ):
-    _ = axes.plot(speeds, [1000 * cost(report, v, 1.0)[row] for v in speeds], style, label=name)
-_ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title="mean age: 172 ms")
+    _ = axes.plot(speeds, 1000 * errors[:, row], style, label=name)
+_ = axes.set(xlabel="speed [m/s]", ylabel="error [mm]", title=title)
 _ = axes.legend()
 plt.show()
 
 # %% tags=["hide-code"]
 paid = cost(report, 0.3, 1.0, bandwidth=1.0)
 table(
-    ("mean age 172 ms, speed 0.3 m/s", "error"),
-    ("used as it came", f"{1000 * paid.held:.0f} mm"),
-    ("predicted with each sample's age, a = 1 m/s²", f"{1000 * paid.predicted:.0f} mm"),
+    (f"mean age {1000 * report.mean:.0f} ms, speed 0.3 m/s", "error"),
+    ("used as it came, constant speed", f"{1000 * paid.held:.0f} mm"),
+    ("used as it came, acceleration 1 m/s²", f"{1000 * (paid.held + paid.predicted):.0f} mm"),
+    (
+        "predicted with each sample's age, acceleration 1 m/s²",
+        f"{1000 * paid.predicted:.0f} mm",
+    ),
     ("additional without time stamps (standard deviation)", f"{1000 * paid.unstamped:.0f} mm"),
     ("phase lag of a swing at 1 Hz", f"{np.degrees(paid.phase):.0f} degrees"),
 )
@@ -347,7 +363,7 @@ table(
 #
 # Most boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
 # Above planning, a **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a
-# tree whose nodes succeed, fail or continue.
+# tree whose nodes succeed, fail, or are still running.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -368,10 +384,10 @@ table(
 # ## 3 · Code: reading, age and reaction
 #
 # In a **queue** a new sample joins at the end, and the reader takes the one at the front. The **queue depth** is the
-# number of samples that fit. If the queue is full, the sample at the front is dropped. The function `read` returns
-# which sample a reader gets. The class `Trace` is a recorded run. For each command it stores when it was issued
-# (`published`), and when its image was taken (`captured`). Its methods `age` and `reaction` compute the two times of
-# section 1:
+# number of samples that fit. If a new sample finds the queue full, the sample at the front is dropped. The function
+# `read` returns which sample a reader gets. The class `Trace` is a recorded run. For each command it stores when it was
+# issued (`published`), and when its image was taken (`captured`). Its methods `age` and `reaction` compute the two
+# times of section 1:
 
 # %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
@@ -391,7 +407,9 @@ chain = [
 ]
 rng = np.random.default_rng(1)
 ages = [
-    simulate(chain, rng.random(3), seconds=2.0).age(rng.uniform(0.8, 2.0, 20)) for _ in range(300)
+    # A phase for each stage; "plan" has no clock and ignores its own. After 0.8 s the chain is full.
+    simulate(chain, rng.random(3), seconds=2.0).age(rng.uniform(0.8, 2.0, 20))
+    for _ in range(300)
 ]
 print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(ages):.1f} ms")
 
@@ -400,14 +418,13 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(age
 #
 # ## 4 · The simulation in full
 #
-# In the simulation at the top, a dot in a box belongs to an image on which this box works now. A dot on an arrow is a
-# result that waits. A dot on the arrow from control to the robot is the command in force. The box that you click
-# becomes orange, and its arrows become blue. Wide arrows have high rates. The readout *newest result* is the age of
-# this box's newest result.
+# In the simulation at the top, a dot in a box belongs to an image on which this box works now. A dot on an arrow is the
+# newest result of the box where the arrow begins. On the arrow from control to the robot it is the command in force.
+# The box that you click becomes orange, and its arrows become blue. Wide arrows have high rates. The readout *newest
+# result* is the age of the clicked box's newest result.
 #
-# The bars show how often each age occurs in about thirty seconds of a run. The dashed lines show the closed form:
-# least, mean and bound. The clocks in this simulation drift much faster than real ones, so half a minute shows all
-# phases. The switch *all clocks from one* stops the drift.
+# The bars come from about thirty seconds of a run. The clocks in this simulation drift much faster than real ones, so
+# half a minute shows all phases. The switch *all clocks from one* stops the drift.
 #
 # Try the presets one after another, and predict the bars before you look. In the preset *Deep queue* up to ten poses
 # wait for the planner:
@@ -418,14 +435,14 @@ predict("queue_of_ten")
 # %% [markdown]
 # ## 5 · Speed against accuracy
 #
-# There are two ways to compute a mean age: the closed form and an event simulation. Here an event is the start or the
-# result of a stage, and an event simulation jumps from one event to the next. We simulate many runs of this chapter's
-# chain. Each has random phases, and we look at the age at one random moment. How many runs are needed? The green points
-# of the chart are means over 3, 10, 30, 100, 300 and 1,000 runs.
+# There are two ways to compute a mean age: the closed form and an event simulation, which jumps from one event to the
+# next. Here an event is the start or the result of a stage. We simulate this chapter's chain many times with random
+# phases, look at the age at one random moment of each run, and take the mean of these ages. How many runs are needed?
 #
-# The results are compared with a reference, the mean over 8,192 runs whose phases are spread evenly over all values.
-# The blue point is the closed form. For this chain it is exact. So the error drawn at the blue point is the error of
-# the reference.
+# The *error* of such a mean is its distance from a reference: the mean over 8,192 runs whose phases are spread evenly
+# over all values. For 3, 10, 30, 100, 300 and 1,000 runs we compute the error nine times. A green point is the *median*
+# of these nine errors: half of them are larger. The band around it holds their middle half. The blue point is the
+# closed form. For this chain it is exact. So the error drawn there is the error of the reference.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
 
@@ -433,30 +450,33 @@ predict("queue_of_ten")
 figures(read("age_precision"), "closed form", "1,000 runs", summary="Times and errors")
 
 # %% [markdown]
-# Each green point is the *median* of nine repeats: half of the errors are larger. The band around it holds the middle
-# half of these errors. At the dotted line the error is 1 ms. The closed form needs only microseconds, but it gives the
-# mean over all phases. Only the event simulation shows what happens in *one particular* run. Use the formula to design,
-# and the simulation wherever the assumptions of the formula do not hold.
+# At the dotted line the error is 1 ms. That is 0.3 mm for a part at 0.3 m/s. The standard deviation of a mean over $n$
+# runs is that of one age, divided by $\sqrt n$. The closed form needs only microseconds, but it gives the mean over all
+# phases. Only the event simulation shows what happens in *one particular* run. Use the formula to design, and the
+# simulation wherever the assumptions of the formula do not hold.
 #
 # ## 6 · Debug: where it fails
 #
 # ### Clocks that are locked
 #
 # The formula averages over all phases between two clocks. That is right if the phase takes all values while the robot
-# runs. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two clocks that
-# count the swings of the same quartz never drift against each other.
+# runs. There are two reasons why a phase can change:
 #
-# But clocks that do not drift can still have a phase that changes from tick to tick. That depends on their rates. At 30
-# Hz and 10 Hz, each tick of the slower clock comes at the same moment between two ticks of the faster one. At 30 Hz and
-# 9.73 Hz it comes at many different moments. Two clocks are **locked** if they do not drift against each other, and if
-# one or a few periods of the slower clock last exactly as long as some whole number of periods of the faster one.
+# * The clocks drift. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two
+#   clocks that count the swings of the same quartz never drift against each other.
+# * The rates do not fit together. 30 Hz and 10 Hz fit: three periods of one clock last as long as one period of the
+#   other. So each tick of the slower clock comes at the same moment between two ticks of the faster one. At 30 Hz and
+#   9.73 Hz it comes at many different moments.
+#
+# Two clocks are **locked** if neither is the case: they do not drift, and after one or a few ticks of the slower clock
+# the phase is the same again.
 
 # %%
 show("long_run_mean")
 
 # %% [markdown]
-# After one start of the robot the data are fresh. After the next start they are old, although nobody changed the code.
-# With two computers this is different, because each has a quartz of its own:
+# With locked clocks the data can be fresh after one start of the robot and old after the next, although nobody changed
+# the code. Two computers are different, because each has a quartz of its own:
 
 # %%
 show("same_rate_in_step")
@@ -468,7 +488,7 @@ show("same_rate_in_step")
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
 # This phase is given as a share of the reader's period. The curve has three teeth because three images come in one
 # period of the reader. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near half of the
-# camera's period, marked $T/2$.
+# camera's period, marked $T/2$. Small waves remain, because the phase takes only about twelve values in this run.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
 # falls at once by one period, and rises again.
@@ -476,33 +496,35 @@ show("same_rate_in_step")
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
 # %%
-figures(read("age_limits"), "10 Hz", "drift", "reader", "C / T", summary="All figures")
+figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 
 # %% [markdown]
 # ### Clocks on two computers: what an offset does
 #
-# Time stamps help only if the computers agree on the time. Suppose that the clock of the camera's computer is 5 ms
-# ahead of the clock of the joint loop's computer. Then every age that the joint loop logs is 5 ms too small, and at 0.3
-# m/s every prediction is wrong by $0.3 \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks
-# as usual.
+# Time stamps help only if the computers agree on the time. The difference between two clocks at the same moment is
+# their **offset**. Suppose that the clock of the camera's computer is 5 ms ahead of the clock of the joint loop's
+# computer. Then every age that the joint loop logs is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3
+# \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks as usual.
 #
 # Look instead at the least and the greatest age of the commands in force. If the execution times are constant and the
-# programs' clocks drift, these ages come close to the sum of the execution times and to the bound of section 1. If both
-# ages are too small, or both too large, by the same amount, suspect an offset.
+# programs' clocks drift, the least age comes close to the sum of the execution times, and the greatest to the bound of
+# section 1. If both ages are too small, or both too large, by the same amount, suspect an offset.
 #
 # Computers set their clocks over the network. One computer sends a question, and another sends an answer. The question
 # leaves at $t_0$ and arrives at $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock
 # measures $t_0$ and $t_3$, the other clock measures $t_1$ and $t_2$. The **round trip** is the time on the network,
-# $(t_3 - t_0) - (t_2 - t_1)$. The first computer doesn't know how much of it the question took. So it assumes one half.
-# Then the other clock is ahead by $((t_1 - t_0) + (t_2 - t_3))/2$, and the first computer corrects its own clock by
-# this offset.
+# $(t_3 - t_0) - (t_2 - t_1)$.
+#
+# Let the question take the time $d_1$, the answer $d_2$, and let the other clock be ahead by $x$. Then $t_1-t_0=d_1+x$
+# and $t_3-t_2=d_2-x$. The first computer assumes that $d_1$ and $d_2$ are equal. Then both cancel in the difference,
+# and $x=((t_1-t_0)-(t_3-t_2))/2$. The first computer corrects its own clock by this offset.
 
 # %%
 show("round_trip_sets_a_clock")
 
 # %% [markdown]
-# The drawing shows one exchange. The question travels longer than the answer. So the assumption is wrong, and the
-# corrected clock is wrong, too:
+# In the drawing the question travels longer than the answer. The first computer assumes the dashed path, half of the
+# round trip. Its $t_1$ is too early, and its corrected clock is wrong by the orange distance:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
@@ -510,14 +532,20 @@ events = [(0.0, 0), (0.9, 1), (1.2, 1), (1.5, 0)]  # time, computer
 for (a, i), (b, j) in ((events[0], events[1]), (events[2], events[3])):
     _ = axis.annotate("", (b, j), (a, i), arrowprops={"arrowstyle": "->", "color": BLUE})
 for k, (t, speaker) in enumerate(events):
-    _ = axis.plot(t, speaker, "o", color=ORANGE)
+    _ = axis.plot(t, speaker, "o", color=BLUE)
     _ = axis.text(
         t + 0.02,
         speaker + (0.1 if speaker else -0.1),
         f"$t_{k}$",
         va="bottom" if speaker else "top",
     )
-_ = axis.text(0.33, 0.5, "question: slow, $d_1$", ha="right")
+assumed = (events[1][0] + events[3][0] - events[2][0]) / 2  # half of the round trip
+_ = axis.plot((0.0, assumed), (0, 1), "--", color=GREY)
+_ = axis.plot((assumed, events[1][0]), (1, 1), color=ORANGE, lw=3)
+_ = axis.plot(assumed, 1, "o", color=GREY)
+_ = axis.text(assumed - 0.03, 1.1, "assumed $t_1$", ha="right")
+_ = axis.text((assumed + events[1][0]) / 2, 1.24, "error", ha="center", color=ORANGE)
+_ = axis.text(0.63, 0.5, "question: slow, $d_1$")
 _ = axis.text(1.42, 0.5, "answer: fast, $d_2$")
 for speaker, name in ((0, "first computer"), (1, "other computer")):
     _ = axis.hlines(speaker, -0.05, 2.05, color=GREY, lw=0.8, zorder=0)
@@ -541,10 +569,10 @@ plt.show()
 # two clocks at 30 Hz that differ by 10 ppm need almost an hour. Over several hours the mean of section 1 is right.
 #
 # Synchronised clocks do not drift. If PTP or a trigger line synchronises the clocks that start our stages, they are
-# locked, because the rates are 3 to 1 to 100. Then the mean depends on the start. Each pose that the planner takes has
-# waited the same time, somewhere from 0 to 33.3 ms. Each plan waits the same time until its first use, from 0 to 1 ms.
-# Then it stays in use for 100 ms, which adds 50 ms on average. So the mean lies between $105.2+50 \approx 155$ ms and
-# $155.2+33.3+1 \approx 190$ ms.
+# locked, because the rates are 3 to 1 to 100. Then each pose that the planner takes has waited the same time, from 0 to
+# 33.3 ms, and each plan waits the same time for its first use, from 0 to 1 ms. The plan stays in use for 100 ms, which
+# adds 50 ms on average. So the mean depends on the start, and lies between $105.2+50 \approx 155$ ms and $155.2+33.3+1
+# \approx 190$ ms.
 #
 # ### Queues
 #
@@ -560,9 +588,10 @@ show("deep_queue")
 # is only $T$ newer than the sample behind the result before. So from result to result the age grows by $C - T$. Per
 # second it grows by $(C - T)/C$ seconds.
 #
-# The lower row of the chart above shows both kinds of queue. Right: a queue without a limit. Beyond the dotted line $C$
-# is longer than $T$: the stage is always busy, and the age grows. Left: a queue with a limit. A reader at 9.7 Hz is
-# slower than the camera, so the queue is full. A reader at 33 Hz is faster, so the queue is nearly empty.
+# The lower row of the chart above shows both kinds of queue. Right: without a limit, the age grows beyond the dotted
+# line, where $C$ is longer than $T$. Left: with a limit. A reader at 9.7 Hz is slower than the camera, so the queue is
+# full, and each further sample that fits makes the data older by one period $T$ of the camera. A reader at 33 Hz is
+# faster, so the queue is nearly empty.
 #
 # So a stage in overload needs one of the rules of section 2. In the table a camera stage of 5 ms (0.15 cores) sends 30
 # images per second to a stage that needs 60 ms for each:
@@ -582,28 +611,35 @@ table(*rows)
 
 # %% [markdown]
 # With *queue* most images have already waited when the stage takes them. With *skip* the stage waits, and the image is
-# fresh. With a queue of depth 10 the age is almost four times that with depth 1.
+# fresh.
 #
-# The ages in this table are simulated, and each execution takes exactly 60 ms. That is $1.8\,T$, where $T$ is the
-# interval between images. So each time the stage becomes free at another point of this interval. After five executions,
-# which last $9\,T$, the pattern begins again. So there are five waits: 0, 0.2, 0.4, 0.6 and 0.8 of $T$. Their mean is
-# $0.4\,T$, about 13 ms. If the 60 ms vary a little, all waits up to $T$ occur. Then their mean is $T/2$, as in the
-# table of section 2, and the age for *queue* is 3 ms larger.
+# Each execution in this table takes exactly 60 ms. Then the waits of the images repeat, and with *queue* their mean is
+# $0.4\,T$, where $T$ is the interval between images. If the 60 ms vary a little, the mean wait is $T/2$, as in section
+# 2, and the age is 3 ms larger.
+#
+# <details><summary>Derive the mean wait of $0.4\,T$</summary>
+#
+# The 60 ms are $1.8\,T$. So each time the stage becomes free at another point of the interval between two images. After
+# five executions, which last $9\,T$, the pattern begins again. So there are five waits: 0, 0.2, 0.4, 0.6 and 0.8 of
+# $T$. Their mean is $0.4\,T$, about 13 ms. If the 60 ms vary a little, all waits up to $T$ occur, and their mean is
+# $T/2$.
+#
+# </details>
 #
 # `Stage` raises an error if the execution time is above the period and no rule is chosen:
 
 # %% tags=["show-code"]
 try:
-    Stage("slow", 0.060, 1 / 30)
-except ValueError as refusal:
-    print(str(refusal).replace(", or more", ",\n  or more"))
+    Stage("plan", 0.060, 1 / 30)
+except ValueError as error:
+    print(error)
 
 # %% [markdown]
 # ### Jitter
 #
 # Execution times vary with the load of the computer and with what the camera sees. Does jitter make the data older on
 # average? If a result is late, the result before it stays in force longer. If a result is early, it replaces the one
-# before it sooner. (Lost results do make the data older.)
+# before it sooner. (Lost results are different: they only make the data older.)
 
 # %%
 show("jitter_leaves_the_mean")
@@ -612,8 +648,8 @@ show("jitter_leaves_the_mean")
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used for
-# the first time, log the age of its image. (In use it grows further.) Plot these ages over at least an hour: one point
-# for each plan. Each line names what you see, and then the likely cause:
+# the first time, log the age of its image. (In use it grows further, which hides the patterns.) Plot these ages over at
+# least an hour: one point for each plan. Each line names what you see, and then the likely cause:
 #
 # * All ages are nearly equal, but different after a restart: locked clocks.
 # * The age rises slowly and falls at once, again and again: clocks that drift, and the reader's is a little too
@@ -743,7 +779,8 @@ check(log_age)
 # %% [markdown]
 # ### A formula: the full queue
 #
-# Any equivalent form is right. <span class="kernel-only">Change the text in quotes.</span>
+# Any equivalent form is right. The first answer is a common mistake.
+# <span class="kernel-only">Change the text in quotes.</span>
 
 # %%
 answer("deep_queue", "d*T")
@@ -757,8 +794,8 @@ answer("deep_queue", "d*T")
 predict("gold_plated_table")
 
 # %% [markdown]
-# This is the whole table. It comes from an older course that names no source and does not say what the percentages
-# count, so don't repeat these numbers:
+# This is the whole table. It comes from an older course that names no source. It does not say what the percentages
+# count, or what the 2 days are. So don't repeat these numbers:
 #
 # | | without simulation | with simulation |
 # |---|---|---|
@@ -772,9 +809,10 @@ predict("gold_plated_table")
 # *reset*, which prepares the next try. A simulation computes a try in short time steps. The number of tries follows
 # from the number of steps in a try and from the computing time of one step, which chapter 1 measures.
 #
-# The panel below compares the days that the tries take on a robot and in simulation. You choose how many of 1,000 tries
-# damage the robot, and the panel shows how many damages to expect. Its axes count powers of ten: 3 means 1,000 tries,
-# and $-3$ means a thousandth of a day, about a minute and a half.
+# The panel below compares the days that the tries take on a robot and in simulation. The two dots mark the number of
+# tries that you choose. You also choose how many of 1,000 tries damage the robot, and the panel shows how many damages
+# to expect. Its axes count powers of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day, about a minute and
+# a half.
 
 # %%
 simulation("development")
@@ -845,15 +883,15 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# The arrow from perception to planning disappears, and control receives actions instead of trajectories. So there is no
-# pose to look at, and no path to check. But an image still goes in and motor commands still come out. The age between
-# them follows the formula of section 1, with one stage before the joint loop. The robot executes a chunk until the next
-# one arrives, so the interval of this stage is the time between two observations. Zhao and others (RSS 2023) introduced
-# such chunks; they also average chunks that overlap.
+# No pose is left to look at, and no path to check. But an image still goes in and motor commands still come out. The
+# age between them follows the formula of section 1, with one stage before the joint loop. The robot executes a chunk
+# until the next one arrives, so the interval of this stage is the time between two observations. Zhao and others (RSS
+# 2023) introduced such chunks. Where two chunks overlap, they average the actions for the same moment.
 #
 # For how many seconds must the actions of a chunk last? At least until the next chunk arrives, one interval later. If
-# the first action is planned for the moment of the observation, 80 ms have already passed when the chunk arrives, so
-# the chunk must last 80 ms longer. After a chunk that is too short, the robot has no action until the next one arrives.
+# the first action is meant for the moment of the observation, the actions for the first 80 ms are too late when the
+# chunk arrives, and the robot skips them. Then the chunk must last one interval plus 80 ms. After a chunk that is too
+# short, the robot has no action until the next one arrives.
 #
 # The formula also applies to a **digital twin**, a simulation that runs beside the robot and follows its joint states.
 # It reads them as control does, so its data have an age, too.
@@ -863,8 +901,8 @@ table(*rows)
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *"I built X, which made Y possible. I tested it by simulation Z and ran it on W."* This is a good
-# frame if you put a number behind Y, Z and W and can defend it: what was measured, compared with what, and how often.
-# Say also what your work did *not* do, before somebody asks.
+# frame if you put a number behind Y and Z, and behind W if it ran, and can defend it: what was measured, compared with
+# what, and how often. Say also what your work did *not* do, before somebody asks.
 #
 # </div>
 #
@@ -895,7 +933,8 @@ table(
 )
 
 # %% [markdown]
-# Now answer these questions aloud. Then open the one-minute answer, the full answer, and the follow-up questions.
+# Now answer these questions aloud. Then open the one-minute answer, the full answer, and the follow-up questions. The
+# three groups belong to a short first interview (*screen*), to a senior, and to a leading (*staff*) engineer.
 
 # %%
 interview("role")

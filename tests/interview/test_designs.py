@@ -109,7 +109,7 @@ def test_the_age_of_a_drawing_is_the_sum_of_its_parts() -> None:
     assert design.drawn("greatest_ms") == pytest.approx(least + 2.0 * half)
     assert design.drawn("scan.hz") == scan.hz
     fast = [replace(arrow, hz=10.0 * arrow.hz) for arrow in design.arrows]
-    with pytest.raises(ValueError, match="execution of scan"):
+    with pytest.raises(ValueError, match="execution time of scan"):
         replace(design, arrows=fast).drawn("mean_ms")
     with pytest.raises(ValueError, match=r"drawing must be .*, got 'scan'"):
         design.drawn("scan")

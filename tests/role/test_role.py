@@ -222,7 +222,7 @@ def test_overload_on_both_sides_of_its_limit():
         result = ages(chain, np.random.default_rng(0), 40)
         assert result.mean() == pytest.approx(report.mean, rel=0.03)
         assert report.least - 1e-9 <= result.min() and result.max() <= report.greatest + 1e-9
-    with pytest.raises(ValueError, match=r"execution of triggered must be up to.*, got 0.11"):
+    with pytest.raises(ValueError, match=r"time of triggered must be at most.*, got 0.11"):
         age([camera, triggered("", 0.11)])
     for C, grows in ((0.099, 0.0), (0.101, 1 - 0.1 / 0.101), (0.2, 0.5)):
         run = simulate([camera, triggered("queue", C, 10_000)], [0.0, 0.0], seconds=200.0)
@@ -327,15 +327,15 @@ def test_the_graph_is_whole_and_its_loops_run_through_the_robot():
 @pytest.mark.parametrize(
     "bad, words",
     [
-        (lambda: Stage("s", 0.0, 0.1), "execution of s"),
+        (lambda: Stage("s", 0.0, 0.1), "execution time of s"),
         (lambda: Stage("s", 0.1, -0.1), "period of s"),
         (lambda: Stage("s", 0.1, np.nan), "period of s"),
-        (lambda: Stage("s", 0.2, 0.1), r"execution of s must be up to its period.*, got 0.2"),
+        (lambda: Stage("s", 0.2, 0.1), r"time of s must be at most its period.*, got 0.2"),
         (lambda: Stage("s", 0.1, 0.2, depth=0), "depth of s"),
         (lambda: Stage("s", 0.1, 0.2, overload="hope"), "overload of s"),
         (lambda: Stage("s", 0.3, 0.2, overload="queue"), "overload of s"),
         (lambda: Stage("s", 0.1, 0.2, jitter=0.11), "jitter of s"),
-        (lambda: Stage("s", 0.18, 0.1, overload="skip", jitter=0.05), "execution of s"),
+        (lambda: Stage("s", 0.18, 0.1, overload="skip", jitter=0.05), "execution time of s"),
         (lambda: Stage("s", 0.1, 0.2, lost=1.0), "lost of s"),
         (lambda: age([]), "stages"),
         (lambda: age([triggered()]), "stages"),

@@ -137,12 +137,12 @@ PAPER = draw.Paper(TITLE, word, colour)
 # What each number below the picture means.
 READOUTS = {
     "on the robot": (
-        "Time that the experiments take on the real robot, resets and repairs included."
+        "Time that the tries take on the real robot, with their resets but without repairs."
     ),
-    "in simulation": "Time that the same number of experiments takes in the simulator.",
-    "tries a day, robot": "Experiments that one day on the real robot allows.",
-    "tries a day, simulated": "Experiments that one day of computing allows.",
-    "damages expected": "Expected number of experiments that damage the robot.",
+    "in simulation": "Time that the same number of tries takes in the simulation.",
+    "tries a day, robot": "Tries that one day on the real robot allows.",
+    "tries a day, simulated": "Tries that one day of computing allows.",
+    "damages expected": "Expected damages of the robot, for the number of tries at the dots.",
 }
 
 MODEL = Model(
