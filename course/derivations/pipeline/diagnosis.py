@@ -161,9 +161,9 @@ WORST: dict[str, dict[str, Any]] = {
 
 @claim(
     "With everything at its worst, contracts lead back sooner than turning sliders.",
-    "No single slider is enough. Following the first broken contract, stage by stage, took "
-    "{contracts:.1f} runs on average, the failed one counted. Turning sliders back one after the "
-    "other, in any order, and leaving them there took {kept:.1f}: no clear difference. Only "
+    "No single slider is enough. Turning back the stage with the broken contract nearest to the "
+    "camera, then the next, took {contracts:.1f} runs on average, the failed one counted. Turning "
+    "stages back in any order, and leaving them there, took {kept:.1f}: no clear difference. Only "
     "testing all sets of sliders, smallest first, is slow, with {sliders:.0f} runs. Contracts "
     "save guessing here, hardly any runs.",
 )

@@ -338,8 +338,8 @@ def fails_to_settle(gain, *late):
 
 
 @claim(
-    "If all images are n frames late, the error settles at zero for any gain that is above 0 and "
-    "at most 1.",
+    "The target rests, and all images are n frames late and without noise. Then the error of look "
+    "and move settles at zero for any gain that is above 0 and at most 1.",
     "With fresh images it does. If all images are n frames late, the gain must stay below "
     "{formula}: {one:.2f} for one frame, {four:.2f} for four. With delays that "
     "switched between two values, the limit of the longer one was enough in all our tests. A "
