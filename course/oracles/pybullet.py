@@ -59,7 +59,7 @@ class PyBullet(Engine):
         Change(
             "friction",
             "lateralFriction",
-            "mu on both bodies, which it multiplies",
+            "multiplies both: mu and mu make mu^2",
             "the square root of mu on both",
             "So the coefficient of the pair is the one of the scene.",
             _MANUAL + "changeDynamics",

@@ -73,7 +73,8 @@ _DOCUMENTED = word(
     "not measured here",
 )[0]
 _PAPER, _FRONT = colour("#eef3f7", "#fbe3c8")
-_INKS = np.array([draw.BLUE, draw.ORANGE, draw.GREEN, draw.PURPLE])
+# As in the charts: MuJoCo is purple.
+_INKS = np.array([draw.BLUE, draw.PURPLE, draw.GREEN, draw.ORANGE])
 _LEFT, _BOTTOM, _WIDE, _HIGH, _GAP = 0.15, 4.3, 1.62, 0.62, 0.13  # of the cards
 _AREA_OF = (0.85, 5.3, 0.75, 3.75)  # of the paths
 _CENTRE, _RADIUS = (7.2, 2.15), 1.1  # of the five axes

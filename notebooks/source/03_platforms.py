@@ -22,8 +22,9 @@ predict("whose_simulator")
 simulation("platforms")
 
 # %% [markdown]
-# The lines show the complete motions, and the dots where the engines are at the moment. Section 3 explains the polygons
-# at the right, and section 5 the numbers below. The fifth card, Isaac Sim, has no measurements.
+# The lines show the complete motions (here all four coincide), and the dots where the engines are at the moment.
+# Section 3 explains the polygons at the right, and section 5 the numbers below. The fifth card, Isaac Sim, has no
+# measurements.
 #
 # **After this chapter you can** say what makes two simulators differ before you run them; set up a fair comparison;
 # name what MuJoCo, Drake and PyBullet get wrong, where, and by how much; and choose one of them by comparing measured
@@ -83,7 +84,7 @@ def table(head, rows):
 
 # %% tags=["hide-code"]
 SAMPLES = outcome.truth.shape[1]
-COLOURS = ("tab:blue", "tab:orange", "tab:green", "tab:purple")
+COLOURS = ("tab:blue", "tab:purple", "tab:green", "tab:orange")
 
 
 def heights(engine):
@@ -155,12 +156,13 @@ Image(film.getvalue(), format="png")
 # All positions are from runs at a step of 1 ms. The block is launched at 22.5 degrees to an **axis of the contact**.
 # This is one of two fixed directions on the floor, on which some models of friction depend (section 7). The fingers
 # press with 1.02 times the smallest force that can hold the part. Thin lines show the paths of the blocks' lower edges.
-# Drake's and PyBullet's blocks are drawn on the floor, which they hardly left in a similar run.
+# (Drake's and PyBullet's blocks are drawn on the floor, since the record has no heights.)
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher with
 # the stiff contacts used here. **Towers sag**: even a stiff contact yields a little under load, so the cubes overlap.
-# **Parts creep**: MuJoCo's part sinks slowly and steadily through a grip that should hold it. Drake's sinks, too, and
-# PyBullet's falls.
+# **Parts creep or fall**, here with default settings: MuJoCo's part sinks slowly and steadily through a grip that
+# should hold it (over a hundred times less if the settings are fair). Drake's drops a little, then creeps. PyBullet's
+# falls for another reason: its defaults reduce the friction and hold the fingers back.
 #
 # ## How this chapter works
 #
@@ -206,7 +208,12 @@ for ax, (name, boxes, lines, arrows, ground, tilt) in zip(
         (
             "arm",
             [],
-            [[(-0.9, -1.0), (-0.9, 0.0), (-0.4, 0.9), (0.5, 0.7), (0.9, 0.1)]],
+            [
+                [
+                    *((-0.9, -1.0), (-0.9, -0.5), (-0.9, 0.0), (-0.65, 0.45)),
+                    *((-0.4, 0.9), (0.05, 0.8), (0.5, 0.7), (0.9, 0.1)),
+                ]
+            ],
             [((0.9, 0.0), (0.9, -0.8))],
             False,
             0.0,
@@ -305,7 +312,8 @@ plt.show()
 
 # %% [markdown]
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
-# acceleration up to rounding. So if they also use the same scheme and the same step, they make the *same error*. The
+# acceleration up to rounding. So if they also use the same scheme, the same step and the same variables, they make the
+# *same error*. (All four step the joint angles. An engine that steps each link's pose would make another error.) The
 # scheme includes how an orientation is updated, and here Drake differs. The others rotate a body by its angular speed
 # times $h$. Drake describes an orientation by four numbers (a quaternion), and adds to each its rate of change times
 # $h$.
@@ -332,9 +340,10 @@ for make in ("tumble", "chain", "arm"):
 # Runge-Kutta scheme. It evaluates the forces four times in each step and is of order four on smooth motion.
 #
 # The first three panels show the errors of all four engines. The last panel compares the other programs' errors with
-# ours: it shows the difference, divided by our error. MuJoCo and PyBullet agree with us nearly up to rounding. Drake
-# agrees to within 0.2 %. It differs on the tumbling body only, because only there an orientation is updated. (In the
-# printed lines, the order of RK4 is measured at the *coarse end*, over the three largest steps.)
+# ours: it shows the difference, divided by our error, for the scene in which this is largest. MuJoCo and PyBullet agree
+# with us nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because only there
+# an orientation is updated. (In the printed lines, the order of RK4 is measured at the *coarse end*, over the three
+# largest steps. Its error is that at 0.25 ms, in rad.)
 #
 # ![Error against the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -406,7 +415,8 @@ predict("out_of_the_box")
 #
 # The table lists each change with its reason. In `solref`, the *time constant* is the time scale on which an overlap of
 # two bodies disappears; with a *damping ratio* of 1 (*critical*), this happens without overshoot. In `solimp`, the
-# *hardness* of a contact is a number between 0 (no force) and 1 (rigid).
+# *hardness* of a contact (the manual's *impedance*) is a number between 0 (no force) and 1 (rigid). `impratio` says
+# how much stiffer friction is than the contact's resistance to sinking (chapter 2).
 
 # %%
 table(
@@ -419,9 +429,10 @@ table(
 )
 
 # %% [markdown]
-# Which settings are fair is a decision, and you may disagree with ours. `impratio` says how much stiffer friction is
-# than the contact's resistance to sinking (chapter 2). We left the settings of PyBullet's solver as shipped. This
-# solver visits all contacts one after the other, up to 50 times per step. Each round is called a **sweep**.
+# Which settings are fair is a decision, and you may disagree with ours. We chose MuJoCo's `solref` after seeing
+# results, set Drake's stiffness once (its towers sag in inverse proportion to it), and left PyBullet's solver as
+# shipped. (That solver visits all contacts one after the other, up to 50 times per step. Each round is called a
+# **sweep**.) So where bodies touch, the comparison favours MuJoCo.
 #
 # <details><summary>How we chose MuJoCo's values</summary>
 #
@@ -433,7 +444,7 @@ table(
 #
 # How much do the defaults cost? The table divides the error as shipped by the error with fair settings, both at 1 ms,
 # in the five scenes of the simulation: the tumble lasts 4 s, the chain 2 s, and the block is launched at 22.5 degrees.
-# A value of 1 means that the defaults change nothing.
+# A value of 1 means that the defaults change nothing. (Our own code has no defaults.)
 
 # %%
 names = ("tumble", "chain", "brake", "tower", "grasp")
@@ -443,7 +454,7 @@ for s, name in enumerate(names):
     print(f"{name:<20}" + "".join(f"{x:12.3g}" for x in ratio))
 
 # %% [markdown]
-# The factor depends on how long the motion lasts. The motions of the next card are shorter: they last at most a second.
+# These factors depend on how long the motion lasts. On the next card it lasts at most a second.
 
 # %%
 show("defaults_differ")
@@ -451,7 +462,7 @@ show("defaults_differ")
 # %% [markdown]
 # Which default is to blame? Start from the fair settings and change one setting back to its default. The chart shows by
 # what factor the error grows. Drake's setting *hydroelastic* is the contact on a patch. A bar to the left means that
-# the default is better than the fair setting.
+# the default is better than the fair setting. (*Brake* is launched along an axis here, except for MuJoCo.)
 #
 # ![Error without one change divided by the error with all, by engine and scene](../docs/charts/platform_effects.png)
 
@@ -475,9 +486,10 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # %% [markdown]
 # In MuJoCo, the shape of the cone decides almost alone how far off the launched block stops. In the grasp, `impratio`
 # and `solref` matter most. In PyBullet, sliding bodies have too little friction, because it multiplies the coefficients
-# of both surfaces. Its chain suffers from three defaults: inertias computed from shapes, damping, and motors that hold
-# the joints. The inertias alone do the most harm. All three together do less, since damping and motors slow the motion
-# down. In Drake a single default does the harm: contact at a point instead of a patch.
+# of both surfaces: 0.5 on both makes 0.25. Its chain suffers from three defaults: inertias computed from shapes,
+# damping, and motors that hold the joints. The inertias alone do the most harm. All three together do less, since
+# damping and motors slow the motion down. In Drake it is contact at a point instead of a patch. (In *brake*, it does
+# this harm only together with another default; see section 7.)
 #
 # Only one bar points to the left: with the default pyramid, and all else fair, the tower sinks about sixty times less.
 # A larger `impratio` then makes it sink even less. With the elliptic (round) cone, `impratio` has no such effect:
@@ -542,17 +554,18 @@ for label, engine, how in (
 # %% [markdown]
 # *In the air* is the share of the braking time, up to the dotted line, in which no contact presses on the block. The
 # stiffer `solref` reduced sinking at rest and increased the hops. The block still stops in the right place. The block
-# has no vertical speed at the start, and none at the end. So on average the floor pushed with the block's weight, as if
-# it had stayed down. Sliding friction is $\mu$ times this push, so on average the block brakes as it should. The final
-# position does not reveal the hops. Report the largest error on the way (during the motion) as well.
+# has no vertical speed at the start, and none at the end. So on average the floor pushed with the block's weight.
+# Sliding friction is $\mu$ times this push, so on average the block brakes as it should. The final position does not
+# reveal the hops. Report the largest error on the way (during the motion) as well.
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Where nothing touches, engines with the same scheme and the same step make nearly the same error.
-# With their defaults, their errors can differ a hundredfold. Where bodies touch, the contact models differ by design:
-# whether fair or as shipped, each of the three simulators keeps a fault. MuJoCo's block hops, Drake's tower sags or
-# falls, and PyBullet's block creeps or slides down a slope that should hold it. A comparison that doesn't list its
-# settings compares settings. Ask "which scheme, which step, which contact?" before you ask "which simulator?"
+# **Key insight.** Where nothing touches, engines with the same scheme, step and variables make nearly the same error.
+# With their defaults, their errors can differ a hundredfold. Where bodies touch, the contact models differ by design,
+# and with fair settings each of the three simulators keeps a fault. MuJoCo's block hops. Drake's tower sags; how far
+# depends on the stiffness that we chose. PyBullet lets a gently held part sink by centimetres. A comparison that
+# doesn't list its settings compares settings. Ask "which scheme, which step, which contact?" before you ask "which
+# simulator?"
 #
 # </div>
 #
@@ -574,10 +587,11 @@ simulation("platforms", "Collapsing tower")
 # problem at each step, softened so that its solution is unique</td> <td>sticking contacts may slide a little; sliding
 # ones hop</td></tr> <tr><td>Drake</td> <td>a convex problem as well; its default method, `lagged`, limits friction with
 # the normal force of the step before. The contact is at a point, or a pressure over a patch</td> <td>time; you also
-# have to choose a stiffness for the patch</td></tr> <tr><td>PyBullet</td> <td>sweeps over the contacts, one at a time,
-# until they change little or 50 are done</td> <td>how the load is split over the corners is arbitrary; it depends on
-# the sweeps</td></tr> <tr><td>own code</td> <td>Coulomb's law, solved with Newton's method (chapter 2)</td>
-# <td>time: with contact it runs Python at every step (without, its loops are compiled)</td></tr> </table>
+# have to choose a stiffness for the patch; sticking contacts may slide a little</td></tr> <tr><td>PyBullet</td>
+# <td>sweeps over the contacts, one at a time, until they change little or 50 are done</td> <td>how the load is split
+# over the corners is arbitrary; it depends on the sweeps. Sticking contacts may slide a little</td></tr> <tr><td>own
+# code</td> <td>Coulomb's law, solved with Newton's method (chapter 2)</td> <td>time: with contact it runs Python at
+# every step (without, its loops are compiled)</td></tr> </table>
 #
 # A **point contact** applies a force at each of a few points. Between two boxes, Drake finds a single point, which
 # can't resist tipping. A single cube may keep its balance on it (*drop*), but the tower in the simulation tips over. A
@@ -598,9 +612,9 @@ arrow = {"arrowstyle": "->", "color": "tab:red", "lw": 2}
 axes[0].annotate("", (0.35, 0.65), (0.35, -0.06), arrowprops=arrow)
 axes[0].plot(0.35, -0.06, "o", color="tab:red")
 axes[0].text(-1.7, -0.95, "the box can tip about this point", fontsize=9)
-for x in across[::2]:
-    size = 0.15 + 0.5 * (1.0 - x**2)
-    axes[1].annotate("", (x, -0.06 + size), (x, -0.06), arrowprops={**arrow, "lw": 1})
+for x in across[1::2]:
+    # Under a flat face that overlaps a little, the pressure is nearly the same everywhere.
+    axes[1].annotate("", (x, 0.39), (x, -0.06), arrowprops={**arrow, "lw": 1})
 axes[1].text(-1.7, -0.95, "the patch resists tipping", fontsize=9)
 plt.show()
 
@@ -629,10 +643,10 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
-# engine reached? They do, up to rounding. The residual of complementarity turns force and gap into speeds [m/s] and
-# takes the smaller one. For the force, this is the speed that it adds in one step. For an overlap, it is the speed at
-# which chapter 2 would undo it, a fifth of it per step. For rigid contacts one of the two is 0. Here it is a few mm/s,
-# because a soft contact pushes while bodies overlap. No force leaves the cone.
+# engine reached? They do, up to rounding. The residual of complementarity is a speed [m/s]. With rigid contacts it is
+# 0. A soft contact pushes while the bodies overlap. Then the residual is the overlap turned into a speed: a fifth of
+# the depth per step, since chapter 2 would undo the overlap at this rate. So here it says no more than the depth does.
+# No force leaves the cone.
 #
 # ### Does a better scheme help with contact?
 #
@@ -644,7 +658,8 @@ for settings in (AS_SHIPPED, FAIR):
 show("rk4_and_contact")
 
 # %% [markdown]
-# So keep RK4 for smooth motion. With contact, it evaluates the forces four times per step and is often no better.
+# So keep RK4 for smooth motion. With contact, it evaluates the forces four times per step and is often no better. For
+# strong damping or high gains, MuJoCo offers `implicitfast` (chapter 1).
 
 # %%
 more_claims("drake_guarantees", "opened")
@@ -663,7 +678,8 @@ more_claims("drake_guarantees", "opened")
 # pick another engine?
 #
 # The facts come from one chart: ten scenes on four engines at 1 ms. A point shows the error divided by the tolerance of
-# its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.)
+# its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.) The lower panel shows the computing time
+# over MuJoCo's. It includes the calls from Python: one per motion, but one per step in PyBullet (section 6).
 #
 # ![Error divided by tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
@@ -672,7 +688,7 @@ figures(
     read("platforms_table"),
     "With the same",
     "A first-order step",
-    "As shipped, the",
+    "As shipped, sim",
     "Fair, all",
     "Our own",
     "Drake's",
@@ -680,13 +696,14 @@ figures(
 )
 
 # %% [markdown]
-# Our own contacts are accurate but expensive: in every scene with contact, our step costs over a hundred times
-# MuJoCo's. Fair settings bring the three simulators together in rest, brake and slide: there their errors differ less
-# than tenfold.
+# Our own contacts look perfect because the truth of these scenes is the law that our code solves: rigid contact with
+# Coulomb's friction. A real contact also yields a little. And in every scene with contact, our step costs over a
+# hundred times MuJoCo's. Fair settings bring the three simulators together in rest, brake and slide: there their errors
+# differ less than tenfold.
 #
 # These are errors at the end of each motion. A motion can end well and be wrong in between. So a second chart shows the
-# largest error on the way and the share of time without contact (for *brake*, of the time until Coulomb's law stops the
-# block).
+# largest error on the way. Its right panels show the share of time without contact (for *brake*, of the time until
+# Coulomb's law stops the block).
 #
 # ![Largest error on the way and time in the air, by scene and engine](../docs/charts/platform_paths.png)
 #
@@ -738,17 +755,19 @@ rows = [
 table(("Job", "Needs", "Pick", "Why"), rows)
 
 # %% [markdown]
-# Three jobs have an answer, each time MuJoCo. (*RL training, for speed* compares the cost of a single world on a CPU.
-# Many worlds on a GPU were not measured.) For *Manipulation research*, a tighter limit on the largest error of *brake*
-# would rule out MuJoCo, because its block hops. PyBullet already fails the grasp, so the cheapest of the others is
-# Drake. Four jobs have no answer. They need something that was not measured, so the table only names
-# documentation.
+# Three jobs have an answer, each time MuJoCo. (*RL training, for speed* compares a single world on a CPU; many worlds
+# on a GPU were not measured.) For *Manipulation research*, a tighter limit on the largest error of *brake* would rule
+# out MuJoCo, because its block hops. PyBullet already fails the grasp, so the cheapest of the others is Drake. But
+# change the settings before the engine: with its default `solref`, MuJoCo's largest error in *brake* is below 1 mm
+# (section 1), and it still meets the other two needs.
+#
+# For the other four, the table only names documentation.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which simulator would you use?* Never give a single name. Say: "For *this* job, the error must
 # stay below that, at this cost. MuJoCo meets it, with these settings. If the limit were thirty times tighter, I would
-# take another one."
+# first raise `impratio` and measure again. Only if that fails, I would take another engine."
 #
 # </div>
 
@@ -770,7 +789,7 @@ more_claims(
 # Many tools need an NVIDIA GPU and can't run here. First, two of their contact solvers, PGS and TGS.
 #
 # **Gauss-Seidel** solvers visit the contacts one by one. At each contact they compute the impulse (force times step)
-# that satisfies this contact alone, and go on to the next; after several sweeps the impulses change little. **PGS**
+# that satisfies this contact alone, and go on to the next. **PGS**
 # (projected Gauss-Seidel) also clips each impulse: no contact may pull, and friction must stay within its limit.
 # **TGS** (temporal Gauss-Seidel) divides the time step into small substeps and does one sweep in each, with updated
 # positions.
@@ -813,10 +832,9 @@ for ax, title, ends in zip(
 plt.show()
 
 # %% [markdown]
-# In the table, RTX is NVIDIA's renderer, Newton an engine for GPUs (section 9), and USD a file format for scenes
-# (explained below).
+# <details><summary>Isaac Sim, Isaac Lab and PhysX: what their documentation says (read in November 2026)</summary>
 #
-# The documentation says, as read in November 2026:
+# RTX is NVIDIA's renderer, Newton an engine for GPUs (section 9), and USD a file format for scenes (explained below).
 #
 # <table> <tr><th>name</th> <th>what it is for</th> <th>model description</th> <th>solver</th> <th>source</th></tr>
 # <tr><td>Isaac Sim 6</td> <td>an application for robots with cameras, laser scanners and many ready-made models; RTX
@@ -824,16 +842,17 @@ plt.show()
 # Newton extension, 6.1](
 # https://docs.isaacsim.omniverse.nvidia.com/6.1.0/py/source/extensions/isaacsim.physics.newton/docs/index.html)
 # </td></tr> <tr><td>Isaac Lab 3</td> <td>robot learning in many worlds (copies of a scene that run at the same
-# time)</td> <td>USD</td> <td>PhysX or
-# Newton</td> <td>[its manual, solver
+# time)</td> <td>USD</td> <td>PhysX or Newton</td> <td>[its manual, solver
 # differences](https://isaac-sim.github.io/IsaacLab/main/source/concepts/solver_differences.html)</td></tr>
-# <tr><td>PhysX 5</td> <td>rigid bodies, joints and soft bodies, on CPU or GPU</td> <td>calls in C++; USD through
-# Isaac Sim</td> <td>PGS or TGS. TGS is better for long chains, and where a light body carries a heavy one. It costs
-# slightly more, and may add energy when it corrects errors such as overlaps. TGS is the default of Isaac Lab</td>
-# <td>[PhysX 5.6,
+# <tr><td>PhysX 5</td> <td>rigid bodies, joints and soft bodies, on CPU or GPU</td> <td>calls in C++; USD through Isaac
+# Sim</td> <td>PGS or TGS. TGS is better for long chains, and where a light body carries a heavy one. It costs slightly
+# more. (Its reference says that it can add more energy when it corrects errors; Unity's manual says that it adds less.)
+# TGS is the default of Isaac Lab</td> <td>[PhysX 5.6,
 # PxSolverType](https://nvidia-omniverse.github.io/PhysX/physx/5.6.0/_api_build/structPxSolverType.html); [Isaac Lab
-# 3.0](https://isaac-sim.github.io/IsaacLab/release/3.0.0/source/concepts/solver-tuning/tune_physx.html)</td></tr>
-# </table>
+# 3.0](https://isaac-sim.github.io/IsaacLab/release/3.0.0/source/concepts/solver-tuning/tune_physx.html); [Unity 6,
+# Physics](https://docs.unity3d.com/6000.2/Documentation/Manual/class-PhysicsManager.html)</td></tr> </table>
+#
+# </details>
 
 # %%
 more_claims("headless_renders")
@@ -921,9 +940,10 @@ predict("millions_a_second")
 predict("five_numbers")
 
 # %% [markdown]
-# The simulation's radar chart has five axes. In the table, *centre* is the measured value that is drawn at the centre
-# of the chart, and *end* the value at the end of the axis. The other columns say where each engine lies between centre
-# (0) and end (1), as the median over several scenes. The first four axes are logarithmic.
+# The simulation's radar chart has five axes, measured with fair settings. (The switch doesn't change it.) In the table,
+# *centre* is the measured value that is drawn at the centre of the chart, and *end* the value at the end of the axis.
+# The other columns say where each engine lies between centre (0) and end (1), as the median over several scenes. The
+# first four axes are logarithmic.
 
 # %% tags=["hide-code"]
 table(
@@ -935,13 +955,20 @@ table(
 )
 
 # %% [markdown]
+# A median hides the worst scene: PyBullet drops the part in the grasp, and still gets a good *contact accuracy*. In the
+# picture, a thick band on an axis shows the range over the scenes.
+#
+# <details><summary>How the five values are measured</summary>
+#
 # For *smooth accuracy*, each engine gets the computing time that MuJoCo needs at 1 ms, and takes the shortest step that
 # fits into it. The value is its error in chain and tumble, divided by the tolerance. *Contact accuracy* is error
-# divided by tolerance at 1 ms, in three scenes with contact.
+# divided by tolerance at 1 ms, in the simulation's brake, tower and grasp.
 #
 # *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays
 # within the tolerance; if none that we tried does, the value is at the centre. *Honesty* is the share of faulty models
-# that the engine rejects or warns about. In the picture, a thick band on an axis shows the range over the scenes.
+# that the engine rejects or warns about; two of these files are ones that URDF allows (section 7).
+#
+# </details>
 #
 # The polygon consists of triangles between neighbouring axes. With values $r_1, \dots, r_5$, its area is $\tfrac12
 # \sin 72^\circ\,(r_1 r_2 + r_2 r_3 + r_3 r_4 + r_4 r_5 + r_5 r_1)$: a sum of products of *neighbours*. Reorder the
@@ -1069,11 +1096,12 @@ show("motor_is_torque")
 # %% [markdown]
 # One more property of real joints is missing. The **armature** is the inertia of the motor's rotor as the joint feels
 # it. A gear of ratio $n$ multiplies the rotor's inertia by $n^2$. With a ratio of 100, a rotor of
-# $10^{-5}\,\mathrm{kg\,m^2}$ adds $0.1\,\mathrm{kg\,m^2}$, often more than the link itself. A URDF has no entry for
-# it.
+# $10^{-5}\,\mathrm{kg\,m^2}$ adds $0.1\,\mathrm{kg\,m^2}$, often more than the link itself. In MJCF it is the joint's
+# attribute `armature`. A URDF has no entry for it.
 #
 # A servo of this kind also has a weakness. To hold a weight at rest, it needs a torque. At rest $\dot q$ is zero, so by
-# the formula above there is a torque only if the angle differs from the command.
+# the formula above there is a torque only if the angle differs from the command. So the joint always rests a little
+# beside its command.
 
 # %%
 show("servo_droops")
@@ -1129,7 +1157,8 @@ for preset, (scene, card_, fair) in {
 # largest step of the same panel. A thin bar shows how much the times varied.
 #
 # Some scenes are shorter here than in sections 1 and 3, so their errors are smaller: the tumble lasts 1 s (not 5 s),
-# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only.
+# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only. (On *tower*, MuJoCo's contact
+# gets softer at 4 and 8 ms, since its time constant is at least two steps.)
 #
 # ![Error against cost on five scenes, with the pick at each tolerance](../docs/charts/platform_precision.png)
 
@@ -1141,8 +1170,10 @@ print_figures(
 
 # %% [markdown]
 # Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. On the
-# arm, Euler costs over three times as much as RK4. On this short chain, both cost about the same. On the chain of 2 s
-# (section 1), Euler needs 0.4 ms instead of 2 ms, and RK4 wins.
+# arm, Euler costs over three times as much as RK4. On this short chain, both cost about the same. But RK4's largest
+# step that we tried, 8 ms, is still twenty times better than needed, so a longer one may be cheaper. On the chain of 2
+# s (section 1), Euler needs 0.4 ms instead of 2 ms, and RK4 wins. Drake's Runge-Kutta scheme (measured, not drawn) also
+# beats Drake's Euler on chain and arm.
 #
 # With contact, the cheapest step wins, which is MuJoCo's. Our solver is exact on the tower, but slow, because it runs
 # in Python.
@@ -1169,8 +1200,8 @@ print_figures(
 # So in MuJoCo and PyBullet, ten times the cubes on a field cost about ten times as much. On a tower they cost more.
 #
 # The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python, which saves time.
-# For these three, the panel shows how much of the time is saved by taking 100 steps in one call. On small chains this
-# is about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. Its curve and the last
+# For these three, the panel shows how much of the time is saved by taking 100 steps in one call. With one link this is
+# about half or more, and in our compiled loop nearly all. PyBullet makes one step per call. Its curve and the last
 # printed line show the time of a step in an *empty* world as a share of a full step. So on a small scene, a measured
 # rate says little about how fast the engine moves bodies.
 #
@@ -1183,9 +1214,9 @@ print_figures(
 #
 # On these scenes, the measurements suggest the following choices. For smooth motion with a tight tolerance, take RK4 in
 # MuJoCo or our code, unless strong damping forces it to short steps. With a loose tolerance, Euler is enough. If bodies
-# may sink by 1 mm, take MuJoCo with elliptic cones, at the largest step that keeps within this. For bodies that slide
-# and must stay on the ground, take PyBullet or Drake with fair settings. For a contact area that must resist tipping,
-# take Drake's hydroelastic contact, if you can afford it.
+# may sink by 1 mm, take MuJoCo, at the largest step that keeps within this. Choose its elliptic cone if bodies slide:
+# the pyramid sinks less, but steers. For bodies that slide and must stay on the ground, take PyBullet or Drake with
+# fair settings. For a contact area that must resist tipping, take Drake's hydroelastic contact, if you can afford it.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("steps_per_second", "fewer_environments")
@@ -1227,15 +1258,19 @@ print(f"half the friction alone: {(2.0 * ends - 0.5 * ends**2) - 1.0:.1%} too fa
 #
 # The large deviations come from defaults. In the printed lines, a negative share means that the block went too far. Its
 # position is taken at the end of the scene, which lasts one and a half times Coulomb's stopping time. PyBullet
-# *multiplies* the coefficients of both bodies, so its block has half the friction: it is 80 % too far when the scene
-# ends, and still slides. (Half the friction alone would take it further, but its default damping brakes it, too.) Drake
-# as shipped stops far too early. There the block touches the ground in a single point.
+# *multiplies* the coefficients of both bodies, so its block has half the friction: it is 80 % too far when
+# the scene ends, and still slides. (Half the friction alone would take it further, but its default damping brakes it,
+# too.)
+#
+# Drake's block as shipped stops far too early. Two defaults together cause this: contact at a single point, and
+# the contact approximation `lagged`. With a patch, or with the approximation `sap` (dotted), it stops near the right
+# place.
 #
 # <details><summary>More about Drake and MuJoCo</summary>
 #
-# Drake's contact approximation `lagged` limits friction in its one contact point with the normal force of the step
-# before. (Why this stops the block at once, we did not examine.) With `sap`, which computes both forces in the same
-# step, the block on one point stops within 7 % of the true distance at all steps of the chart.
+# `lagged` limits friction in the one contact point with the normal force of the step before. (Why this stops the block
+# at once, we did not examine.) With `sap`, which computes both forces in the same step, the block on one point stops
+# within 7 % of the true distance at all steps of the chart.
 #
 # The law is for a launch along an axis. At 22.5 degrees, MuJoCo's fair block stops even less short than the law says.
 # We did not examine why.
@@ -1300,8 +1335,8 @@ for settings in (AS_SHIPPED, FAIR):
     print(f"{np.degrees(one.turn):+7.2f} deg")
 
 # %% [markdown]
-# In the chart, MuJoCo and PyBullet each have two series with the same marks. The flat series is the round cone. The
-# curved one is MuJoCo's default pyramid, or the box that is an option of PyBullet. So to recognise an engine's cone,
+# In the chart, MuJoCo and PyBullet each have two series. The flat one is the round cone. The curved one is MuJoCo's
+# default pyramid (triangles), or the box that is an option of PyBullet (squares). So to recognise an engine's cone,
 # launch a block between the two axes of the contact, and measure the length and direction of its path. Along an axis
 # all three shapes agree, so a test there shows nothing.
 #
@@ -1358,11 +1393,10 @@ print_figures(
 #
 # Two fingers press a part of mass $m$ from both sides with force $F$. Each can carry at most $\mu F$ upwards, so
 # together $2\mu F$. The part holds if $2\mu F \ge m g$, so the smallest force is $F = m g/(2\mu)$. For our 0.2 kg and
-# $\mu = 0.5$ that is 1.96 N. Does an engine drop the part exactly below this force? In the chart, a disc means held and
-# a cross dropped. *Dropped* means that the part accelerates downwards; a part that sinks at a constant speed counts as
-# held.
+# $\mu = 0.5$ that is 1.96 N. Does an engine drop the part exactly below this force? In the chart, a disc means
+# *carried*: the part rests, or sinks at a constant speed. A cross means that it *falls*: it accelerates downwards.
 #
-# ![Held or dropped, by squeeze and step, for each engine](../docs/charts/platform_grasp.png)
+# ![Carried or falling, by squeeze and step, for each engine](../docs/charts/platform_grasp.png)
 
 # %%
 figures(
@@ -1379,24 +1413,24 @@ figures(
 # %%
 least = {s.name: measures.grasp_limit(mujoco, 1e-3, s, rounds=8) for s in (AS_SHIPPED, FAIR)}
 for name, share in least.items():
-    print(f"MuJoCo {name:<11} smallest force that holds: {share:.3f} of m g / (2 mu)")
+    print(f"MuJoCo {name:<11} smallest force that carries: {share:.3f} of m g / (2 mu)")
 
 # %% [markdown]
-# In the printed lines, an o means held and an x dropped, with the squeeze growing to the right. The card below is
-# stricter. There, a part that creeps by a millimetre in half a second isn't held, so MuJoCo as shipped passes here and
-# fails there.
+# In the printed lines, an o means carried and an x falling, with the squeeze growing to the right. The card below asks
+# for more: a part is *held* if it sinks by less than 1 mm in half a second. MuJoCo as shipped carries the part, but
+# doesn't hold it.
 #
-# At 1 ms, MuJoCo and Drake have a threshold: the part is held at every squeeze above it. So has our code, which ran at
-# 8 ms only. Our code and MuJoCo drop the part close to Coulomb's force. With Drake's patches, the part counts as held
-# down to 0.98 of this force, but only because it sinks evenly, by 12 mm in half a second. Drake's reported friction is
-# then 2 % larger than Coulomb's law allows. (Why, we did not examine.)
+# At the steps shown, our code, MuJoCo and Drake have a threshold: the part is carried at every squeeze above it. In our
+# code and MuJoCo, the threshold is close to Coulomb's force. Drake's patches carry the part down to 0.98 of this force,
+# but there it sinks evenly, by 12 mm in half a second. Drake's reported friction is then 2 % larger than Coulomb's law
+# allows.
 #
-# PyBullet has no threshold at 1 ms: the part counts as held at some squeezes, and is dropped at a larger one. *Held*
-# says little here. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second (section 3). The
-# reason is that PyBullet's sweeps end with most of the force on one corner of a finger. This satisfies Coulomb's law,
-# since four corners can share a load in many ways. But the part swings about that corner.
+# PyBullet has no threshold at 1 ms: it carries the part at some squeezes, and lets it fall at a larger one. Even a
+# carried part isn't always held. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second
+# (section 3). The reason is that PyBullet's sweeps end with most of the force on one corner of a finger. This satisfies
+# Coulomb's law, since four corners can share a load in many ways. But the part swings about that corner.
 #
-# At 2 ms and more, PyBullet has a threshold, too. As shipped, it drops the part at every squeeze, because default
+# At 2 ms and more, PyBullet has a threshold, too. As shipped, it lets the part fall at every squeeze, because default
 # motors hold the fingers back.
 #
 # <details><summary>PyBullet as shipped</summary>
@@ -1428,7 +1462,8 @@ print("equal springs          ", "".join(f"{theory.sag_growth(n):8g}" for n in (
 # MuJoCo's tower sinks in proportion to $n^2$ instead. In MuJoCo, the softness of a contact is proportional to $1/m_1 +
 # 1/m_2$, where $m_1$ and $m_2$ are the masses of its two bodies. The ground doesn't move, so its mass counts as
 # infinite and adds nothing. So a contact between two equal cubes is twice as soft as the one on the ground, and the sum
-# becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Our tower doesn't sink, because nothing in our contact is soft.
+# becomes $n + 2\,(1 + \dots + (n-1)) = n^2$. Drake's patches follow $n^2$, too; PyBullet's tower doesn't (right panel).
+# Our tower doesn't sink, because nothing in our contact is soft.
 
 # %%
 show("tower_by_engine")
@@ -1486,17 +1521,20 @@ world.close()
 print_figures("platform_joints", "limit, MuJoCo:", "limit, PyB", "mimic, MuJoCo:")
 
 # %% [markdown]
-# MuJoCo's limits and copies are soft springs. (With a soft copy, joint 1 is also off by more than the error of the
-# step.) Our own code has neither limits nor copies, so its rod swings through and leaves the panel. PyBullet's reader
-# drops the copy without a message. So after loading a file, drive each joint into its stops, and check each copy.
+# MuJoCo's limits and copies are soft springs. Its rod passes the limit by about $v\,T/e$ at any step: $v$ is the speed
+# at the impact, $T$ the spring's time constant (*stiffer* has a shorter one). PyBullet notices the limit up to one step
+# late, so its rod passes it by up to $v\,h$. Drake's rod stops at the limit. Our own code has neither limits nor
+# copies.
+#
+# PyBullet's reader drops the copy without a message. The lower right panel shows joint 1, which the copy also pulls:
+# with MuJoCo's soft copy, joint 1 stays 2 mrad off the truth even at short steps. After loading a file, drive each
+# joint into its stops, and check each copy.
 #
 # <details><summary>What each engine does, and the cures</summary>
 #
-# Upper row: the left panel shows one start, the right one the worst of four. Drake's joint stops at the limit
-# (overshoots below 0.1 mrad are drawn at 0.1 mrad). In MuJoCo the rod passes it by about $v\,T/e$, at any step. Here
-# $v$ is its speed at the impact and $T$ the time constant in `solreflimit`, by default 20 ms (line *theory*). MuJoCo
-# raises $T$ to at least two steps, so *stiffer* (5 ms) becomes 8 ms at the step of 4 ms. PyBullet notices the limit up
-# to one step late, so half the step is about half the overshoot; correcting the overshoot throws the rod back.
+# Upper row: MuJoCo's $T$ is the time constant in `solreflimit`, by default 20 ms. MuJoCo raises it to at least two
+# steps, so *stiffer* (5 ms) becomes 8 ms at the step of 4 ms. In PyBullet, half the step is about half the overshoot;
+# correcting the overshoot throws the rod back.
 #
 # Lower row: with an exact copy, the error is proportional to the step. In MuJoCo, steps below 1 ms hardly help; a
 # smaller time constant (*stiffer*) does. In PyBullet the joint swings freely. The cure is `createConstraint` with
@@ -1521,7 +1559,8 @@ more_claims("limit_is_a_wall")
 #
 # The upper right panel is about files that break the format. It includes two files that URDF allows: a link without
 # mass and inertia (element `inertial`), and one with zero inertia. We count them as faults because here the link moves.
-# The lower panel is about valid files: which features does a reader keep, and which does it lose?
+# The lower panel is about valid files: which features does a reader keep, and which does it lose? (The rest of the six
+# it refused, or warned about.)
 #
 # <details><summary>The names of the faults</summary>
 #
@@ -1595,10 +1634,12 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
 #
 # </div>
 #
+# <details><summary>Isaac Sim is slow</summary>
+#
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Isaac Sim is slow.* Profile before you cut (its handbook, 2026, recommends the profiler Tracy).
-# Halve the number of cameras, then the physics rate, one at a time.
+# Halve the number of cameras, then the physics rate, one at a time, to see which one costs; then put it back.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1609,6 +1650,8 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
 # </details>
 #
 # </div>
+#
+# </details>
 
 # %% [markdown]
 # Here is a symptom to diagnose: MuJoCo's part sinks in its grasp. Find its row in the table below.
@@ -1622,15 +1665,13 @@ simulation("platforms", "Sinking grasp")
 # motion with Pinocchio's, in several postures; push a joint and let it slow down by itself</td> <td>read the model
 # back; identify parameters (chapter 8)</td></tr> <tr><td>correct at rest, but the motion comes too early or too
 # late</td> <td>the drive's own control loop is missing</td> <td>command the same sudden change of angle to robot and
-# model</td> <td>position actuators with the
-# drive's gains, rate and limit</td></tr> <tr><td>a held part sinks</td> <td>creep</td> <td>divide the tangential by the
-# normal force: the result is below µ</td> <td>`impratio`, noslip</td></tr> <tr><td>a block stops beside its
-# heading</td> <td>pyramid</td> <td>launch it at 0 and at 22.5 degrees</td> <td>elliptic cone</td></tr> <tr><td>a
-# sliding block leaves the floor</td> <td>convex contact, set stiff</td> <td>record its height and its number of
-# contacts on the way</td>
-# <td>another engine, if the hop matters; a softer `solref` lowers it</td></tr> <tr><td>after a reset, the same run ends
-# differently</td> <td>incomplete reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore a
-# saved state</td></tr> </table>
+# model</td> <td>position actuators with the drive's gains, rate and limit</td></tr> <tr><td>a held part sinks</td>
+# <td>creep</td> <td>divide the tangential by the normal force: the result is below µ</td> <td>`impratio`,
+# noslip</td></tr> <tr><td>a block stops beside its heading</td> <td>pyramid</td> <td>launch it at 0 and at 22.5
+# degrees</td> <td>elliptic cone</td></tr> <tr><td>a sliding block leaves the floor</td> <td>convex contact, set
+# stiff</td> <td>record its height and its number of contacts on the way</td> <td>a softer `solref` lowers the hop;
+# another engine, if it still matters</td></tr> <tr><td>after a reset, the same run ends differently</td> <td>incomplete
+# reset</td> <td>compare bits after a reset</td> <td>build the world again, or restore a saved state</td></tr> </table>
 #
 # <details><summary>Symptoms of Isaac Sim</summary>
 #
@@ -1661,9 +1702,8 @@ rates = [
     1.0 / timing.median
     for timing in interleaved([batches(run.run) for run in runs], sample=5e-3, at_most=200)
 ]
-print(
-    f"16 cubes on the ground {rates[0]:9.0f} steps/s, in the air {rates[1]:9.0f}: {rates[1] / rates[0]:.0f} times"
-)
+print(f"MuJoCo, 16 cubes on the ground {rates[0]:9.0f} steps/s,", end=" ")
+print(f"in the air {rates[1]:9.0f}: {rates[1] / rates[0]:.0f} times")
 
 # %% [markdown]
 # So ask what moved, what touched, at which step, how accurate, on how many threads, and with which settings. Then ask
@@ -1809,9 +1849,13 @@ answer("braking_short", "v*dt/2")
 # %% [markdown]
 # ## 9 · Frontier: many worlds, several solvers
 #
-# Nothing in this table was measured here: it is all made for GPUs, and its speed on a CPU would mislead. One word
-# first: a simulator is **differentiable** if it also computes how a motion changes with its causes, such as forces or
-# masses (the gradient).
+# The newest engines run thousands of worlds at once on a GPU, and let you exchange the solver. We measured none of
+# them: their speed on a CPU would mislead.
+#
+# <details><summary>MuJoCo Warp, Newton and Isaac Lab, by their documents</summary>
+#
+# A simulator is **differentiable** if it also computes how a motion changes with its causes, such as forces or masses
+# (the gradient).
 #
 # <table> <tr><th>project</th> <th>what is new</th> <th>status, source</th></tr> <tr><td>MuJoCo Warp, MJX</td>
 # <td>MuJoCo rewritten for NVIDIA's GPUs; MJX, the JAX interface (since MuJoCo 3.0, 2023), can use it</td> <td>beta in
@@ -1820,6 +1864,8 @@ answer("braking_short", "v*dt/2")
 # differentiable; contact patches</td> <td>NVIDIA, Google DeepMind, Disney Research, under the Linux Foundation; Isaac
 # Lab's manual, 2026</td></tr> <tr><td>Isaac Lab</td> <td>learning tasks over a choice of physics, PhysX or Newton;
 # Isaac Sim is optional</td> <td>3.0, released in October 2026; its release notes</td></tr> </table>
+#
+# </details>
 #
 # <details><summary>More projects</summary>
 #
@@ -1851,8 +1897,8 @@ for (name, settings), one in reach.items():
     print(f"{name:<9} {settings:<11} tip off by {1e3 * one.error:.4f} mm, reached: {one.success}")
 
 # %% [markdown]
-# Between our code and MuJoCo, hardly anything is lost. Of all four engines, only PyBullet as shipped fails: its default
-# motors hold the joints.
+# *Reached* means within 5 mm, and slower than 5 cm/s. Between our code and MuJoCo, hardly anything is lost. Of all four
+# engines, only PyBullet as shipped fails: its default motors hold the joints.
 #
 # Now take the importer's bug of 2026: the joints' damping is lost on the way into the simulator. The controller still
 # believes in a damping $d$, and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like
@@ -1861,16 +1907,17 @@ for (name, settings), one in reach.items():
 # Let $q$ be the small deviation from the target, and $M$ the **mass matrix** of the arm: at rest and without gravity,
 # $M\ddot q$ is the torque for the acceleration $\ddot q$ (chapter 4). The controller acts like a spring and a damper.
 # It adds the torques $-\omega^2 M q$ and $-2\,\omega M\dot q$, where the bandwidth $\omega$ is the rate at which errors
-# decay (chapter 6). With the same $d$ for all joints,
+# decay (chapter 6). With the same $d$ for all joints, and the identity matrix $I$,
 #
-# $$M\ddot q + (2\,\omega M - d)\,\dot q + \omega^2 M q = 0 .$$
+# $$M\ddot q + (2\,\omega M - d\,I)\,\dot q + \omega^2 M q = 0 .$$
 #
 # Along an eigenvector of $M$ with the eigenvalue $m$ (the inertia in this direction), the remaining damping is
 # $2\,\omega m - d$. If it is negative, the arm is unstable. So the smallest $m$ sets a limit to $d$: it must stay below
 # $2\,\omega m$.
 #
-# In the cell, the simulated arm has no damping at all. Each row has another $d$, the damping in which the controller
-# believes. (This reach lasts 3 s, on another arm than above, so don't compare the errors.)
+# In the cell, the simulated arm has lost its damping. Each row has another $d$, the damping in which the controller
+# believes. (It is the same arm as above, but the reach lasts 3 s instead of 1.5 s, so don't compare the errors.) The
+# reach above had a real damping far above the limit. Real damping does no harm:
 
 
 # %% tags=["hide-code"]
@@ -1892,7 +1939,7 @@ def lost(damping, duration=3.0, dt=1e-3):
 mass = kinematics.mass_matrix(scenes.arm().chain, np.array(measures.GOAL))
 limit = 2.0 * measures.PACE * np.linalg.eigvalsh(mass)[0]
 print(
-    f"limit of d by theory: {limit:.4f} N m s/rad; the arm above had 0.5, {0.5 / limit:.0f} times this"
+    f"limit of d by theory: {limit:.4f} N m s/rad; real damping above: 0.5, {0.5 / limit:.0f} times this"
 )
 for share in (0.0, 0.5, 0.9, 1.2, 2.0):
     deviation = lost(share * limit)
@@ -1941,9 +1988,7 @@ print("written" if len(mine.split()) > 30 else "not written yet: thirty words or
 #
 # </details>
 #
-# Five questions on this chapter, drawn by a seed. If you need help: for pyramids, open the answer about the box that
-# bends away (above, *In full*); for RK4's limit, the folded explanations of section 2; for the cost of many worlds,
-# those of section 6; for creep, read section 7.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
 checkpoint("platforms", ["", "", "", "", ""], seed=1)

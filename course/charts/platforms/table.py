@@ -95,8 +95,11 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Fair, all engines are good at drop, rest, brake, tower and field.": (
         lambda r: all(good(r, e) >= {"drop", "rest", "brake", "tower", "field"} for e in ENGINES)
     ),
-    "As shipped, the simulators' errors differ more than a hundredfold in rest, brake and slide.": (
-        lambda r: min(spread(r, s, "as shipped") for s in ("rest", "brake", "slide")) > 100.0
+    "As shipped, simulators differ over 100-fold in tumble, rest, slide, brake, tower, grasp.": (
+        lambda r: (
+            {s for s in TABLE if spread(r, s, "as shipped") > 100.0}
+            == {"tumble", "rest", "slide", "brake", "tower", "grasp"}
+        )
     ),
     "Fair, they differ less than tenfold in rest, brake and slide.": (
         lambda r: max(spread(r, s) for s in ("rest", "brake", "slide")) < 10.0
@@ -303,8 +306,10 @@ def platform_paths(scenes: Sequence[str] = ON_THE_WAY, dt: float = 1e-3) -> Iter
             lines=[("y", 1.0, "tolerance")],
             footer=machine(0.0, libraries=LIBRARIES),
         )
-        air = Panel(f"Share of the time in the air, {how}", "", "share", ticks=ticks)
-        air.tick_names = tuple(scenes)
+        # The links of a chain touch nothing at any time: it has no place among shares in the air.
+        touching = [name for name in scenes if name not in SMOOTH]
+        air = Panel(f"Share of the time in the air, {how}", "", "share")
+        air.ticks, air.tick_names = tuple(range(len(touching))), tuple(touching)
         air.ylim = (-0.05, 1.05)
         for engine_name in here():
             some = [row for row in rows if row[1:3] == [engine_name, how]]
@@ -313,8 +318,9 @@ def platform_paths(scenes: Sequence[str] = ON_THE_WAY, dt: float = 1e-3) -> Iter
                 # An exact zero has no place on a logarithm.
                 y = [max(row[5] / row[7], 1e-8) for row in some]
                 panel.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))
-                panel_y = [row[8] for row in some]
-                air.series.append(Series(engine_name, x, panel_y, engine_name, "", size=6.0))
+                touch = [row for row in some if row[0] in touching]
+                x, y = [touching.index(row[0]) for row in touch], [row[8] for row in touch]
+                air.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))
         panels += [panel, air]
     report = panels[0].notes
     report.append(f"a step of {1e3 * dt:g} ms; error at the end, largest on the way, in the air")

@@ -125,8 +125,8 @@ SLIPS = slips(
     turned_the_other_way=(
         _LOADED,
         "loaded = R.T @ np.diag(np.asarray(moments, dtype=float)[j]) @ R",
-        "The rotation goes the other way: R leads from the principal axes to the link's, so it "
-        "stands on the left.",
+        "The rotation goes the other way: R turns components along the principal axes into "
+        "components along the link's axes, so it stands on the left.",
     ),
     turned_one_side=(
         _LOADED,
@@ -206,8 +206,8 @@ SLIPS = slips(
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-12, "whole numbers"),
     examples=(
-        "audit_model([5], [2.0], [np.diag([3.0, 2.0, 1.0])], [0, 5], [0.0, 2.0], "
-        "[[0, 0, 0], [3.0, 1.0, 2.0]], [[1, 0, 0, 0], [0.5**0.5, 0.5**0.5, 0, 0]], 0.01)",
+        "audit_model([5], [2.0], [np.diag([2.0, 3.0, 1.0])], [0, 5], [0.0, 2.0], "
+        "[[0, 0, 0], [3.0, 1.0, 2.0]], [[1, 0, 0, 0], [0.5, 0.5, 0.5, 0.5]], 0.01)",
     ),
     picture=faults,
     slips=SLIPS + value_slips("audit_model", in_part=False, whole=False),
