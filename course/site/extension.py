@@ -20,12 +20,19 @@ from sphinx.util.typing import stringify_annotation
 from course import CHAPTERS
 from course.site import modules
 from course.site.formulas import in_html, mathml
-from course.site.notebooks import CHARTS, PICTURES, ROOT
+from course.site.notebooks import CHARTS, PICTURES, ROOT, TEXTS
 
 _MODES: Final = ("smart", "fully-qualified-except-typing")
 _ARRAY = re.compile(
     r"~?numpy\.ndarray\[tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?numpy\.dtype\[~?(?:\w+\.)*(\w+)\]\]"
 )
+# What the pages of the three doors are about: the module of a name that stands there alone.
+ABOUT = dict.fromkeys(TEXTS, "") | {
+    "environments": "course.vector_env",
+    "modules": "course.kinematics",
+    "robot_planner": "course.planning",
+    "your_method": "course.measure.work_precision",
+}
 _TABLE = re.compile(r"<table\b")
 _CHART = re.compile(rf"{CHARTS}/(\w+)\.png")
 _NARROW = (
@@ -103,13 +110,16 @@ class Page(SphinxPostTransform):
                 image["alt"] = f"Figure: {title.astext()}" if title else "Figure"
 
     def _link_code(self) -> None:
-        """Let inline code of a chapter lead to the reference, where it names something public."""
-        chapter = next((c for c in CHAPTERS if Path(c.notebook).stem == self.env.docname), None)
-        if chapter is None:
+        """Let inline code lead to the reference, where it names something public.
+
+        Chapters and the pages of the three doors have such links; the reference has its own.
+        """
+        about = {Path(c.notebook).stem: c.module for c in CHAPTERS} | ABOUT
+        if self.env.docname not in about:
             return
         for literal in list(self.document.findall(nodes.literal)):
             linked = isinstance(literal.parent, nodes.reference)
-            target = "" if linked else modules.address(literal.astext(), chapter)
+            target = "" if linked else modules.address(literal.astext(), about[self.env.docname])
             if target:
                 link = nodes.reference("", "", refuri=target, internal=True)
                 literal.replace_self(link)

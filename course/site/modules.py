@@ -93,50 +93,65 @@ def first_line(thing: object) -> str:
     return " ".join((inspect.getdoc(thing) or "").partition("\n\n")[0].split())
 
 
+def _is_package(module: str) -> bool:
+    return hasattr(importlib.import_module(module), "__path__")
+
+
 @functools.cache
-def public(chapter: Chapter) -> Mapping[str, str]:
-    """Return the public names of a chapter that the reference documents, each with its full name.
+def documented(module: str) -> Mapping[str, str]:
+    """Return the public names of a module that the reference documents, each with its full name.
 
     Args:
-        chapter: its module's `__all__` names them.
+        module: its import path. Its `__all__` names them; without one they are what it defines.
     """
-    module = importlib.import_module(chapter.module)
+    imported = importlib.import_module(module)
     result = {}
-    for name in getattr(module, "__all__", ()):
-        thing = getattr(module, name)
+    for name in getattr(imported, "__all__", None) or vars(imported):
+        if name.startswith("_"):
+            continue
+        thing = getattr(imported, name)
         home = getattr(thing, "__module__", None) or ""
-        documented = inspect.isclass(thing) or inspect.isroutine(thing)
-        if documented and home.startswith(chapter.module) and inspect.getdoc(thing):
+        is_code = inspect.isclass(thing) or inspect.isroutine(thing)
+        if is_code and home.startswith(module) and inspect.getdoc(thing):
             result[name] = f"{home}.{thing.__qualname__}"
     return result
+
+
+def public(chapter: Chapter) -> Mapping[str, str]:
+    """Return the public names of a chapter's module, each with its full name."""
+    return documented(chapter.module)
 
 
 @functools.cache
 def addresses() -> Mapping[str, str]:
     """Return where each name that a text may use is documented: page#anchor.
 
-    A name is written with its module: "rigid_body.simulate" or "course.rigid_body.simulate".
+    A name is written with its module: "rigid_body.simulate" or "course.rigid_body.simulate". A
+    module is written with the package: "course.rigid_body".
     """
     result = {}
-    for chapter in CHAPTERS:
-        if chapter.ready:
-            for name, full in public(chapter).items():
-                address = f"code_{chapter.topic}.html#{full}"
-                for alias in (f"{chapter.topic}.{name}", f"{chapter.module}.{name}", full):
-                    result[alias] = address
+    for group in GROUPS:
+        for module in of_group(group):
+            result[module] = f"{group.page}.html#module-{module}"
+            for name, full in documented(module).items():
+                home = full.rpartition(".")[0]
+                if home == module and module not in ALONE and _is_package(module):
+                    continue  # the page documents the modules of a package, not its `__init__`
+                for alias in (f"{module}.{name}", f"{module.removeprefix('course.')}.{name}", full):
+                    result.setdefault(alias, f"{group.page}.html#{full}")
     return result
 
 
-def address(text: str, chapter: Chapter | None) -> str:
+def address(text: str, module: str = "") -> str:
     """Return where the code in a text leads to; "" where it is no public name.
 
     Args:
         text: inline code, such as "simulate", "rigid_body.simulate" or "simulate()".
-        chapter: whose page it is on, for names without a module.
+        module: import path of what the page is about, for names without a module.
     """
     name = text.removesuffix("()")
-    if chapter is not None and name in public(chapter):
-        name = f"{chapter.topic}.{name}"
+    if module and name in documented(module):
+        name = f"{module}.{name}"
     return addresses().get(name, "")
 
 
@@ -242,9 +257,10 @@ def page(group: Group, anchors: Mapping[str, set[str]]) -> str:
         parts.append(f":doc:`Chapter {number} <{number:02d}_{topic}>` explains it.")
     for name in of_group(group):
         parts.append(_heading(name, "-"))
-        package = hasattr(importlib.import_module(name), "__path__")
         members = (
-            "" if package and name not in ALONE else "\n   :members:\n   :member-order: bysource"
+            ""
+            if _is_package(name) and name not in ALONE
+            else "\n   :members:\n   :member-order: bysource"
         )
         parts.append(f".. automodule:: {name}{members}")
         if group.chapter and name == group.chapter.module and public(group.chapter):

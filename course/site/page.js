@@ -347,10 +347,13 @@
       });
       return button;
     };
-    const [before, after] = [step("Previous", -SHOWN), step("Next", SHOWN)];
+    // Above the list and below it.
+    const steps = [0, 1].map(() => [step("Previous", -SHOWN), step("Next", SHOWN)]);
     const bar = make("div", { className: "course-browse" },
-      chapter, verdict, make("label", {}, hide, " hide the verdict"), ask, count, before, after);
+      chapter, verdict, make("label", {}, hide, " hide the verdict"), ask, count, ...steps[0]);
+    const foot = make("div", { className: "course-browse" }, ...steps[1]);
     claims[0].closest("section").before(bar);
+    claims.at(-1).closest("section").after(foot);
     const fitting = () => claims.filter(({ dataset }) =>
       (!chapter.value || dataset.chapter === chapter.value)
       && (!verdict.value || dataset.verdict === verdict.value));
@@ -388,8 +391,11 @@
       const end = Math.min(start + SHOWN, chosen.length);
       count.textContent = quiz ? `${right} right of ${given} answered, ${chosen.length} claims`
         : `${chosen.length ? start + 1 : 0} to ${end} of ${chosen.length} claims`;
-      before.disabled = start === 0;
-      after.disabled = end >= chosen.length;
+      for (const [before, after] of steps) {
+        before.disabled = start === 0;
+        after.disabled = end >= chosen.length;
+      }
+      foot.hidden = chosen.length <= SHOWN;
     }
     // A link to one claim shows the page of the list that it is on.
     const enter = () => {

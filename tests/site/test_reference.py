@@ -133,10 +133,33 @@ def test_text_and_reference_lead_to_each_other(site: Path) -> None:
         text = site / f"{Path(chapter.notebook).stem}.html"
         article = text.read_text("utf-8").partition("<article")[2].partition("</article>")[0]
         for page, anchor in re.findall(r'href="(code_\w+\.html)#([^"]*)"', article):
-            assert anchor.startswith("course.") and anchor in anchors(site / page)
+            assert anchor.removeprefix("module-").startswith("course."), anchor
+            assert anchor in anchors(site / page), (page, anchor)
             forth += 1
         reference = (site / f"code_{chapter.topic}.html").read_text("utf-8")
         for page, anchor in re.findall(r'href="([^"#]*\.html)#(code-[^"]*)"', reference):
             assert page == text.name and anchor in anchors(text)
             back += 1
     assert forth > 30 and back > 15, (forth, back)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("page", "links"),
+    [
+        (
+            "environments",
+            {"course.vector_env.sequential.VectorizedEnv", "module-course.vector_env"},
+        ),
+        ("modules", {"course.kinematics.chain.Chain"}),
+        ("your_method", {"course.measure.work_precision.measure"}),
+    ],
+)
+def test_a_page_of_a_door_leads_to_the_functions_that_it_names(
+    site: Path, page: str, links: set[str]
+) -> None:
+    article = (site / f"{page}.html").read_text("utf-8").partition("<article")[2]
+    found = re.findall(r'href="(code_\w+\.html)#([^"]*)"', article.partition("</article>")[0])
+    assert {anchor for _, anchor in found} >= links
+    for target, anchor in found:
+        assert anchor in build.read(site / target).anchors, (target, anchor)

@@ -281,14 +281,19 @@ def visible(page: Any) -> list[str]:
 
 def test_claims_come_in_pages_by_chapter_and_verdict(claims: Any) -> None:
     assert visible(claims) == [str(k) for k in range(20)]
-    claims.get_by_role("button", name="Next").click()
+    above, below = claims.get_by_role("button", name="Next").all()
+    below.click()
     assert visible(claims) == [str(k) for k in range(20, 40)]
+    assert claims.locator(".course-browse").first.bounding_box()["y"] == pytest.approx(0, abs=20)
+    above.click()
+    assert visible(claims) == [str(k) for k in range(40, 60)]
+    assert above.is_disabled() and below.is_disabled()
     claims.get_by_label("Chapter").select_option("1")
     claims.get_by_label("Verdict", exact=True).select_option("false")
     assert visible(claims) == [str(k) for k in range(30, 60) if k % 3 == 1]
     assert claims.locator("h2:visible").all_inner_texts() == ["1 · Chapter"]
     assert claims.get_by_role("status").inner_text() == "1 to 10 of 10 claims"
-    assert claims.get_by_role("button", name="Next").is_disabled()
+    assert above.is_disabled() and not below.is_visible(), "one page has no second pair of buttons"
     claims.evaluate("location.hash = '#c59'")
     claims.wait_for_function("() => !document.querySelector('#c59').hidden")
     assert "59" in visible(claims) and "0" not in visible(claims)
