@@ -285,7 +285,7 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
         row = " ".join(f"{a:6.2f} {b:5.2f}" for a, b in zip(mm, deg, strict=True))
         shift.notes.append(f"{name:<24} {row.replace('nan', '  -')}")
     head = " ".join(f"{word:<12}" for word in SHORT).rstrip()
-    shift.notes.insert(0, f"{'median error, mm and deg':<24} {head}")
+    shift.notes.insert(0, f"{'median error [mm, deg]':<24} {head}")
     for cause, rows in report.items():
         text = [word for word, _ in rows]
         shift.notes.append(

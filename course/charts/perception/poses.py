@@ -70,7 +70,7 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
             end.append(math.degrees(math.atan2(fit.R[1, 0], fit.R[0, 0])))
         # The first turn from which ICP ends in another of the equal poses.
         edge = float(degrees[np.argmax(np.abs(end) > 90.0 / n)])
-        message = f"{n} sides: starts from {edge:.1f} degrees do not reach the marked pose"
+        message = f"{n} sides: starts of {edge:.1f} degrees and more do not reach the marked pose"
         home.series.append(Series(f"{n} sides", degrees, end, style="", note=message))
     pose = compose(TABLE[:, None], np.array([[0, 0, 0.03, 1, 0, 0, 0]]).T)[:, 0]
     pose = turned_by(pose, 0, 0, 0, 0, 0, 0.5)

@@ -211,7 +211,8 @@ def dbscan_separates(result):
 
 
 @claim(
-    "log(1 - P) / log(1 - w^3) samples find the plane of noisy points with probability P.",
+    "Without a refit, log(1 - P) / log(1 - w^3) samples find the plane of noisy points with "
+    "probability P.",
     "If there are many points, at least one of these samples has three inliers with probability P: "
     "for a P of {asked} it happened in {drawn:.3f} of the runs, but with {few:.0f} points in "
     "{rare:.2f}. Without noise, such a sample is the plane. A plane through three noisy inliers is "

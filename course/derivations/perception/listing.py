@@ -15,8 +15,8 @@ SYMBOLS = {
 
 
 @claim(
-    "The five steps of an Open3D tutorial (read the points, voxels, plane, clusters, boxes) run on "
-    "a depth image without an error.",
+    "The five steps of an Open3D tutorial (read a file of points, voxels, plane, clusters, boxes) "
+    "run on a depth image without an error.",
     "The first step reads a file of points. With a file that contains the points of our image, "
     "the steps find {there:.0f} clusters for {boxes:.0f} boxes. Without it, Open3D warns, "
     "continues with {empty:.0f} points, and fails at the plane. A depth image has to be "
@@ -214,7 +214,9 @@ def extent_is_size(result):
     "deliver all {camera:.0f}, but each pose is as old as before when it arrives: at {speed:.0f} "
     "mm/s the part has moved on by {late_mm:.0f} mm. A higher rate doesn't remove this error. A "
     "prediction to the time of use does, while the part keeps its speed: {left_mm:.1f} mm remain "
-    "if each coordinate of a pose has {noise_mm:g} mm of noise.",
+    "if each coordinate of a pose has {noise_mm:g} mm of noise, and the filter allows for "
+    "accelerations of {allowed:g} m/s^2. The more it allows for, the more its velocity follows the "
+    "noise.",
 )
 def pipeline_keeps_up(result):
     from course.perception import Tracker
@@ -229,8 +231,9 @@ def pipeline_keeps_up(result):
     stages = [age([Stage("camera", 1e-6, 1 / camera), one]).least for one in (alone, turns)]
     late = result.measure("late_mm", 1000 * speed * stages[1], 1e-3)
     noise, ahead = result.input("noise_mm", 0.2) / 1000, []
+    allowed = result.input("allowed", 0.5)
     for _ in range(200):
-        tracker = Tracker()
+        tracker = Tracker((allowed, 2.0))
         for k in range(30):
             z = np.array([speed * k / camera, 0, 0]) + noise * result.rng.standard_normal(3)
             tracker.update(k / camera, z, noise**2 * np.eye(3))
