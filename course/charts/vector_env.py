@@ -383,8 +383,7 @@ def vector_env(
         "cost of one environment's step [µs]",
         "time of a step of all N [µs]",
         scale="log",
-        lines=[("x", predicted[0], "processes pay from here,\nby waking idle workers")],
-        spans=[("x", predicted.min(), predicted.max(), "the same, by waking busy ones")],
+        lines=[] if measured is None else [("x", 1e6 * measured, "measured crossing")],
     )
     for name, key, label in (
         ("loop", "loop", "VectorizedEnv (a loop)"),

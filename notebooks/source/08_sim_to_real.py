@@ -62,9 +62,10 @@ simulation("arms")
 # at 1 as much as in the first picture, at 0 not at all. The delay of the commands has its own slider. *DR Range* sets
 # how widely the simulated arms varied while the gains were tuned (section 3).
 #
-# Under the arms, *longest stable delay* is the delay beyond which a joint of the right arm begins to oscillate (section
-# 1). *Delay to spare* is this limit minus the present delay. *Costliest difference* would cost the most successes if it
-# were the only difference.
+# Under the arms, *longest stable delay* is the delay beyond which a joint of the right arm begins to oscillate while
+# its other joint is locked (section 1). *Delay to spare* is this limit minus the present delay. The moving arm has less
+# to spare, because both its joints are free. *Costliest difference* would cost the most successes if it were the only
+# difference.
 #
 # <details><summary>The other numbers, and the buttons</summary>
 #
@@ -198,7 +199,7 @@ plt.show()
 
 # %% [markdown]
 # A success rate from few trials is uncertain, so each one gets a 95 % confidence interval. We use Wilson's interval,
-# which remains valid when nearly all trials succeed or nearly all fail.
+# which stays usable when nearly all trials succeed or nearly all fail.
 #
 # ### Five differences, one at a time
 #
@@ -239,15 +240,17 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# Load and delay cost success. The other three cost almost nothing alone. The green squares are gains that were tuned on
+# Load and delay cost success. The other three cost little alone. The green squares are gains that were tuned on
 # the arm on which they run. They recover most of what was lost.
 #
 # The next table puts several differences into one arm. The line above it compares three searches, because each search
 # finds other gains. Their success differs by more than the intervals, which count only the luck of the trials. Both
-# tables use the first search.
+# tables use the first search. The last column counts the searches in which the losses together exceed their sum.
 
 # %% tags=["hide-code"]
-rows = [("arm", "differences", "separate losses, added", "lost together")]
+head = ("arm", "differences", "costliest alone", "separate losses, added", "lost together")
+rows = [(*head, "more than the sum")]
+three = recorded()["range"][0].T
 for gap, delay, parts in (
     (1.0, 0.01, transfer.PARTS),
     (1.0, 0.01, ("load", "motor")),
@@ -258,23 +261,26 @@ for gap, delay, parts in (
     (0.3, 0.02, ("load", "delay")),
 ):
     there = real(gap, delay)
-    alone = [1 - rollouts(mended(there, (part,)), tuned, posed).rate for part in parts]
-    lost = 1 - rollouts(mended(there, parts), tuned, posed).rate
+    alone = np.array([1 - rollouts(mended(there, (one,)), three, posed).rate for one in parts])
+    lost = 1 - rollouts(mended(there, parts), three, posed).rate
     names = "all five" if len(parts) == 5 else " and ".join(parts)
-    rows.append((f"gap {gap:g}, {1e3 * delay:.0f} ms", names, f"{sum(alone):.3f}", f"{lost:.3f}"))
-searches = rollouts(far_end, recorded()["range"][0].T, posed).rate
+    costliest = f"{list(parts)[alone[:, 0].argmax()]}: {alone[:, 0].max():.3f}"
+    numbers = (costliest, f"{alone[:, 0].sum():.3f}", f"{lost[0]:.3f}")
+    more = f"{np.sum(lost > alone.sum(axis=0))} of 3"
+    rows.append((f"gap {gap:g}, {1e3 * delay:.0f} ms", names, *numbers, more))
+searches = rollouts(far_end, three, posed).rate
 print("success of three searches on the arm with all five differences:", end=" ")
 print(", ".join(f"{rate:.2f}" for rate in searches))
 table(*rows)
 
 # %% [markdown]
-# At gap 1 all five together cost more than their separate losses added up. The reason is the pair of load and motor: a
-# heavy arm needs the torque that the weaker motor lacks. The other two pairs, and all five at gap 0.5, cost a little
-# less than their sums.
+# At gap 1 all five together cost more than their separate losses added up, with each of the three searches. The reason
+# is the pair of load and motor: a heavy arm needs the torque that the weaker motor lacks. The other two pairs, and all
+# five at gap 0.5, cost a little less than their sums.
 #
-# The last two rows (gap 0.3, 20 ms) show the opposite. There the delay alone makes almost every reach fail. Load and
-# delay *together* cost much less than the delay alone: the load slows down the loop, and a slower loop tolerates a
-# later command. So losses measured one at a time don't tell you what the differences cost together.
+# The last two rows (gap 0.3, 20 ms) show the opposite. There the delay alone makes almost every reach fail (column
+# *costliest alone*). Load and delay *together* cost much less than that: the load slows down the loop, and a slower
+# loop tolerates a later command. So losses measured one at a time don't tell you what the differences cost together.
 #
 # <details><summary>On a real robot you start from symptoms: a table</summary>
 #
@@ -320,8 +326,8 @@ _ = axis.set_title("the same reach and gains at three delays", fontsize=9)
 plt.show()
 
 # %% [markdown]
-# These gains were tuned without delay. At 0 ms the hand overshoots once and settles. With the two delays it swings
-# about three times as far and doesn't settle.
+# These gains were tuned without delay. At 0 ms the hand overshoots once and settles. With the two delays the first
+# swing is about three times as large, and the hand doesn't settle within the 0.9 s.
 
 # %%
 predict("gains_and_a_late_command")
@@ -339,15 +345,17 @@ predict("gains_and_a_late_command")
 # </details>
 #
 # The right panel shows success over the delay. The gains *no range* were tuned on one arm, the gains *range 1* on many
-# different arms (section 3). For *MuJoCo* the arm runs in the physics engine MuJoCo, not in the course's own model. The
-# coloured areas are 95 % intervals. The vertical lines are the delay margins of joint 2 with joint 1 locked.
+# different arms whose delay lies between 0 and 30 ms (section 3). For *MuJoCo* the arm runs in the physics engine
+# MuJoCo, not in the course's own model. The coloured areas are 95 % intervals. The vertical lines are the delay margins
+# of joint 2 with joint 1 locked.
 #
 # ![Delay at which reaches fail, against the gains, and success against the delay](../docs/charts/late_commands.png)
 
 # %% tags=["hide-code"]
 for name, k in (("no range", 0), ("range 1", 10)):
     kp = recorded()["range"][k][:, [0, 3]].mean(axis=0)
-    print(f"{name}: mean gain kp of joints 1 and 2 {kp[0]:.0f} and {kp[1]:.0f} N m/rad")
+    means = f"{kp[0]:.0f} and {kp[1]:.0f} N m/rad (means of three searches)"
+    print(f"{name}: gain kp of joints 1 and 2 {means}")
 curves(
     "late_commands",
     1,
@@ -361,9 +369,9 @@ curves(
 )
 
 # %% [markdown]
-# In each row the success rate falls slowly at first and then collapses. In a simulator without delay high gains cost
-# nothing, so the search raises the gains. Gains that were tuned on many different arms are lower (the two lines above
-# the table), so they tolerate a later command.
+# In each row the success rate falls slowly at first and then collapses. In a simulator without delay and noise, higher
+# gains reach the target sooner and cost nothing, so the search raises the gains. The gains *range 1* were tuned with
+# delays. They are lower (the two lines above the table), so they tolerate a later command.
 #
 # At both ends of the left panel it isn't the delay margin that decides. With much lower gains the arm is too slow to
 # arrive in time. With high gains reaches succeed at delays beyond both computed margins: the motors' torque limit stops
@@ -394,7 +402,7 @@ show("late_command")
 # ### The regression that interviewers ask for
 #
 # The equations of motion of an arm are nonlinear in the angles. But they are *linear* in the inertias and in the
-# friction coefficients:
+# coefficients of viscous friction:
 #
 # $$\boxed{\;\tau = Y(q, \dot q, \ddot q)\,\theta\;}$$
 #
@@ -409,10 +417,14 @@ show("late_command")
 # \end{pmatrix}, \qquad
 # \theta = \begin{pmatrix} a \\ b \\ d \\ c_1 \\ c_2 \end{pmatrix} .$$
 #
+# <details><summary>What the five parameters mean</summary>
+#
 # The five parameters have a meaning. $a$ is the inertia of the arm about joint 1, without the part that depends on the
 # elbow's angle. $b$ couples the two links. It is $\tfrac12 m_2 l_1 l_2$ for a uniform link 2, with its mass $m_2$ and
 # the lengths $l_1$, $l_2$ of the links. $d$ is the inertia of link 2 about joint 2. $c_1$ and $c_2$ are the viscous
 # frictions of the joints: torque for each unit of speed.
+#
+# </details>
 #
 # Write the two rows of every sample below each other. A log of 1,000 samples then has 2,000 equations for five
 # unknowns. Least squares solves them: $\hat\theta = (Y^\mathsf{T}Y)^{-1}Y^\mathsf{T}\tau$.
@@ -521,9 +533,13 @@ table(
 # $$F = \frac{1}{\sigma^2}\,J^\mathsf{T}J, \qquad \operatorname{cov}\hat\theta \;\succeq\; F^{-1}
 # = \sigma^2\,(J^\mathsf{T}J)^{-1} .$$
 #
+# <details><summary>An example with one parameter</summary>
+#
 # If a parameter moves the angles strongly, its variance is small, unless another parameter moves them in the same way.
 # Take a single parameter, and let each of $n$ samples change by $j$ per unit of the parameter. Then $F = n
 # j^2/\sigma^2$, and the standard deviation is at least $\sigma/(j\sqrt n)$. So four times as many samples halve it.
+#
+# </details>
 #
 # `fit` reports $\sigma^2(J^\mathsf{T}J)^{-1}$ as the covariance of its estimate. It takes $\sigma$ from the residual.
 # Does the method reach the bound? We record 60 logs that differ only in the noise and fit each of them. Then we compare
@@ -557,10 +573,10 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 #
 # The next picture shows two common complications. Signals of different kinds, such as angles and speeds, need weights:
 # wrong weights increase the scatter of the fits (left panel). And a controller that runs during the log reacts to the
-# sensor's noise. This biases least squares, but not output error. The other panels show it for a joint with the inertia
-# $I$, where least squares finds $1/I$. A longer log doesn't remove its error (middle). A higher gain of the controller
-# increases the error, until most of the torque is noise (right). (The *formula* and a third method, *instrument*, are
-# in the fold.)
+# sensor's noise. This biases least squares, but not output error, as long as the sensor's noise is the only
+# disturbance. (Disturbing torques can reverse this: see the fold.) The other panels show it for a joint with the
+# inertia $I$, where least squares finds $1/I$. A longer log doesn't remove its error (middle), and a higher gain of the
+# controller increases it (right).
 #
 # <details><summary>Logs of several signals, and logs under a running controller: a run of each</summary>
 #
@@ -658,7 +674,7 @@ more_claims("signals_of_different_kinds", "feedback_and_regression")
 # The remedy is to fit only the combinations that matter. These are called **base parameters**: a smallest set of
 # combinations that determines every motion. Our $a, b, d, c_1, c_2$ are the base parameters of the six numbers. Now
 # take the $J$ of the six numbers. Its singular value decomposition has one singular value above zero for each base
-# parameter. The singular vectors of the zero values are the null directions.
+# parameter, if the log excites them all. The singular vectors of the zero values are the null directions.
 
 # %% tags=["hide-code"]
 free = dict.fromkeys(logs.six(), (1e-4, 10.0))
@@ -692,8 +708,8 @@ print(f"six parameters, rank {report.rank}: {'; '.join(report.null)}")
 # the smallest one. A large value warns of a nearly null direction.
 #
 # What counts in the end is the **standard error**: the standard deviation of an estimate, about half of the 95 %
-# half-width. The table shows it for the worst parameter. In the last column all plans are scaled to the same rms torque
-# (the root of the mean square).
+# half-width. The table shows it for the worst parameter. In the last two columns all plans are scaled to the rms torque
+# (the root of the mean square) of the two sines.
 
 # %% tags=["hide-code"]
 plans = {name: logs.record(name) for name in ("two sines", "steps", "one slow joint")}
@@ -711,18 +727,22 @@ alike = {
     for name, one in plans.items()
 }
 head = "standard error of the worst parameter"
-rows = [("torques", "rms torque [N m]", "condition number", head, "the same at equal rms torque")]
+last = ("the same at equal rms torque", "joints then travel [rad]")
+rows = [("torques", "rms torque [N m]", "condition number", head, *last)]
+known = {key: np.array([value]) for key, value in logs.TRUTH.items()}
 reports = [excitation(arm, some, logs.TRUTH, logs.FREE) for some in (plans, alike)]
 for name in plans:
     report = reports[0][name]
     worst = [100 * (np.sqrt(np.diag(x[name].covariance)) / truth).max() for x in reports]
     errors = (f"{value:.3f} %" for value in worst)
-    rows.append((name, f"{rms[name]:.2f}", f"{report.condition:.1f}", *errors))
+    travel = " and ".join(f"{x:.1f}" for x in np.ptp(arm(known, alike[name])[..., 0], axis=1))
+    rows.append((name, f"{rms[name]:.2f}", f"{report.condition:.1f}", *errors, travel))
 table(*rows)
 
 # %% [markdown]
 # The slow joint has a smaller condition number than the steps and yet a larger error, because its torques are small. A
-# ratio can't show that. At equal rms torque the slow joint beats the steps.
+# ratio can't show that. At equal rms torque the slow joint beats the steps. But scaling a plan up moves the
+# joints farther (last column), so check it against the robot's joint and speed limits.
 #
 # ### When the fit misleads you
 #
@@ -828,7 +848,8 @@ print(
 )
 
 # %% [markdown]
-# The whiteness test notices the shift, and the last printed line measures it.
+# The whiteness test notices the shift, and the last printed line measures it. The lag is the slope of the fit's
+# residual against minus the speed, after you remove from the speed what the parameters can imitate (fold).
 #
 # <details><summary>How to measure the lag</summary>
 #
@@ -857,9 +878,12 @@ more_claims("one_sample_late")
 #
 # Perhaps you can't record a log, because the robot isn't built yet. Then you can tune for many possible robots.
 # **Domain randomisation** (DR) samples new simulator parameters for every episode, so that the gains can't rely on any
-# one value. The *range* sets how far the parameters may differ from the simulator's. At range 1 each parameter differs
-# by at most as much as at gap 1, in both directions. The delay lies between 0 and 30 ms at range 1, and between 0 and
-# 12 ms at range 0.4.
+# one value.
+#
+# The *range* sets how far the parameters may differ from the simulator's. At range 1 each parameter except
+# the delay differs by at most as much as at gap 1. Masses, motor, viscous friction and encoder offset vary in both
+# directions, payload, dry friction and noise only upward from zero. The delay lies between 0 and 30 ms at range 1, and
+# between 0 and 12 ms at range 0.4.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6, 2.5), layout="constrained")
@@ -920,14 +944,15 @@ curves(
 #
 # The third row is **the other approach**: find the real arm's parameters and tune on them. We used the exact
 # parameters, so this row is the best that identification could reach. Up to gap 0.5 range 1 succeeds about as often,
-# and it needs no log. (But we chose it so that it contains the real arm.) At large gaps the true parameters are far
-# better.
+# and it needs no log. At large gaps the true parameters are far better.
+# But this is the hardest case for randomisation: at gap 1 the real arm is at a corner of range 1, with every parameter
+# except the delay at an end, and hardly any sample falls there.
 #
 # <details><summary>The rest of the chart, and why the success at gap 1 has other values in other tables</summary>
 #
-# In the left panel, the areas around *no range* and both ranges reach from the worst to the best of three searches. The
-# other areas in the chart are 95 % intervals. *True, range 0.4* adds a range around the true parameters and gains
-# nothing.
+# The right panel varies the range instead (with one more robot, from the next section). In the left panel, the areas
+# around *no range* and both ranges reach from the worst to the best of three searches. The other areas in the chart are
+# 95 % intervals. *True, range 0.4* adds a range around the true parameters and gains nothing.
 #
 # The searches and the tasks differ. Section 1 uses the first of three searches. The table above shows the mean of these
 # three on other tasks, section 9 on other tasks again. The corrections below use the mean of two more searches. So
@@ -967,7 +992,8 @@ curves("robot_time", 0, "success after robot time [s] of", {"fine-tuned": "fine-
 # %% [markdown]
 # One log of less than a second lifts the success far above every range (the three lowest dotted lines). A longer log,
 # or a range around the identified values, changes it by less than the confidence intervals. Fine-tuning ends at a
-# similar rate, after far more robot time.
+# similar rate, after far more robot time. (The top line, *adaptive law*, is no fair rival: its settings were chosen by
+# trials on the twin that the chart doesn't count.)
 #
 # <details><summary>Chapter 6's adaptive controller on this arm</summary>
 # Chapter 6's adaptive controller corrects its model while it moves. It is at the top of the chart (*adaptive law*). But
@@ -1019,9 +1045,12 @@ table(*rows)
 #
 # A person who lifts a box notices its weight and adjusts. A controller can do so, too, if it estimates the arm while it
 # moves. Here one joint swings a load in the vertical plane. Load (0 to 2 kg) and friction differ in every episode,
-# torques arrive 10 ms late, and the encoder is noisy. All methods use one control law, after Slotine and Li (1987). It
-# works with an *estimate* of the arm. It computes the torque with which the estimated arm would follow the motion. Then
-# it adds feedback, multiplied by the estimated inertia.
+# torques arrive 10 ms late, and the encoder is noisy.
+#
+# All methods use one control law, a variant of the law of Slotine
+# and Li (1987). It works with an *estimate* of the arm. It computes the torque with which the estimated arm would
+# follow the motion. Then it adds feedback. The original law has constant feedback gains; ours multiplies them by the
+# estimated inertia.
 
 # %%
 predict("which_arm_shakes")
@@ -1068,8 +1097,10 @@ names += ("best gains in hindsight",)
 curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name for name in names})
 
 # %% [markdown]
-# The student works a little beyond the heaviest arm of its training, then fails. Without load it is far worse than the
-# teacher. The adaptive law still works on heavy arms, because it keeps correcting the error that it observes.
+# Without load, still inside the range of the training, only the teacher works well. All methods that estimate or assume
+# the load have large errors, the adaptive law too, probably because their feedback is too strong for so light an arm.
+# On heavy arms the student works a little beyond the heaviest load of its training, then fails. The adaptive law still
+# works there, because it keeps correcting the error that it observes. (Last panel: the answer to the question.)
 #
 # <details><summary>The first, the third and the last panel</summary>
 #
@@ -1151,16 +1182,20 @@ for part, *worth in re.findall(
 table(*rows)
 
 # %% [markdown]
+# <details><summary>How much of this is chance?</summary>
+#
 # If corrections did nothing, chance alone would lower the rate in about half of the 80 cases. And another search
 # changes rates by more than the interval of the trials. But the large falls all have the same form: the
 # delay is corrected before the load.
+#
+# </details>
 #
 # Which difference is "dominant", then? A parameter is worth three different amounts: as the first correction, as the
 # last, and on average over all orders. This average is called **Shapley's value**. The five averages add up to the gain
 # of correcting all (up to rounding).
 #
 # The practical rule: *correct together everything that your logs reveal, and treat it as one change.* Keep this change
-# if the confidence interval of the *difference* in success on the robot lies above zero. Where a change needs new
+# if the confidence interval of the *difference* in success on the robot lies above zero.  Where a change needs new
 # training, compare the means of several trainings.
 
 # %%
@@ -1218,9 +1253,8 @@ plt.show()
 # %% tags=["hide-code"]
 print("to find a difference of 78 % and 87 % in 80 % of the cases, at the 5 % level:")
 print(f"{trials(0.78, 0.87)} trials of each policy on its own tasks;")
-print(
-    f"{trials(0.78, 0.87, together=0.75)} tasks if both get the same ones and both win 75 % of them"
-)
+print(f"{trials(0.78, 0.87, together=0.75)} tasks if both policies get the same ones,", end=" ")
+print("and on 75 % of the tasks both succeed")
 
 # %% [markdown]
 # ### Reward shaping: does it change the best policy?
@@ -1312,11 +1346,15 @@ for name, n in changed.items():
     print(f"potential {name:<24} best policy changed in {n:2d} of 100 processes")
 
 # %% [markdown]
-# **What about a time limit?** It depends on what the learner does when the clock stops. A learner that *bootstraps*
+# <details><summary>What about a time limit?</summary>
+#
+# It depends on what the learner does when the clock stops. A learner that *bootstraps*
 # adds the discounted estimated value of the last state to the last reward, because the task would have continued. For
 # this learner nothing has ended, and the potential of the last state stays. A learner that does *not* bootstrap treats
 # the last state as worth nothing. For it the clock is an end, so the potential of the last state must be zero.
 # Gymnasium's interface reports two flags for this: `terminated` (the task is over) and `truncated` (the clock stopped).
+#
+# </details>
 
 # %% tags=["hide-code"]
 axis = diagram(
@@ -1346,10 +1384,14 @@ plt.show()
 #
 # </details>
 #
+# <details><summary>Why paying minus the distance is not a difference of potentials</summary>
+#
 # What if you pay minus the distance to the goal in each step? That is *not* a difference of potentials: the payments
 # add up along the path. So a longer path that soon comes near the goal can cost less than a shorter one that stays far
 # away until its last steps. Paying for *getting nearer* has no such effect: $\gamma\Phi(s') - \Phi(s)$ with $\Phi =
 # -\text{distance}$.
+#
+# </details>
 
 # %%
 show("two_routes")
@@ -1357,17 +1399,21 @@ show("two_routes")
 # %% [markdown]
 # Shaping preserves the best policy. But it can speed up or slow down *learning* a great deal. **Tabular Q-learning**
 # stores one estimate of $Q$ for each state and action and corrects it after every step. For it, shaping with $\Phi$ has
-# the same effect as starting with $Q = \Phi$ (Wiewiora 2003). The left chart below compares seven potentials in a grid
-# of ten by ten cells (largest distance: 18). The bars count the steps until the learned path is a shortest one. By far
-# the fastest are the potentials that rise towards the goal and lie between 0 and the true value $V$. Minus the distance
-# is the slowest.
+# the same effect as starting with $Q = \Phi$ (Wiewiora 2003).
+#
+# The left chart below compares seven potentials in a grid
+# of ten by ten cells (largest distance: 18). The goal pays 1 and all other steps 0, with $\gamma$ = 0.95. The bars
+# count the steps until the learned path is a shortest one. It is tested every 20 steps only, so the shortest bars are
+# upper limits. By far the fastest are the potentials that rise towards the goal and lie between 0 and the true value
+# $V$. Minus the distance is the slowest. (With another reward it can be good: see the fold.)
 #
 # <details><summary>Which potentials help, and why minus the distance starts too low</summary>
 #
 # What helps is the *shape* of the true value: a potential that rises towards the goal as the value does leads almost
 # straight there, even scaled down to a hundredth. A potential above the true values is optimistic: everything has to be
 # tried before its estimate falls. Minus the distance starts every value too low. The first action that is tried then
-# rises, the untried ones stay low, and the learner repeats the first one instead of exploring.
+# rises, the untried ones stay low, and the learner repeats the first one instead of exploring. That holds for this
+# reward: if each step cost 1 and $\gamma$ were one, minus the distance would be $V$ itself.
 #
 # </details>
 #
@@ -1592,16 +1638,17 @@ plt.show()
 # a learned one. A written model with a wrong term stays wrong, however long the log is. A learned model needs data, and
 # it is unreliable for motions that are not in its data.
 #
-# Should you learn one when an effect is missing? We try one simple learned model on the twin: it is linear in fifty
-# features of recent angles and torques. It competes with our arm's equations, fitted with friction and delay (*our
-# arm*) and without them:
+# Should you learn one when an effect is missing? We try only one simple learned model on the twin, linear in
+# fifty features of recent angles and torques. So this is no verdict on learned models in general. The model competes
+# with our arm's equations, fitted with friction and delay (*our arm*) and without them:
 #
 # ![Error of predicted motions against the length of the log](../docs/charts/learned_model.png)
 #
 # With 1 or 3 s of log the learned model runs away (the triangles at the upper edge). With 10 s or more it beats the
 # equations without friction and delay. But the equations with friction and delay are better than both, with one second
-# of data. The learned model improves little after 10 s, probably because the twin isn't linear in its features. *Our
-# arm* doesn't improve after 3 s, because it lacks some of the twin's effects.
+# of data. *Our
+# arm* doesn't improve after 3 s, its error even rises. It lacks some of the twin's effects, and each point averages
+# only two logs. A common third approach, which we didn't test, keeps the equations and learns only what they miss.
 #
 # ### A learned actuator
 #
@@ -1613,17 +1660,18 @@ plt.show()
 # ![Torque error of three actuator models, and time](../docs/charts/actuator_models.png)
 #
 # The *ideal drive* in the chart produces the commanded torque at once. *Lag and friction* is a formula with delay, lag
-# and dry friction, fitted to the same recording as the network. On motions like the recorded ones the network is
-# better: the formula lacks the voltage limit and the larger friction at rest.
+# and dry friction, fitted to the same recording as the network. The network has the smallest median error in every row.
+# But the formula lacks the voltage limit and the larger friction at rest. With both it might be as good; we didn't test
+# that.
 #
-# Other motions or another supply voltage multiply the errors. So record the motions and voltages that the policy will
-# meet.
+# The network's own error grows where the recording has no data: several times on faster motions. At half the supply
+# voltage its median stays, but its largest errors (the right end of the bar) grow a lot. So record the motions
+# and voltages that the policy will meet.
 #
 # <details><summary>The rows of the chart, and the right panel</summary>
 #
-# Targets that move faster multiply the errors of both models. Half the supply voltage multiplies the network's largest
-# errors (the right end of its bar). The right panel shows the price in computing time, for networks with 2 to 64 units
-# in a layer.
+# Targets that move faster multiply the errors of both models. The right panel shows the price in computing time, for
+# networks with 2 to 64 units in a layer.
 #
 # </details>
 #
@@ -1663,15 +1711,19 @@ plt.show()
 # %% tags=["hide-code"]
 axis = diagram(
     (5.5, 1.3),
-    ((0, 0, "good state:\npays $R$"), (3.5, 0, "bad state:\npays 0 for ever")),
+    ((0, 0, "good state: pays $R$,\nstays otherwise"), (3.5, 0, "bad state:\npays 0 for ever")),
     ((0, 1, r"probability $\epsilon$ (real), 0 (simulator)"),),
 )
 plt.show()
 
 # %% [markdown]
+# <details><summary>When the bound says nothing</summary>
+#
 # If the two worlds never reach the same next state, $\epsilon$ is 1. With $\gamma$ above one half the bound is then
 # larger than $R/(1-\gamma)$, the largest possible value, and says nothing. Our arm is such a case: a slightly heavier
 # arm almost never reaches exactly the same next state.
+#
+# </details>
 #
 # <details><summary>Would a network that is pretrained on many simulated robots transfer to a new one?</summary>
 #
@@ -1703,7 +1755,7 @@ plt.show()
 # model.geom_friction[:, 0] = rng.uniform(0.5, 1.5, model.ngeom)   # other friction
 # model.dof_damping *= rng.uniform(0.5, 2.0, model.nv)             # other damping
 # mujoco.mj_setConst(model, data)                                  # derived constants
-# waiting = deque(maxlen=k)                                        # a delay of k steps
+# waiting = deque([rest] * k, maxlen=k)                            # a delay of k steps
 # ```
 #
 # Each line runs, and each has a trap.
@@ -1716,14 +1768,15 @@ plt.show()
 # - *Line 3, damping:* a factor on zero leaves zero, and zero is the default. Factors pile up here as well.
 # - *Line 4, constants:* `mj_setConst` also overwrites the simulation state (`MjData`) that you pass. So pass a spare
 #   copy.
-# - *Line 5, delay:* the delay depends on whether you append the new action before or after you read the oldest one.
+# - *Line 5, delay:* the delay depends on whether you append the new action before or after you read the oldest one. And
+#   for a sampled delay of $k = 0$ there is no entry to read: the program stops with an error.
 
 # %%
 show("set_const_inertia")
 
 # %% [markdown]
-# How long does an entry wait in such a queue? In the drawing, each step first appends the new action on the left. Then
-# it reads and uses the oldest one, on the right.
+# How long does an entry wait in such a queue? In the drawing, the queue starts filled with commands to rest (-). Each
+# step first appends the new action on the left. Then it reads and uses the oldest one, on the right.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 1.8), layout="constrained")
@@ -1747,8 +1800,8 @@ show("queue_of_k")
 # In the exercise `randomize` you write a correct version. Training at scale also needs a vectorised environment: a
 # class that steps many copies of a task and resets those whose episode has ended (exercise `vector_env`). Computing all
 # copies in one array (*ArmReachVector*, *MujocoArmReachVector*) is faster than a loop over the copies
-# (*SyncVectorEnv*). Several processes (*ProcessVectorEnv*) help little here, and only where one step is expensive
-# (third panel of the chart).
+# (*SyncVectorEnv*), even on one thread. Several processes (*ProcessVectorEnv*) help little on this machine, because it
+# has only two cores, and only where one step is expensive (third panel of the chart).
 #
 # <details><summary>The traps of a vectorised environment are at the ends of episodes</summary>
 #
@@ -1762,9 +1815,9 @@ show("queue_of_k")
 # <details><summary>How to read the chart</summary>
 # The first panel counts environment steps per second. *MujocoArmReachVector* uses two threads and all loops use one.
 # Processes pay if processors are free and one step is expensive, or if each process steps many environments. The dotted
-# line in the third panel is a computed limit, for processes that wait idle. The measured curves cross later, and the
-# gain is small. *AsyncVectorEnv*, with a process for each environment, never beat the loop here. The second panel plots
-# the accuracy.
+# line in the third panel marks where the measured curves cross. To its right the gain is small, and at the right end it
+# is gone. *AsyncVectorEnv*, with a process for each environment, never beat the loop here. The second panel plots the
+# accuracy.
 #
 # </details>
 
@@ -1971,13 +2024,19 @@ table(*rows)
 # Each row counts 20 lifts. The boxes lie up to 15 mm off and weigh up to 5 % more or less. The camera's error adds to
 # that, so at 20 mm some lifts fail.
 #
-# Several common predictions are wrong here. A step of 20 ms doesn't make the simulation explode with MuJoCo's default
+# <details><summary>Several common predictions are wrong here, and why</summary>
+#
+# A step of 20 ms doesn't make the simulation explode with MuJoCo's default
 # contacts, because MuJoCo softens contacts that are too stiff for the step. With stiff contacts set by hand the grip
 # does fail. A box that is 10 % heavier is lifted almost as high, because the servo controls the height. Whether a box
 # is crushed, the model can't show: its box is rigid.
 #
+# </details>
+#
 # The charts below vary each fault beyond its limit. The first one plots the force divided by the force that the box
-# needs. Below ratio 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out.
+# needs. Below ratio 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out. Don't
+# transfer this upper limit to a real gripper: soft simulated contacts let a finger sink millimetres into the box (last
+# panel).
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -2045,8 +2104,10 @@ more_claims("losses_add", "feedback_and_offset")
 #
 # </div>
 #
-# The most useful tool is a replay. Record commands, angles and time stamps on the robot. Send the same commands to the
-# simulator from the same start. Then look for the moment when the two motions begin to differ:
+# The most useful tool is a replay. Record commands, angles and time stamps on the robot. Set the simulator to the
+# logged state, send it the same commands for a few tenths of a second, and restart it from the log. A
+# long replay of torques drifts even with the right parameters, because small errors of the start grow. Then
+# look where the two motions begin to differ:
 
 # %% tags=["hide-code"]
 axis = diagram(
@@ -2055,7 +2116,7 @@ axis = diagram(
         (0, 1.5, "replay the\nrecorded commands"),
         (3, 3, "late by a constant"),
         (6.6, 3, "delay or time stamps: correlate residual and speed"),
-        (3, 2, "right at first,\nthen drifts away"),
+        (3, 2, "right at first,\nthen drifts away by more\nthan the start error explains"),
         (6.6, 2, "dynamics: fit the parameters, look at the residual"),
         (3, 1, "right until contact"),
         (6.6, 1, "contact: friction, stiffness, geometry"),
@@ -2099,13 +2160,13 @@ plt.show()
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *It is robust in simulation and brittle on the robot.* Identify the robot once. If its parameters
-# lie inside the ranges, wider ranges don't help.
+# lie well inside the ranges, don't expect wider ranges to help.
 #
 # <details><summary>The four possibilities, and what people get wrong here</summary>
 #
-# The robot is outside the ranges: then wider ones may help. The simulator lacks an effect: randomising other parameters
-# won't produce backlash. The ranges are so wide that the policy does nothing well. Or the sampled parameters never
-# reached the simulation: log them.
+# The robot is outside the ranges or at their edge: then wider ones may help. The simulator lacks an effect: randomising
+# other parameters won't produce backlash. The ranges are so wide that the policy does nothing well. Or the sampled
+# parameters never reached the simulation: log them.
 #
 # They widen the ranges. In the chart of section 3 range 1 brings little more than range 0.4 where the gap is large: a
 # load needs other gains, not more cautious ones.
@@ -2145,20 +2206,24 @@ from course.oracles.mujoco.twin import PLAIN, Twin
 figure_, axis = plt.subplots(figsize=(6, 2.2), layout="constrained")
 start = np.array([[0.2], [1.2]])
 swings = {"link": [], "motor": []}
-for play, lower in ((0.004, 1), (0.01, 1), (0.04, 1), (0.04, 2), (0.04, 10), (0.04, 30)):
-    for side, style in (("link", "-"), ("motor", ":")):
+swings["motor, larger step"] = []
+plays = ((0.004, 1), (0.01, 1), (0.04, 1), (0.04, 2), (0.04, 10), (0.04, 30))
+# The first two begin inside the play; the third has to cross it three times over.
+sides = (("link", "-", 0.3), ("motor", ":", 0.3), ("motor, larger step", "", 3.0))
+for play, lower in plays:
+    for side, style, away in sides:
         numbers = ((50.0 / lower, 5.0 / lower), (20.0 / lower, 1.0 / lower))
         laws = [Controller(Gains(kp, 0.0, kd, 0.005), 0.01) for kp, kd in numbers]
-        goal = start[:, 0] + 0.3 * play
+        goal = start[:, 0] + away * play
 
         def law(k, observed, laws=laws, goal=goal):
             desired = zip(laws, goal, observed[:, 0], strict=True)
             return np.array([[c.update(x, y)] for c, x, y in desired])
 
-        loose = replace(PLAIN, armature=0.03, backlash=play, encoder=side)
+        loose = replace(PLAIN, armature=0.03, backlash=play, encoder=side.split(",")[0])
         q = Twin(loose, threads=1).run(law, start, 2000)[0][1, 0]
         swings[side].append(np.ptp(q[1000:]) / play)
-        if play == 0.04 and (lower == 1 or (lower == 10 and side == "link")):
+        if style and play == 0.04 and (lower == 1 or (lower == 10 and side == "link")):
             link = "full" if lower == 1 else "1/10"
             label = f"encoder on the {side}, gains {link if side == 'link' else 'full or 1/10'}"
             _ = axis.plot(0.01 * np.arange(600), (q[:600] - goal[1]) / play, style, label=label)
@@ -2171,10 +2236,14 @@ large, small = (sum(x > 0.6 for x in swings["link"]), sum(x < 0.05 for x in swin
 print("swing of the link in the last 10 s of 20:")
 print(f"encoder on the link: more than 0.6 of the play in {large} of {len(swings['link'])} runs")
 print(f"encoder on the motor: less than 0.05 of the play in {small} of {len(swings['motor'])} runs")
+rattles = sum(x > 0.2 for x in swings["motor, larger step"])
+print(f"the same, after a step of three plays: more than 0.2 of the play in {rattles} of 6 runs")
 
 # %% [markdown]
 # With the encoder on the link, lower gains make the oscillation slower, but even gains thirty times lower don't stop it
-# in 20 s. With the encoder on the motor the link rests in every run, but not at the target.
+# in 20 s. With the encoder on the motor the link rests in every run, but not at the target. These runs begin at rest
+# inside the play, so they show only that the controller starts no oscillation. After a larger step the link, which has
+# no friction, goes on rattling inside the play (last line).
 #
 # <details><summary>Symptoms that are worth learning: cause, test and remedy</summary>
 #
@@ -2447,9 +2516,9 @@ table(*rows)
 #
 # The ranges tell you what *this task* tolerates after training. They don't tell you where the robot is, because nothing
 # in the method has observed it. In this run the automatic ranges do better at gap 1 than both ranges that we chose by
-# hand. (The tasks, and so the rates, are others than in section 3.) One reason may be effort: their gains were tuned
-# for longer. New gains, tuned from scratch on the same ranges, keep only a part of the advantage. At the smaller gaps
-# range 1 is best, but its lead is hardly larger than the differences between searches (printed above the table).
+# hand. One reason may be effort: their gains were tuned for longer. New gains, tuned from scratch on the same ranges,
+# keep only a part of the advantage. At the smaller gaps range 1 is best, but its lead is hardly larger than the
+# differences between searches (printed above the table).
 #
 # ## 10 · Interview
 #
