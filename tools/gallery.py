@@ -31,10 +31,11 @@ HEAD = """# The charts of the course
 
 In a work-precision diagram each point is one method with one setting: the error against an
 independent truth upwards, the cost to the right; lower left is better. A cross at the top edge is a
-run that failed: its cost is infinite, and its place along the edge means nothing. The circle is the
-cheapest run within the tolerance; in the grey band an error says how good the reference is. Dashed
-curves with hollow marks are another library on the same problem in the same run. A picture shows
-six curves; the others, named under it, are in its data.
+run that failed. Where a setting is a step, the cross stands above what these steps cost; elsewhere
+its place along the edge means nothing. The circle is the cheapest run within the tolerance; in the
+grey band an error says how good the reference is. Dashed curves with hollow marks are another
+library on the same problem in the same run. A picture shows six curves; the others, named under
+it, are in its data.
 """
 
 

@@ -70,6 +70,7 @@ class Series:
         tags: words beside the points, in their order: at most one for each point, "" for a point
             without one.
         failed: how many runs failed: crosses at the upper edge, where a cost is infinite.
+        failed_at: x of their crosses, where it is known; else they are spread along the edge.
         extra: not among the six curves that a panel shows before others are switched on.
     """
 
@@ -89,6 +90,7 @@ class Series:
     tags: Sequence[str] = ()
     across: bool = False
     failed: int = 0
+    failed_at: Sequence[float] = ()
     extra: bool = False
 
     def __post_init__(self) -> None:
@@ -321,7 +323,11 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     names: set[str] = set()
     for series in shown:
         colour, marker = looks[id(series)]
-        crosses += [colour] * series.failed
+        if series.failed_at:
+            # Large behind small: the crosses of two methods may stand at the same cost.
+            _draw_crosses(ax, series.failed_at, colour, ax.get_xaxis_transform(), series.hollow)
+        else:
+            crosses += [colour] * series.failed
         if series.style == "bar":
             _draw_bars(ax, series, colour, 0.4 if names & {*series.y} else 0.75)
             names |= {*series.y}
@@ -332,18 +338,10 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
         # Bars are read from the top down.
         ax.invert_yaxis()
         ax.tick_params(axis="y", labelleft=panel.ticks is None)
-    # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
+    # Without a cost of its own a failure is somewhere on the top edge.
     for k, colour in enumerate(crosses):
         share = 0.5 if len(crosses) == 1 else 0.03 + 0.94 * k / (len(crosses) - 1)
-        ax.plot(
-            [share],
-            [1.0],
-            marker="x",
-            markersize=5,
-            color=colour,
-            transform=ax.transAxes,
-            clip_on=False,
-        )
+        _draw_crosses(ax, [share], colour, ax.transAxes)
     if panel.ticks and not names:
         names_at = list(panel.tick_names) or [f"{value:g}" for value in panel.ticks]
         # Many names don't fit side by side.
@@ -389,7 +387,9 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     # The title stands above the legend, the failures' crosses and the names at the top.
     above = max(
         [
-            0.3 + 1.1 * math.ceil(len(handles) / per_row) if handles else 0.4 * bool(crosses),
+            0.3 + 1.1 * math.ceil(len(handles) / per_row)
+            if handles
+            else 0.4 * any(series.failed for series in shown),
             *(1 + one.text.get_text().count("\n") for one in words.top),
         ]
     )
@@ -550,6 +550,23 @@ def _draw_series(
         dark = tuple((0.6 if x.size <= 40 else 0.0) * part for part in to_rgb(colour))
         ax.plot(*theory_line(series, 300, log_x), color=dark, linewidth=1.0, zorder=4)
     return int(vanished.any())
+
+
+def _draw_crosses(
+    ax: Axes, x: Sequence[float], colour: str, transform: Any, large: bool = False
+) -> None:
+    """Draw failed runs as crosses on the upper edge."""
+    ax.plot(
+        x,
+        [1.0] * len(x),
+        linestyle="none",
+        marker="x",
+        markersize=9 if large else 5,
+        color=colour,
+        transform=transform,
+        clip_on=False,
+        label="_",
+    )
 
 
 def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:

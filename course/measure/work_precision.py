@@ -4,7 +4,7 @@ Every method runs on the same question with several settings (mostly step sizes)
 twice: as time and as a number that no machine changes (force evaluations). Error is the distance to
 an independent reference, which is itself checked first. The times are those of
 `course.measure.timing`: interleaved, medians and quartiles. A run that fails is a point at
-infinite cost and is drawn at the top edge of the chart, not left out.
+infinite cost and is drawn at the top edge of the chart, above what its steps would cost.
 
 The form of the diagram follows Hairer, Norsett and Wanner, Solving Ordinary Differential Equations
 I, 1993, sec. II.4.
@@ -136,6 +136,7 @@ class WorkPrecision:
     ratio: float | None = None  # time of the reader's method over that of the pick run beside it
     duration: float | None = None  # simulated time of a run [s]; a setting is then a step [s]
     converges: bool = True  # whether an order says something: a share of successes has none
+    counts_only: bool = False  # drawn against counts alone: the times say nothing about the methods
     _repeat: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def curve(self, name: str) -> Curve:
@@ -385,14 +386,17 @@ class WorkPrecision:
         return _seconds(point.parameter)
 
     def panels(self, pick: bool = True) -> list[Panel]:
-        """Return error against count and against time; the text is the table, the data all points.
+        """Return error against count and mostly time; the text is the table, the data all points.
 
         Args:
             pick: whether tolerance and picks are drawn.
         """
         remaining = self._panel("count", self._counted if self.curves else "count", pick)
-        remaining.title, remaining.legend, remaining.footer = self.question, False, self.machine
-        remaining.notes, remaining.data = [self.table()], self._document()
+        remaining.title, remaining.legend = self.question, self.counts_only
+        remaining.footer, remaining.notes = self.machine, [self.table()]
+        remaining.data = self._document()
+        if self.counts_only:
+            return [remaining]
         return [remaining, self._panel("time", "time of one run [s]", pick)]
 
     def _panel(self, by: str, cost: str, marked: bool) -> Panel:
@@ -411,6 +415,7 @@ class WorkPrecision:
                 hollow=curve.style == "oracle",
                 size=6.0 if curve.style == "oracle" else 4.0,
                 failed=failed,
+                failed_at=self._failed_at(curve, by),
                 extra=curve.name not in shown,
             )
             # Counts are exact; times have quartiles as horizontal bars.
@@ -442,6 +447,22 @@ class WorkPrecision:
             panel.ylim = (0.2 * min(errors), None)
             panel.spans = [("y", 0.2 * min(errors), self.reference_uncertainty, "")]
         return panel
+
+    def _failed_at(self, curve: Curve, by: str) -> list[float]:
+        """Return what the failed runs would cost with as much per step as the next finer run.
+
+        It is empty where a setting is no step, or where no run worked.
+        """
+        good = curve.valid_points()
+        if self.duration is None or not good:
+            return []
+        # The nearest run that worked has the most similar cost per step.
+        result = []
+        for point in curve.points:
+            if point.failure:
+                near = min(good, key=lambda p: abs(math.log(p.parameter / point.parameter)))
+                result.append(near.cost(by) * near.parameter / point.parameter)
+        return result
 
 
 def max_norm(answer: Array, reference: Array) -> float:

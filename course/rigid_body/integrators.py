@@ -118,7 +118,8 @@ def semi_implicit_euler(q, v, acceleration, dt, params):
 
     Args, Returns: as for `explicit_euler`.
     """
-    # Velocity first; the position then uses the new one, which makes the map symplectic.
+    # Velocity first; the position then uses the new one. If the acceleration depends on q alone,
+    # this makes the map symplectic; with rotations it depends on v too.
     v = v + dt * acceleration(q, v, params)
     return retract(q, dt * v), v
 

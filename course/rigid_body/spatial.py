@@ -129,8 +129,8 @@ def inertia_tensor(value: ArrayLike) -> Array:
         raise invalid(
             "inertia",
             tensor,
-            "one whose principal moments are positive and none larger than the sum of the other "
-            f"two (here {low:.6g}, {middle:.6g}, {high:.6g})",
+            "a tensor with positive principal moments, each at most the sum of the other two "
+            f"(here {low:.6g}, {middle:.6g}, {high:.6g})",
         )
     return tensor
 

@@ -22,7 +22,8 @@ predict("energy_of_a_fall")
 simulation("bouncing_box")
 # %% [markdown]
 # The menu offers **presets**, prepared settings. Choose the second (old velocity) and then the third (new velocity). In
-# both, impacts are exact and lose no energy, so every change of energy is an error of the flight.
+# both, impacts are exact and lose no energy, so every change of energy is an error of the flight. *Steps not resolved*
+# counts the steps with more impacts than the program may compute in one step.
 #
 # **After this chapter you can** write the equations of motion of a rigid body; store and update an orientation without
 # drift; choose an integrator, the method that computes a time step, by its error for a given cost; predict the largest
@@ -34,7 +35,7 @@ simulation("bouncing_box")
 #
 # Some cards show a common claim. Answer *only under a condition* if the claim needs a condition that it does not
 # state. Measured numbers come from code on this page, from saved charts or from checks that `python -m
-# course.derivations 1` repeats. The code is the package `course.rigid_body`. Six exercises wait in section 8:
+# course.derivations 1` repeats. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -108,10 +109,10 @@ axes_.set(aspect="equal", title="six degrees of freedom", xlim=(-4.0, 3.8), ylim
 axes_.axis("off")
 plt.show()
 # %% [markdown]
-# How many numbers you *store* depends on how you write the orientation. The set of all orientations is called
-# **SO(3)** (special orthogonal group). It has three dimensions. But whichever three numbers you choose, at some
-# orientations a small turn changes them by a huge amount, just as a small step near the North Pole changes your
-# longitude completely. There the three numbers are **singular**:
+# How many numbers you *store* depends on how you write the orientation. The set of all orientations is called **SO(3)**
+# (special orthogonal group). It has three dimensions. But whichever three numbers you choose, at some orientations a
+# small turn changes them by a huge amount, just as a small step near the North Pole changes your longitude. There the
+# three are **singular**:
 #
 # | orientation stored as | numbers | with position and velocities | drawback |
 # |---|---|---|---|
@@ -133,8 +134,8 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 #
 # For most directions of the axes there are also mixed terms such as $-\int xy\,dm$. Moments and mixed terms form the
 # **inertia tensor** $I$, a symmetric 3 × 3 matrix, which has three perpendicular eigenvectors. Each is a
-# **principal axis**, its eigenvalue a principal moment. In these axes $I$ is diagonal. A box has its principal axes
-# parallel to its edges.
+# **principal axis**, its eigenvalue a principal moment. In these axes $I$ is diagonal. A homogeneous box
+# has its principal axes parallel to its edges.
 #
 # The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
 # rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
@@ -143,7 +144,7 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # I\omega$ constant, $\omega$ usually has to change too: the axis of rotation moves, and the book wobbles. The exception
 # is a spin about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant.
 #
-# In the simulation below, $\omega$ sweeps the green *space cone*. Seen from the body, it sweeps the pink *body cone*.
+# In the simulation, $\omega$ sweeps the green *space cone*. Seen from the body, it sweeps the pink *body cone*.
 # There the path of its tip is called the **polhode**. Both $L$ and, as no torque does work, the energy
 # $\tfrac12\,\omega\cdot L$ are constant. So the part of $\omega$ along $L$ is constant too: the tip of $\omega$ stays
 # in the grey plane, perpendicular to $L$.
@@ -304,8 +305,8 @@ print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
 # other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 in units of $10^{-3}$ kg m². The root is
 # $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor 2.72 every
-# $1/5.3 = 0.19$ s. If the spin starts one degree off, the middle axis has turned by 90 degrees after about one
-# second.
+# $1/5.3 = 0.19$ s. If $\omega$ starts one degree off the middle axis, this axis has turned by 90 degrees after about
+# one second.
 #
 # <details><summary>Derive it: the rate of growth</summary>
 #
@@ -331,7 +332,7 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 #
 # This is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is about $mgl/L$
 # for a fast spin. If you release the top spinning but not yet circling, it also nods (**nutation**). In the
-# simulation, the blue line is the path of the top's axis.
+# simulation, the blue line is the path of the top's axis. Raise the spin: $L$ moves closer to the axis.
 # %%
 show("gyroscopic_term_holds_the_top_up")
 # %%
@@ -431,8 +432,8 @@ more_claims(
 #
 # A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the *rotation
 # vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. It halves the angle. Its inverse
-# is the logarithm, $\log q = \alpha n$, for $\alpha < \pi$. (A longer rotation has the same result as a shorter one
-# about $-n$.)
+# is the logarithm, $\log q = \alpha n$, for $\alpha < \pi$ (a longer rotation has the same result as a shorter one
+# about $-n$). Many texts call half of it, $\tfrac12\alpha n$, the logarithm.
 #
 # To rotate first by $q$ and then by $p$, both about axes fixed in space, multiply: $p\,q$ (*Hamilton's product*). With
 # the scalar part $w$ and the vector part $u = (x,y,z)$ it is
@@ -459,7 +460,7 @@ more_claims(
 show("quaternion_has_no_lock")
 # %% [markdown]
 # What follows from the half angle? After a full turn, $\alpha = 2\pi$, the body is back where it started, but $q$ has
-# arrived at $-q$. So two quaternions, $q$ and $-q$, describe every orientation. This is called the **double cover**.
+# arrived at $-q$. So each orientation has two quaternions, $q$ and $-q$. This is called the **double cover**.
 # Turn the body once and watch the arrow on the right, which only makes half a turn:
 # %%
 simulation("double_cover")
@@ -544,7 +545,7 @@ grown = (1 + 0.25**2) ** 50
 print(f"left: after 50 steps explicit Euler has {grown:.0f} times the energy")
 # %% [markdown]
 # With the old velocity, each step leaves its circle along the tangent, and a tangent always leads outwards. With the
-# new velocity the points stay on a closed curve, an ellipse.
+# new velocity the points stay, at these steps, on a closed curve, an ellipse.
 # %%
 show("usual_listing_is_explicit")
 # %%
@@ -626,11 +627,10 @@ show("semi_implicit_unconditional")
 #
 # **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to
 # their overlap, a **penalty** contact. With 100 kN/m and a part of 1 kg, $\omega = \sqrt{10^5} = 316$ rad/s while
-# they touch. The limit is $2/316$ s, or 6.3 ms. With steps of 6.5 ms, a spring that stays attached explodes within a
-# hundred steps.
+# they touch. The limit is $2/316$ s, or 6.3 ms.
 #
 # Stable steps are often shorter than the time between two commands of the controller. So simulators take several
-# physics steps, **substeps**, per command.
+# physics steps, **substeps**, per command. Robot learning calls their number *decimation* or *frame skip*.
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
 #
@@ -675,11 +675,12 @@ more_claims(
 # $$q' = q + h\,v + \tfrac{h^2}{2}\,a, \qquad v' = v + \tfrac h2\,(a + a') .$$
 #
 # If forces depend on positions only, the $a'$ of this step is the $a$ of the next, so one evaluation per step is
-# enough. (**Leapfrog** is the same method with the velocities in the middle of the steps.)
+# enough.
 #
 # The **explicit midpoint** rule takes half a step of explicit Euler, computes the derivative there, and uses it for the
 # full step. The **implicit midpoint** rule uses the derivative at the average of the old and the new state. The new
-# state appears on both sides, so the method has to solve an equation in every step.
+# state appears on both sides, so every step has to solve an equation. The course uses Newton's method; repeated
+# insertion would fail on a spring above $\omega h = 2$.
 #
 # **RK4**, the classical Runge-Kutta method of fourth order, evaluates four slopes $k_1$ to $k_4$. With the state $y =
 # (q, v)$ and $\dot y = f(y)$:
@@ -700,7 +701,7 @@ simulation("force_evaluations", still=0.0)
 # | semi-implicit Euler | 1 | 1 | yes | $\omega h < 2$ |
 # | velocity Verlet | 2 | 1, or 2 if forces depend on velocity | yes | $\omega h < 2$ |
 # | explicit midpoint | 2 | 2 | no | 0: no step is stable |
-# | implicit midpoint | 2 | several (here about 5), to solve an equation | yes | no limit: every step is stable |
+# | implicit midpoint | 2 | several (here about 5), to solve an equation | yes | no limit, if the equation is solved |
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 \approx 2.828$ |
 #
 # *Yes* holds if forces depend on positions alone and, for several coordinates, come from a potential energy.
@@ -720,7 +721,8 @@ more_claims(
 # ### Symplectic integrators: area in phase space
 #
 # Simulate a pendulum for a million steps, with about a hundred steps per swing. The energy error of semi-implicit Euler
-# does not grow. The energy error of RK4 is far smaller, but it grows all the time. The reason is geometric.
+# does not grow. The energy error of RK4 is far smaller, but it grows all the time. The reason
+# is geometric.
 #
 # Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start with a patch of states,
 # for example all within a small circle. As time passes, each state moves, so the patch moves too and changes its shape.
@@ -788,7 +790,7 @@ plt.show()
 show("area_preserved")
 # %% [markdown]
 # In a smooth system and with a small fixed step, the energy error of a symplectic method stays bounded for a very
-# long time.  The method almost exactly conserves a slightly different energy. On a spring, semi-implicit Euler
+# long time. The method almost exactly conserves a slightly different energy. On a spring, semi-implicit Euler
 # exactly conserves (per unit of mass)
 #
 # $$\tfrac12 v^2 + \tfrac12\omega^2x^2 - \tfrac12\omega^2h\,x\,v .$$
@@ -797,10 +799,9 @@ show("area_preserved")
 # %%
 show("symplectic_conserves_energy")
 # %% [markdown]
-# A symplectic method promises neither an exact energy nor the right period. Beyond its stability limit, if it has one,
-# it still explodes: each step stretches the patch in one direction and squeezes it in the other. The promise of a
-# bounded energy error does not hold with friction, other forces that depend on velocity, or most step sizes that adapt
-# to the motion.
+# A symplectic method promises neither an exact energy nor the right period. Beyond a stability limit it still explodes.
+# The promise of a bounded energy error does not hold with friction, other forces that depend on velocity, or most step
+# sizes that adapt to the motion.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -983,9 +984,9 @@ more_claims(
 # ### The tasks of a loop, and their rates
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. The drawing shows the
-# order of its seven tasks and three of their rates. (*Rendering* draws the image on the screen. Below, *image* means
-# only this one.) The physics step is fixed. From the number of steps so far, the loop knows which other tasks are
-# due:
+# order of its seven tasks and three of their rates. (*Rendering* draws the image on the screen. In this section,
+# *image* means that one, not the camera's.) The physics step is fixed. From the number of steps so far, the loop knows
+# which other tasks are due:
 # %% tags=["hide-code"]
 figure_, (order_, axes_) = plt.subplots(
     2, 1, figsize=(10, 4.0), height_ratios=(1.0, 2.2), layout="constrained"
@@ -1037,10 +1038,10 @@ plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
 # The loop records what it does. *Age* says how old the state is that a task works with. Most tasks use the newest
-# state, so their age is 0. *Apply forces* uses the state behind the command: a command comes every 2 ms, so in every
-# other step it is 1 ms old. The image due at 16.667 ms mixes the states of 15 and 16 ms, with the weight 0.667 for
-# the newer one (see *Interpolation*). So it shows the motion of 15.667 ms. The first row ends the step that began at
-# 0 ms:
+# state, so their age is 0. For *apply forces*, it is the age of the state from which the command was computed. A new
+# command comes only every 2 ms, so in every second step that state is 1 ms old. The image due at 16.667 ms mixes the
+# states of 15 and 16 ms, with the weight 0.667 for the newer one (see *Interpolation*). So it shows the motion of
+# 15.667 ms. The first row ends the step that began at 0 ms:
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1066,9 +1067,9 @@ figures(
 # %% [markdown]
 # Three details decide whether the loop works:
 #
-# * **The accumulator.** Real time arrives in uneven pieces, because the operating system interrupts the program. An
-#   **accumulator** adds up the elapsed time and runs as many whole physics steps as fit into it. The physics never
-#   reads the clock. So with the same inputs at the same steps, two runs on one machine give the same result.
+# * **The accumulator.** Real time arrives in uneven pieces. An **accumulator** adds up the elapsed time and runs as
+#   many whole physics steps as fit into it. The physics never reads the clock. So with the same inputs at the same
+#   steps, two runs on one machine give the same result, unless parallel threads add numbers in a varying order.
 # * **Interpolation.** In an image, the weight of the newer state is the time left in the accumulator, divided by $h$.
 #   If you draw the latest state instead, each image is too old by a different part of a step, and the motion looks
 #   jerky.
@@ -1089,19 +1090,27 @@ print(
 #
 # ### The engine we compare with
 #
-# This chapter compares with **MuJoCo** (Todorov, Erez and Tassa, 2012), an open-source physics engine that much of
-# robot learning runs on. Within a step, MuJoCo performs five of the tasks in another order:
+# This chapter compares with **MuJoCo** (Todorov, Erez and Tassa, 2012), an open-source physics engine widely used in
+# robot learning. All statements are about version 4.0. Versions before 3.13 lack `discrete`, `speculative` and
+# `mujoco.batch`. Within a step, MuJoCo performs the tasks in another order:
 # %% tags=["hide-code"]
 tasks = {
     "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
-    "MuJoCo": ("collisions", "sensors", "controller", "forces", "integrate"),
+    "MuJoCo": (
+        "collisions",
+        "sensors of\nposition, velocity",
+        "controller",
+        "forces",
+        "sensors of force,\nacceleration",
+        "integrate",
+    ),
 }
-figure_, axes_ = plt.subplots(figsize=(10, 2.2), layout="constrained")
+figure_, axes_ = plt.subplots(figsize=(11, 2.2), layout="constrained")
 for row, (component, names) in enumerate(reversed(tasks.items())):
     for column, name in enumerate(names):
         colour = {"collisions": "tab:red", "integrate": "tab:blue"}.get(name, "0.6")
         axes_.add_patch(plt.Rectangle((2 * column, row), 1.6, 0.6, color=colour, alpha=0.35))
-        axes_.text(2 * column + 0.8, row + 0.3, name, ha="center", va="center")
+        axes_.text(2 * column + 0.8, row + 0.3, name, ha="center", va="center", fontsize=9)
         axes_.annotate(
             "",
             (2 * column + 2, row + 0.3),
@@ -1109,20 +1118,23 @@ for row, (component, names) in enumerate(reversed(tasks.items())):
             arrowprops={"arrowstyle": "->"},
         )
     axes_.text(-0.2, row + 0.3, component, ha="right", va="center")
-axes_.text(10.1, 0.8, "next\nstep", va="center")
+    axes_.text(2 * len(names) + 0.1, row + 0.3, "next\nstep", va="center", fontsize=9)
 axes_.set(
-    xlim=(-1.8, 10.9),
+    xlim=(-1.8, 12.9),
     ylim=(-0.2, 1.8),
     title="the order within a step (images are drawn between steps)",
 )
 axes_.axis("off")
 plt.show()
 # %% [markdown]
+# The picture shows a controller that is a callback (`mjcb_control`) or runs between `mj_step1` and `mj_step2`. Most
+# programs set `ctrl` before they call `mj_step`. Then the controller reads the sensor values of the step before.
+#
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
 # step. Call `mj_forward` to get the contacts at the new positions. MuJoCo's `Euler` is semi-implicit Euler, but it
 # computes the damping of joints from the *new* velocity. A force that is computed from the new state is called
-# **implicit**, and it allows larger steps (section 7). MuJoCo's integrator `implicitfast` also computes the damping
-# of motors and cables implicitly. Another one, `discrete`, does this for the springs as well.
+# **implicit**, and it allows larger steps (section 7). MuJoCo's `implicit` and `implicitfast` also compute the damping
+# of motors (*actuators*) and tendons implicitly. Its `discrete` does this for the springs as well.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1181,7 +1193,13 @@ source(rigid_body.rk4)
 # %% tags=["hide-code"]
 tumbling = problems.tumble()
 print(f"{'integrator':<20} {'error [rad]':>12} {'drift of energy':>17} {'drift of L':>12}")
-for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalised"):
+for name in (
+    "semi_implicit_euler",
+    "velocity_verlet",
+    "implicit_midpoint",
+    "rk4",
+    "rk4_renormalised",
+):
     run = rigid_body.simulate(tumbling.system, name, 1e-3, 20_000, every=20_000)
     ends = [(run.q[i], run.v[i], tumbling.system.params) for i in (0, -1)]
     energy = [problems.tumble_energy(*end) for end in ends]
@@ -1237,8 +1255,7 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # ## 5 · The simulation in full
 #
 # In the simulation below, the dashed path is the same box with very small steps. The two paths separate because each
-# impact enlarges small differences. An impact slower than the *rest speed* ends the bouncing. *Steps not resolved*
-# counts steps with more impacts than the program may compute in one step.
+# impact enlarges small differences. An impact slower than the *rest speed* ends the bouncing.
 #
 # Predict each preset before you choose it:
 #
@@ -1269,7 +1286,8 @@ simulation("bouncing_box")
 # logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order.
 #
 # The problem here is a double pendulum. Drag the tolerance line. The circle marks the cheapest run. The times are
-# noisy, because other programs run too: a thin line shows how much they varied. The measured orders:
+# noisy, because other programs run too. Compare them only within one chart: the charts come from different machines.
+# The measured orders:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1283,7 +1301,7 @@ TradeOff(result)
 
 
 # %% [markdown]
-# The buttons switch on the other methods, MuJoCo's among them. On this problem, MuJoCo's `Euler` and `RK4` have the
+# The buttons switch on other methods. On this problem, MuJoCo's `Euler` and `RK4` have the
 # same errors as ours. Their steps take longer, because a general engine does more.
 #
 # The next picture adds an integrator in plain Python as *yours*, here semi-implicit Euler.
@@ -1303,9 +1321,10 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 # %%
 predict("method_for_a_tumble")
 # %% [markdown]
-# This is the chart of the tumbling satellite, with a tolerance of 1 mrad after 20 s. A cross marks a run that failed.
-# In the grey band an error means nothing: two very accurate solutions differ by as much. *Pick* names the cheapest
-# method of each panel:
+# This is the chart of the tumbling satellite, with a tolerance of 1 mrad after 20 s. A cross at the top marks a run
+# that failed: its result was not finite or more than 1 rad wrong (1 m in the chart of the box). The cross stands above
+# the cost of that run (large crosses: MuJoCo). In the grey band an error means nothing: two very accurate solutions
+# differ by as much. *Pick* names the cheapest method of each panel:
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
@@ -1316,8 +1335,9 @@ predict("method_for_a_tumble")
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
 # *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
-# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. The table is about the same throw.
-# Most of our time there is the fixed cost of starting the run from Python, so in a longer run a step takes even less:
+# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. The table shows the same throw with a
+# step of 1 ms. Most of our time there is the fixed cost of starting the run from Python, so in a longer run a step
+# takes even less:
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
@@ -1363,8 +1383,8 @@ more_claims(
 # Reinforcement learning needs thousands of copies of a scene, mostly on GPUs; this chart measures one CPU core. It
 # compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. A
 # *body-step* is one step of one body. The last column is the simulated time per second of computing, *summed over all
-# bodies*. The *error* is that of the position in metres. Only our program finds the impact times. (The right panel is
-# about free bodies.)
+# bodies*. The *error* is that of the position in metres after the first impacts. Only our program finds the impact
+# times. (The right panel is about free bodies. A pale band holds the middle half of the timings.)
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1396,11 +1416,11 @@ figures(
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
-# In the table, *error* is the change of the answer in metres when an effect is neglected (*left out*). *Saves*
-# compares two programs and not one effect: it is MuJoCo's time per step, divided by that of our planar program:
+# In the table, *error* is the change of the answer in metres when an effect is neglected. The effects that are *left
+# out* change it by less than the tolerance, even all together:
 # %% jupyter={"source_hidden": true}
 figures(
-    read("scene_bouncing_box"),
+    re.sub(r"   saves(?=  )|       -(?=  )", "", read("scene_bouncing_box")),
     "How high",
     "tolerance",
     "effect",
@@ -1471,9 +1491,8 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # %% [markdown]
 # ### Energy over a million steps
 #
-# Over a million steps of a pendulum, explicit Euler is useless after a few seconds. RK4 starts with the smallest
-# error, but this error grows in proportion to time. At the end it is larger than the error of implicit midpoint. The
-# errors of the symplectic methods do not grow:
+# Over a million steps of a pendulum, explicit Euler is useless after a few seconds. RK4 starts with the smallest error,
+# but this error grows in proportion to time. The errors of the symplectic methods do not grow:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
@@ -1490,8 +1509,7 @@ figures(
 # %% [markdown]
 # Keep the step of a symplectic method fixed, or the energy may grow. Alternate two steps that are both below the limit,
 # $\omega h$ = 1.7 and 1.2, and the oscillation explodes. Far smaller steps explode too if they vary in the rhythm of
-# the oscillation: in the chart, five of $\omega h$ = 0.3, then sixteen of 0.1, and so on. Two area-preserving steps
-# together preserve area, but they may stretch the patch in the same direction again and again. Even with a fixed step,
+# the oscillation: in the chart, five of $\omega h$ = 0.3, then sixteen of 0.1, and so on. Even with a fixed step,
 # the period is slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
@@ -1503,14 +1521,14 @@ figures(
 # %% [markdown]
 # ### Impacts and the order of a method
 #
-# A method has its order only on a smooth motion. At an impact the velocity jumps. If the
-# program notices the impact only at the end of a step, the impact comes late by up to $h$.
+# A method has its order only on a smooth motion. At an impact of rigid bodies the velocity jumps. If the program
+# notices the impact only at the end of a step, the impact comes late by up to $h$.
 # %%
 show("order_survives_bounces")
 # %% [markdown]
 # We measured this on a pendulum that hits an elastic wall at its lowest point. If the program finds the impact time
 # within the step, RK4 and velocity Verlet keep their order. If the impact happens at the end of the step, both drop to
-# first order, and RK4 is no better than Verlet:
+# first order, and RK4 is no better than Verlet, at four times the cost:
 #
 # ![Order with and without events](../docs/charts/events_order.png)
 # %% tags=["hide-code"]
@@ -1523,8 +1541,8 @@ print(
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** If a step does not find the time of an impact, every method is first order at best. Then a cheap,
-# stable method is usually the right choice.
+# **Key insight.** If a step does not find the time of a rigid impact, every method is first order at best. Then a
+# cheap, stable method is usually the right choice.
 #
 # </div>
 # %%
@@ -1557,14 +1575,16 @@ simulation("tunnelling", still=3.3)
 # step. Once its centre has passed the middle of the wall, at the overlap $D/2$, the contact pushes it out on the
 # other side.
 #
-# So the formula above holds for a check that sends the ball back at every overlap up to $D$. MuJoCo does so only up
-# to $D/2$. Call this limit $b$. Drawn over $vh/b$, the points of both lie on the same curve, $1 - b/(vh)$. The dashed
-# curve is for a MuJoCo that sends the ball back at every overlap:
+# The formula above assumes a check that sends the ball back at *every* overlap. MuJoCo does so only up to the overlap
+# $D/2$, so in its formula $D/2$ replaces $D$. In the left chart, $b$ stands for $D$ or for $D/2$. Over $vh/b$, both
+# programs follow the same curve, $1 - b/(vh)$. The dashed curve shows what MuJoCo would do at the same speeds if it
+# sent the ball back at every overlap:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
 # The *one-step contact* is made so stiff that it stops the ball within a step. The default contact lets the ball sink
-# in by its speed times 7.29 ms, for example 20 mm at 2.7 m/s. The contact's *time constant* sets how soft it is.
+# in by its speed times 7.29 ms, for example 20 mm at 2.7 m/s. The contact's *time constant*, the first number of
+# `solref`, sets how soft it is.
 # %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
@@ -1591,18 +1611,27 @@ predict("impacts_at_rest")
 # %% [markdown]
 # So infinitely many bounces fit into a finite time. A box that should lie still can bounce for another reason:
 # impacts act at the end of a step. In each step gravity gives the box the speed $gh$, the step ends below the floor,
-# and the impact turns the speed upwards. Both kinds of endless bounces are called **chatter**. MuJoCo's *spring*
-# chatters too.
+# and the impact turns the speed upwards. Both kinds of endless bounces are called **chatter**.
+#
+# MuJoCo's *spring*, which we tuned to bounce, chatters for the second reason: it pushes only after a step has ended
+# below the floor, and before that gravity acts for a whole step. MuJoCo's default contact does not bounce, so a box on
+# it lies still.
 #
 # The remedy is a **rest speed**: after a slower impact, the program sets the body to rest. If impacts are found
-# within the step, a small rest speed is enough. (In the chart, velocity Verlet even comes to rest without one: its
-# flight is exact, so the bounces shrink until only rounding is left. With semi-implicit flight they never end.)
+# within the step, a small rest speed is enough. If impacts act only at the end of a step, it must be higher than about
+# $gh$, the speed that gravity adds in a step: 19.6 mm/s for $h$ = 2 ms. A rest speed of 10 mm/s is too low: the box of
+# the chart bounces lower but more often. (*rms* is the root mean square.)
 #
-# If impacts act only at the end of a step, the rest speed must be higher than the speed $v$ of the repeated impacts.
-# A ball that should lie still leaves each impact with $ev$, and gravity takes $gh$ away. So it hits again with $gh -
-# ev$. If this is $v$ again, then $v = gh/(1+e)$. The corners of a rocking box hit at about $gh$, which is 19.6 mm/s
-# for $h$ = 2 ms. A rest speed of 10 mm/s is too low: the box of the chart bounces lower but more often. (*rms* is the
-# root mean square.)
+# <details><summary>How high, and when none is needed</summary>
+#
+# Let $v$ be the speed of the repeated impacts. A ball that should lie still leaves each impact with $ev$, and gravity
+# takes $gh$ away. So it hits again with $gh - ev$. If this is $v$ again, then $v = gh/(1+e)$. The corners of a rocking
+# box hit at about $gh$.
+#
+# In the chart, velocity Verlet with impacts within the step comes to rest without a rest speed: its flight is exact, so
+# the bounces shrink until only rounding is left. With semi-implicit flight they never end.
+#
+# </details>
 #
 # ![Chatter](../docs/charts/chatter.png)
 # %% jupyter={"source_hidden": true}
@@ -1661,8 +1690,9 @@ figures(
 #
 # **Debugging tip.** *Objects pass through each other.* Compare their relative travel per step, $vh$, with the *sum*
 # of both thicknesses, in MuJoCo with half of it. If $vh$ is larger, use continuous collision detection (in MuJoCo,
-# set the `speculative` flag for this and make the contact stiffer). If $vh$ is much smaller, either collisions
-# between the two objects are switched off, or the contact is too soft.
+# set the `speculative` flag for this and make the contact stiffer). If $vh$ is much smaller, check that collisions
+# between the two objects are switched on, that the objects don't overlap at the start, and that the contact is not too
+# soft.
 #
 # <details><summary>And in between</summary>
 #
@@ -1682,7 +1712,8 @@ predict("perfect_energy_wrong_momentum")
 # $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr> <tr><td>box jitters on the floor
 # for ever</td> <td>gravity adds the speed $gh$ in each step, and each impact turns it upwards</td> <td>count impacts
 # per second</td> <td>impact times and a rest speed, or a contact solver that computes impulses (chapter 2)</td></tr>
-# <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion rate added, not multiplied</td> <td>in a
+# <tr><td>orientation drifts; without scaling $q$ back, its matrix is not orthogonal</td> <td>quaternion rate added, not
+# multiplied</td> <td>in a
 # steady spin, compare the angle with $\omega t$ (the length of $q$ shows nothing if $q$ is scaled back)</td>
 # <td>$q\exp(h\omega)$</td></tr> <tr><td>an orientation error jumps by $2\pi$, or a controller turns the long way</td>
 # <td>$q$ compared with $-q$</td> <td>look at the dot product of the two quaternions</td> <td>flip the sign of one if it
@@ -1694,7 +1725,8 @@ predict("perfect_energy_wrong_momentum")
 # $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td>
 # <td>the Euler step computes the gyroscopic term from the old rates</td> <td>plot the kinetic energy over time</td>
 # <td>RK4, implicit midpoint, smaller step</td></tr> <tr><td>joints creep without a command</td> <td>no motor balances
-# gravity, or the engine's friction is soft and slips slowly under load</td> <td>switch gravity off; halve $h$</td>
+# gravity, or the engine's friction is soft and slips slowly under load</td> <td>switch gravity off: if the joints stop,
+# the load was the cause. </td>
 # <td>compensate gravity; stiffer friction</td></tr>
 # </table>
 # %%
@@ -1789,8 +1821,6 @@ check(bounce_step)
 
 # %% [markdown]
 # ### Step limit of a mechanism
-#
-# Turn the debugging tip *The simulation explodes* of section 7 into a function.
 
 # %%
 card("stable_step")
@@ -1870,12 +1900,12 @@ for side in ("right", "left"):
     moved = quaternion.rotate(q, inertia * omega) - momentum
     print(
         f"rotation on the {side:<5}: |q| = 1: {abs(np.linalg.norm(q) - 1) < 1e-12}, error of energy "
-        f"{abs(0.5 * inertia @ omega**2 / energy - 1):.1g}, change of L "
-        f"{np.linalg.norm(moved) / np.linalg.norm(momentum):.1g} |L|"
+        f"{abs(0.5 * inertia @ omega**2 / energy - 1):.1g}, |change of L| / |L| = "
+        f"{np.linalg.norm(moved) / np.linalg.norm(momentum):.1g}"
     )
 
 # %% [markdown]
-# Now find the bug in the next exercise. The debugging table helps.
+# Now find the bug in the next exercise.
 
 # %%
 card("tumble")
@@ -1930,8 +1960,8 @@ check(tumble)
 # ### Formulas
 #
 # What is the largest stable step of RK4 on an undamped spring of angular frequency $\omega$? And that of semi-implicit
-# Euler on a mass $m$ with a spring $k$? <span class="kernel-only">Replace the text in quotes.</span> Any equivalent
-# form counts.
+# Euler on a mass $m$ with a spring $k$? The cells below contain examples of wrong answers.
+# <span class="kernel-only">Replace the text in quotes.</span> Any equivalent form counts.
 
 # %%
 answer("rk4_limit", "2/omega")
@@ -1960,9 +1990,9 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # adjoint method) runs the simulation once forward, stores its states, and goes through them once backward. It returns
 # the derivatives of one number, such as the error, with respect to *all* parameters, at the cost of a few runs.
 #
-# Now drop a ball from rest, at the height $H$. Its bounce depends on *when* it hits the floor, and a program with fixed
-# steps never computes that time. If the ball is below the floor at the end of a step, the program sets its height to 0
-# and its velocity $v$ to $-ev$.
+# Now drop a ball from rest, at the height $H$. Its bounce depends on *when* it hits the floor. A program that handles
+# impacts only at the end of a step never computes that time. If the ball is then below the floor, the program sets its
+# height to 0 and its velocity $v$ to $-ev$.
 # %%
 predict("gradient_through_an_impact")
 # %% tags=["hide-code"]
@@ -1995,11 +2025,12 @@ print(f"before the impacts: difference {slope[100]:+.2f}, derivative {derivative
 print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[-1]:+.2f}")
 # %% [markdown]
 # Before the impacts, the distance between the two curves is the difference of the drop heights, so the derivative with
-# respect to the drop height $H$ is 1. At the impact it jumps to $-e$. Why? A ball from the height $H + dH$ lands later
-# by $dH/v$, where $v$ is the impact speed. In this time the first ball rises by $e\,v\,(dH/v) = e\,dH$. So when the
-# second ball lands, it is $e\,dH$ *below* the first.
+# respect to the drop height $H$ is 1. At the impact it jumps to $-e$.
 #
 # <details><summary>Derive it: the derivative after the impact</summary>
+#
+# A ball from the height $H + dH$ lands later by $dH/v$, where $v$ is the impact speed. In this time the first ball
+# rises by $e\,v\,(dH/v) = e\,dH$. So when the second ball lands, it is $e\,dH$ *below* the first.
 #
 # After the impact at $t_1 = \sqrt{2H/g}$ the height is $e\,v\,(t-t_1) - \tfrac12 g\,(t-t_1)^2$ with $v = \sqrt{2gH}$.
 # Its derivative with respect to $H$ starts at $-e$ and increases by $(1+e)\,g/v$ per second. Hu et al. (2020) correct
@@ -2007,9 +2038,10 @@ print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[
 #
 # </details>
 #
-# A program with fixed steps $h$ loses this. Its floor rule sets the height to 0, and the speed at that moment is $gh$
-# times the number of steps. So after the bounce only this *number of steps* depends on the drop height. It is an
-# integer, and its derivative is zero. The error of the height shrinks with the step, but the gradient stays wrong:
+# A program with impacts at the end of a step loses this. Its floor rule sets the height to 0, and the speed at that
+# moment is $gh$ times the number of steps. So after the bounce only this *number of steps* depends on the drop height.
+# It is an integer, and its derivative is zero. The error of the height shrinks with the step, but the gradient stays
+# wrong:
 # %% tags=["hide-code"]
 from course.rigid_body.differentiable import (
     Setup,
@@ -2022,11 +2054,11 @@ from course.rigid_body.differentiable import (
 
 exact = drop_gradients(1.0, 0.6, 0.8)
 print("derivative of the height at 0.8 s with respect to the drop height of 1 m")
-print(f"time of impact solved for:   {exact.by_height:+.4f}   (height {exact.height:.4f} m)")
+print(f"time of impact computed:      {exact.by_height:+.4f}   (height {exact.height:.4f} m)")
 for dt in (1e-2, 1e-3):
     naive = naive_drop_gradients(1.0, 0.6, dt, 0.8)
     print(
-        f"fixed steps of {1e3 * dt:4.0f} ms:       {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
+        f"end of the step, {1e3 * dt:3.0f} ms:      {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
 # %% [markdown]
 # ### What a recording can tell
@@ -2034,8 +2066,7 @@ for dt in (1e-2, 1e-3):
 # The course has a small differentiable simulator in PyTorch. It computes the impact times, so their derivatives are
 # right. A block is thrown, bounces, slides and is pushed. We record it with 1 mm of noise and recover its
 # restitution, friction coefficient and mass. The number after `+-` is the *standard error*, the scatter that the
-# noise causes. `chi^2 per degree` is the mean squared error of the fit, divided by that of the noise. (The mean
-# divides by the *degrees of freedom* of the fit, the number of data minus the number of parameters.) Near 1, the
+# noise causes. `chi^2 per degree` is the mean squared error of the fit, divided by that of the noise. Near 1, the
 # remaining error is as large as the noise:
 # %% tags=["show-code"]
 # The push: from 1.2 s to 1.5 s with 8 N.
@@ -2053,7 +2084,7 @@ predict("what_a_drop_tells")
 # matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves no trace in the
 # recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move under a push
 # gives only a lower *bound* for the friction: the push divided by the weight, here 2 N divided by the weight of 1.3
-# kg. A longer recording does not help:
+# kg:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),

@@ -120,6 +120,12 @@ def test_what_has_no_place_on_the_axes_is_still_there():
     assert triangle.get_xdata().tolist() == [2.0] and triangle.get_ydata()[0] < 1.0
     crosses = [line for line in ax.lines if line.get_marker() == "x"]
     assert len(crosses) == 2 and all(cross.get_ydata() == [1.0] for cross in crosses)
+    # Crosses whose cost is known stand there.
+    series = Series("s", [1.0, 2.0], [5.0, 6.0], failed=2, failed_at=[0.25, 0.5])
+    (ax,) = _axes(Panel("", series=[series], scale="log"))
+    (crosses,) = [line for line in ax.lines if line.get_marker() == "x"]
+    assert [*crosses.get_xdata()] == [0.25, 0.5] and [*crosses.get_ydata()] == [1.0, 1.0]
+    assert ax.get_xlim()[0] < 0.25
     # A series that is nowhere finite is named all the same.
     (ax,) = _axes(Panel("", series=[Series("endless", [1.0], [math.inf])]))
     assert _names(ax) == ["● endless"]

@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -130,6 +131,25 @@ def test_failures_are_on_the_chart():
         assert panel.series[2].tags == ["pick: order 2"]
     assert chart.panels()[0].footer == chart.machine and machine() in chart.machine
     assert "mujoco" in chart.machine and machine(libraries=["scipy"]).endswith(version("scipy"))
+
+
+def test_a_failed_run_stands_at_the_cost_of_its_steps():
+    def run(h):
+        return Result([math.inf if h > 0.1 else TRUTH[0] + h], 3.0 / h)
+
+    methods = [_decay(2), Method("bad", run, [0.4, 0.2, 0.1])]
+    chart = _measured(methods, tolerance=1e-3, duration=1.0)
+    by_count, by_time = chart.panels()
+    assert by_count.series[1].failed_at == pytest.approx([7.5, 15.0])
+    time = chart.curve("bad").points[-1].time
+    assert by_time.series[1].failed_at == pytest.approx([time / 4, time / 2])
+    # A setting that is no step says nothing about the cost.
+    assert _measured(methods, tolerance=1e-3).panels()[0].series[1].failed_at == []
+
+
+def test_a_chart_of_counts_alone_has_one_panel_with_names():
+    (panel,) = replace(_measured([_decay(2)]), counts_only=True).panels()
+    assert panel.legend and panel.x == "force evaluations"
 
 
 def test_styles_on_the_chart():

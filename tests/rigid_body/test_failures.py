@@ -254,6 +254,33 @@ def test_a_box_rests_with_a_rest_speed_and_chatters_without():
     assert impacts.mujoco_box_at_rest("Euler", "impulse", 1.0).noise < 1e-5
 
 
+def test_mujocos_default_contact_lies_still_and_its_spring_bounces_less_with_a_smaller_step():
+    import mujoco
+
+    joints = "".join(
+        f'<joint type="{kind}" axis="{axis}"/>'
+        for kind, axis in (("slide", "1 0 0"), ("slide", "0 0 1"), ("hinge", "0 -1 0"))
+    )
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="1 1 1"/>'
+        f'<body pos="0 0 0.3">{joints}<geom type="box" size="0.15 0.1 0.1" mass="1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.3
+    mujoco.mj_step(model, data, 2500)
+    fastest = 0.0
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+        fastest = max(fastest, float(np.abs(data.qvel).max()))
+    assert fastest < 1e-6
+    # The spring's bounces come from the speed g h that a step adds in the air.
+    coarse, fine = (
+        impacts.mujoco_box_at_rest("Euler", "spring", 1.0, h).noise for h in (2e-3, 5e-4)
+    )
+    assert coarse > 5e-3 and fine < 0.5 * coarse
+
+
 def test_the_chart_of_chatter_counts_every_bounce_and_both_kinds_of_boxes():
     impacts_, speeds, bounces = build("chatter", duration=0.2, points=13)
     assert [len(s.y) for s in impacts_.series] == [5, 3] == [len(s.y) for s in speeds.series]

@@ -1,7 +1,6 @@
 """Chapter 1: the bouncing box as a scene, the smallest model that answers its question."""
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ from course.charts import chart
 from course.check import invalid
 from course.measure.figure import Panel
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
-from course.measure.timing import calls, interleaved
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco.box import add_air, spatial_box
 from course.rigid_body import planar
@@ -103,57 +101,10 @@ def _mujocos_space(tilt: float, depth: float) -> float:
     return apex(path.q[2])
 
 
-def _costs() -> tuple[float, float, float]:
-    """Return median seconds per step: ours, MuJoCo's box in the plane and in space, interleaved."""
-    steps, dt = 700, 1e-3
-    parameters = planar.box_parameters(
-        MASS, SIZE[0], SIZE[2], restitution=RESTITUTION, friction=FRICTION
-    )
-    flat = mujoco_box.box_drop(
-        (0.5 * SIZE[0], 0.5 * SIZE[2]),
-        MASS,
-        START[:3],
-        START[3:],
-        dt,
-        "Euler",
-        restitution=RESTITUTION,
-        friction=FRICTION,
-        gravity=STANDARD_GRAVITY,
-    )
-    space = spatial_box(
-        SIZE,
-        MASS,
-        START,
-        0.0,
-        dt,
-        restitution=RESTITUTION,
-        friction=FRICTION,
-        gravity=STANDARD_GRAVITY,
-    )
-    # One call for all steps on each side, in turn: Python is paid once per run.
-    timed = interleaved(
-        [
-            calls(
-                partial(planar.advance_boxes, integrator="rk4"),
-                START[:, None],
-                parameters,
-                dt,
-                steps,
-            ),
-            calls(flat.run, steps),
-            calls(space.run, steps),
-        ],
-        repeats=15,
-    )
-    ours_, flat_, space_ = (result.median / steps for result in timed)
-    return ours_, flat_, space_
-
-
 def bouncing_box() -> Scene:
     """Return the scene of the chapter's simulation: how high does the box come back?"""
     answer = ours()
     rigid = _mujocos_plane()
-    cost, flat, space = _costs()
 
     def spinless() -> float:
         return abs(ours(inertia=1e9) - answer)
@@ -182,15 +133,13 @@ def bouncing_box() -> Scene:
                 f"third dimension (tilt {np.degrees(TILT):.1f} deg)",
                 third_dimension,
                 "m",
-                space / cost,
-                "MuJoCo, free joint, 8 corners",
+                against="MuJoCo, free joint, 8 corners",
             ),
             LeftOut(
                 "air",
                 lambda: abs(_mujocos_plane(air=True) - rigid),
                 "m",
-                flat / cost,
-                "MuJoCo, planar, air at 20 deg C",
+                against="MuJoCo, planar, air at 20 deg C",
             ),
             LeftOut(
                 f"deformation ({1e3 * CONTACT_TIME:g} ms contact)",
@@ -198,8 +147,7 @@ def bouncing_box() -> Scene:
                     _mujocos_plane(contact="spring", contact_steps=CONTACT_TIME / FINE) - rigid
                 ),
                 "m",
-                flat / cost,
-                "MuJoCo, planar, spring contact",
+                against="MuJoCo, planar, spring contact",
             ),
         ),
     )

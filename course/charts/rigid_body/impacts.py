@@ -299,9 +299,9 @@ def tunnelling(
     dense = np.geomspace(min(ratios), max(ratios), 200)
     checks_panel.series.append(
         Series(
-            "if MuJoCo pushed back at every overlap: b = D",
+            "MuJoCo at the same speeds, if its b were D",
             dense,
-            # As if a ball were pushed back wherever it overlaps: twice the effective thickness.
+            # As if a ball were pushed back wherever it overlaps; the axis still divides by D/2.
             miss_probability(dense, 2.0),
             "theory",
             "--",
@@ -522,8 +522,8 @@ def zeno_counts(
 
 
 @chart(
-    title="Springs, impacts at the end of the step, and semi-implicit flight without a rest speed: "
-    "all three chatter",
+    title="Springs tuned to bounce, impacts at the end of the step, and semi-implicit flight "
+    "without a rest speed: all three chatter",
 )
 def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
     """Chart a box that should lie still, and a ball that bounces infinitely often.

@@ -628,8 +628,8 @@ def every_recording_identifies(result):
     "true one. Smoothing averages many perturbed runs and needs no derivative of the engine: "
     "{runs:.0f} runs leave a standard error of {smoothed_error:.2f}, which falls with the root of "
     "their number. "
-    "Differentiating a fixed-step drop line by line gives {naive:.0f} instead of {truth:.2f} at "
-    "any step.",
+    "Differentiating a drop with its bounce at the end of a step line by line gives {naive:.0f} "
+    "instead of {truth:.2f} at any step.",
     source="Howell et al., Dojo: A Differentiable Physics Engine for Robotics (2022), abstract "
     "and the section on gradients; Suh, Pang, Tedrake, Bundled Gradients through Contact via "
     "Randomized Smoothing (2022)",
