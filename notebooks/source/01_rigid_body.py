@@ -675,7 +675,7 @@ more_claims(
 # $$q' = q + h\,v + \tfrac{h^2}{2}\,a, \qquad v' = v + \tfrac h2\,(a + a') .$$
 #
 # If forces depend on positions only, the $a'$ of this step is the $a$ of the next, so one evaluation per step is
-# enough.
+# enough. (**Leapfrog** is the same method, with velocities between the steps.)
 #
 # The **explicit midpoint** rule takes half a step of explicit Euler, computes the derivative there, and uses it for the
 # full step. The **implicit midpoint** rule uses the derivative at the average of the old and the new state. The new
@@ -1336,8 +1336,7 @@ predict("method_for_a_tumble")
 #
 # *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
 # into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. The table shows the same throw with a
-# step of 1 ms. Most of our time there is the fixed cost of starting the run from Python, so in a longer run a step
-# takes even less:
+# step of 1 ms. Most of our time is the fixed cost of starting the run from Python:
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
