@@ -141,7 +141,7 @@ def classical_or_learned() -> Table:
     keys = ("name", "classical", "learned", "when")
     parts = data("cheat_sheet")["component"]
     rows = tuple(tuple(_filled_in(part[key]) for key in keys) for part in parts)
-    return Table("Classical or learned", ("Component", "Classical", "Learned", "When"), rows)
+    return Table("Classical or learned", ("Component", "Classical", "Learned", "When the learned one wins"), rows)
 
 
 def reading() -> Table:
@@ -153,14 +153,15 @@ def reading() -> Table:
             named = f"{entry['name']}: " if "name" in entry else ""
             cited = named + ", ".join(str(result[k]) for k in ("authors", "title", "venue", "year"))
             serves = "; ".join(entry["serves"])
-            rows.append((cited, link(entry["work"]), entry["says"], serves))
-    return Table("Reading", ("What", "Link", "It says", "For"), tuple(rows))
+            found = f"github.com/{entry['name']}" if kind == "repository" else link(entry["work"])
+            rows.append((cited, found, entry["says"], serves))
+    return Table("Reading", ("What", "Link", "It says", "Chapter: section here"), tuple(rows))
 
 
 def lessons() -> Table:
     """Return related lessons, and what each adds."""
     rows = tuple((entry["title"], entry["adds"]) for entry in data("reading")["lesson"])
-    return Table("Related lessons", ("Lesson", "It adds"), rows)
+    return Table("Related lessons", ("Topic", "What it is about"), rows)
 
 
 def page() -> str:

@@ -14,8 +14,9 @@ simulation("interview")
 
 # %% [markdown]
 # Start here: answer the question aloud while the blue bar runs out. Then click *Reveal*, compare, and rate how well you
-# knew it. If you don't know the answer yet, section 1 explains it. Section 4 explains the curve, and the bars (orange:
-# below 90 %). A **policy** is the part of a robot's program that chooses its actions. It is often learned.
+# knew it. Section 1 explains whether the policy passes, and section 9 how many trials to ask for. A fold in section 4
+# explains the curve and the bars (orange: below 90 %). A **policy** is the part of a robot's program that chooses its
+# actions.
 
 # %%
 predict("hundred_runs")
@@ -23,16 +24,15 @@ predict("hundred_runs")
 # %% [markdown]
 # **After this chapter you can** answer with a number that you can justify, in thirty seconds or in five minutes; design
 # a system on a whiteboard, with rates and latencies on its arrows; find a fault with a few well-chosen experiments; and
-# practise all of this against a clock. **Know first:** as many of the other chapters as you have time for. A card about
-# a chapter that you skipped names the section to read.
+# practise all of this against a clock. **Know first:** as many of the other chapters as you have time for.
 #
 # ## How this chapter works
 #
 # Interviews for robotics jobs often have four rounds and a last question. The picture shows where each is on this page.
-# Section 9 has more questions for all of them. On the phone you explain a concept in half a minute, judge a statement
-# and estimate a number. At the whiteboard you design a system. In the coding round you write twenty lines, and a
-# program tests them. In the debugging round you find out why a program fails. The last question is broad. An example:
-# would you learn a component or write it?
+# Section 9 has more questions for all of them, and some about your own work. On the phone you explain a concept in half
+# a minute, judge a statement and estimate a number. At the whiteboard you design a system. In the coding round you
+# write twenty lines, and a program tests them. In the debugging round you find out why a program fails. The last
+# question is broad. An example: would you learn a component or write it?
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -73,9 +73,9 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# The code of this course has computed every measured or derived number in an answer. The command
-# `python -m course.derivations 12` computes the numbers of this page again. Four answers in section 9 are invented
-# stories about a person's own work. Replace them with yours. These commands run in a terminal:
+# The code of this course has computed the measured and derived numbers in the answers of this page. You can compute
+# them again with `python -m course.derivations 12`. Four answers in section 9 are invented stories about a person's own
+# work. Replace them with yours. These commands run in a terminal:
 #
 # | Command | What it does |
 # |---|---|
@@ -97,11 +97,11 @@ badges(12)
 # thirty seconds. It says what the thing is, and gives one equation and a measured number. It ends with the limit: the
 # point where the method stops working.
 #
-# The table has eight subjects, each with its equation. Below it, each has a text of thirty seconds. Speak about the
-# subject first, then open its text and compare. Each subject uses the terms of one chapter. Skip a subject if you have
-# not read its chapter, but learn the subjects that are on your CV. Each text ends with a measurement from this course:
-# the task, the computing time of our method and of an established library, and a limit. The times are from one machine
-# and one task, so they don't rank the methods in general.
+# The table has eight subjects, one from each of eight chapters, with their equations. Below it, each has a text of
+# thirty seconds. Speak about the subject first, then open its text and compare. Skip a subject if you have not read its
+# chapter, but learn the subjects that are on your CV. Each text ends with a measured task, the computing time of our
+# method and of an established library, and a limit. The times are from one machine and one task, so they don't rank the
+# methods in general.
 
 # %% tags=["hide-code"]
 sheet = tables.cheat_sheet()
@@ -117,17 +117,17 @@ Markdown("\n\n".join([overview.markdown(), *texts]))
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** First the answer, then its number, then its limit; then stop. "I use semi-implicit Euler. For 1 kg
-# on an undamped spring of 100,000 N/m it is stable up to a step of 6.3 ms. In general, the limit is two divided by the
-# angular frequency."
+# **Interview tip.** For a concept, say first the answer, then its number, then its limit; then stop. "I use
+# semi-implicit Euler. For 1 kg on an undamped spring of 100,000 N/m it is stable up to a step of 6.3 ms. In general,
+# the limit is two divided by the angular frequency."
 #
 # </div>
 #
 # ### How good is a policy that passed a test?
 #
-# Suppose that each run of a policy succeeds with the same probability $p$, the true success rate, and that no run
-# affects another. Then the number of successes in $n$ runs follows a binomial distribution. The observed rate,
-# successes divided by runs, scatters around $p$ with the standard deviation
+# A *trial* is one run of the policy. Suppose that each trial succeeds with the same probability $p$, the true success
+# rate, and that no trial affects another. Then the number of successes in $n$ trials follows a binomial distribution.
+# The observed rate, successes divided by trials, scatters around $p$ with the standard deviation
 #
 # $$\sigma = \sqrt{\frac{p\,(1 - p)}{n}} .$$
 #
@@ -140,38 +140,39 @@ figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
 axis.bar(counts, binom.pmf(counts, 100, 0.7), color=BLUE)
 spread = np.sqrt(100 * 0.7 * 0.3)
 axis.axvspan(70 - 2 * spread, 70 + 2 * spread, color=ORANGE, alpha=0.2)
-axis.set(xlabel="successes in 100 runs", ylabel="probability")
+axis.set(xlabel="successes in 100 trials", ylabel="probability")
 plt.show()
 
 # %% [markdown]
 # **A worked example.** For $p = 0.7$ and $n = 100$ the formula returns $\sqrt{0.21 / 100} = 0.046$. Two standard
 # deviations are 0.09. So a policy whose true rate is 70 % usually shows an observed rate between 61 % and 79 %. To
-# halve this width you need four times as many runs.
+# halve this width you need four times as many trials.
 #
 # In practice you know the observed rate and look for the true one. A **confidence interval** is the set of true rates
 # that are compatible with the observed count, at a chosen **level of confidence**. Suppose that you repeat the test
 # many times, and compute an interval each time. The level is the share of these intervals that contain the true rate.
 # Two standard deviations correspond to a level of about 95 %.
 #
-# A shortcut is to insert the observed rate for $p$ in the formula. But after ten successes in ten runs this returns a
+# A shortcut is to insert the observed rate for $p$ in the formula. But after ten successes in ten trials this returns a
 # standard deviation of zero, as if the true rate were certain.
 #
 # The **Wilson interval** avoids this. Try each possible $p$: compute the standard deviation with this $p$, and keep $p$
 # if the observed rate lies within two of these standard deviations of $p$. The values that you keep are the interval.
-# For 70 successes in 100 runs it goes from 60 % to 78 %.
+# For 70 successes in 100 trials it goes from 60 % to 78 %.
 #
-# Robot teams use such counts for a **gate**: a success rate that a policy has to reach before it may go on, for
-# example from the simulator to the robot. Judge the following claim about a gate. On such cards, choose *Only under a
-# condition* if the claim would be true with one more condition, which it does not name.
+# Robot teams use such counts for a **gate**: a success rate that a policy has to reach before it may go on, for example
+# from the simulator to the robot. Judge the following claim about a gate. On such cards, choose *Only under a
+# condition* if the claim is false as it stands, but becomes true when you add a condition.
 
 # %%
 show("hundred_trials")
 
 # %% [markdown]
-# A policy whose true rate is exactly 70 % reaches 70 of 100 successes about half of the time. So careful teams demand
-# more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate passes less than
-# once in twenty times. The printed lines below say how many that is for 100 trials. The chart shows the gate without
-# this test: how likely is a policy to succeed in at least 70 % of the trials, depending on its true rate?
+# A policy whose true rate is exactly 70 % reaches 70 successes in 100 trials about half of the time. So careful teams
+# demand more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate passes in
+# fewer than one of twenty tests. The lines under the chart say how many that is for 100 trials. The chart itself shows
+# the gate without this test: how likely is a policy to succeed in at least 70 % of the trials, depending on its true
+# rate?
 
 # %% tags=["hide-code"]
 rate = np.linspace(0.4, 1.0, 121)
@@ -196,16 +197,16 @@ print(f"a policy whose true rate is 70 % reaches them with probability {chance:.
 #
 # The policy in the first panel of this page reached 78 of 100, so it just passes the one-sided test. A **two-sided
 # test**, also at 5 %, looks for deviations in both directions, with 2.5 % for each. Wilson's interval is two-sided. For
-# 78 of 100 it begins at 69 %, so the same policy does not pass the two-sided test. Section 9 answers how many trials
-# you should ask for.
+# 78 of 100 it begins at 69 %. So a true rate of 70 % is still compatible with this count, and the policy does not pass
+# the two-sided test. In section 9, the question about 78 of 100 says how many trials to ask for.
 #
 # ### What does an accelerometer measure?
 #
-# An accelerometer contains a small mass on a spring, inside a housing. It measures the force of the spring on the mass.
-# Gravity gives the mass and the housing the same acceleration, so in free fall the spring stays slack. Any other force,
-# such as that of a table, acts on the housing only. The spring has to pass it on to the mass, and this stretches the
-# spring. The reading is the **specific force** $f = a - g$, in the axes of the sensor. Here $a$ is the acceleration of
-# the point at which the sensor sits, and $g$ the gravity vector.
+# An accelerometer contains a small mass on a spring, inside a housing. It measures the force of the spring on the mass,
+# divided by the mass. Gravity gives the mass and the housing the same acceleration, so in free fall the spring is not
+# deformed. Any other force, such as that of a table, acts on the housing only. The spring has to pass it on to the
+# mass, and this deforms the spring. The reading is the **specific force** $f = a - g$, in the axes of the sensor. Here
+# $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector.
 
 # %%
 show("imu_reads_acceleration")
@@ -217,11 +218,11 @@ show("imu_reads_acceleration")
 #
 # * **Say where the number comes from.** "In a course I measured ...", "in a simulation I computed ...", "at work we
 #   measured ...". If you only read it, say where, and from which year it is.
-# * **Give the setting with the number**: the scene, the time step, the machine, how many runs.
-# * **Give a share with its count and its interval**, and say whether the test is one-sided or two-sided. On this page
-#   an interval is Wilson's at 95 % (1.96 standard deviations). A gate is tested one-sided at 5 %, unless the text says
-#   otherwise. To compare two policies we test two-sided at 5 %. We plan so many trials that the power is 80 % for the
-#   difference that matters.
+# * **Give the setting with the number**: the scene, the time step, the machine, how many trials.
+# * **Give a success rate with its count and its interval**, and say whether the test is one-sided or two-sided. On this
+#   page an interval is Wilson's at 95 % (1.96 standard deviations). A gate is tested one-sided at 5 %, unless the text
+#   says otherwise. To compare two policies we test two-sided at 5 %. We plan so many trials that the power is 80 % for
+#   the difference that matters.
 # * **Separate assumptions from results.** "I assume a speed of 1.5 m/s, a reaction time of 0.2 s and braking with 2
 #   m/s². Then the base needs 0.86 m to stop."
 # * **Say what you would measure next, and what you will do if the result is bad.**
@@ -233,7 +234,7 @@ show("imu_reads_acceleration")
 #
 # A standard warm-up for the coding round is forward kinematics in the plane. The arm has links of lengths $L_i$ and
 # joint angles $q_i$. Each joint has an encoder. It measures the angle between the link after the joint and the link
-# before it.
+# before it. (The first joint's encoder measures against the ground.)
 
 # %%
 show("joints_by_sums")
@@ -261,9 +262,8 @@ plt.show()
 # ### What does a sampled controller cost?
 #
 # A digital controller computes a command and holds it until the next sample. The picture shows a smooth command, and
-# the staircase that the motor receives. The dotted curve averages the staircase over one sample, half before each point
-# and half after it, so the averaging adds no lag of its own. The dotted curve has nearly the shape of the ideal
-# command, but it is late.
+# the staircase that the motor receives. The dotted curve averages the staircase over one sample, half of it before each
+# point and half after it. It has nearly the shape of the ideal command, but it is late.
 
 # %% tags=["hide-code"]
 time = np.linspace(0.0, 8.0, 801)
@@ -283,8 +283,8 @@ show("hold_is_half_a_sample")
 # %% [markdown]
 # How good is "half a sample" for a fast oscillation? We state its frequency as the angle by which it advances from one
 # sample to the next. The largest possible angle is $\pi$: two samples per period. At 1 rad per sample, half a sample is
-# 0.5 rad of phase. We tried joints with different inertia and friction: the rule is wrong by at most 0.015 rad. At 3
-# rad per sample it is wrong by up to 0.9 rad.
+# 0.5 rad of phase. The exact phase also depends on the inertia and friction of the joint, so we computed it for many
+# joints. It differs from this rule by at most 0.015 rad. At 3 rad per sample it differs by up to 0.9 rad: too much.
 #
 # So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands. Computing and the bus add their own delays. A
 # late command pushes when the joint has already moved on. With a high gain this makes the joint oscillate. So the
@@ -310,7 +310,8 @@ more_claims("stiff_is_position")
 #
 # **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes 0.6 +
 # 0.5 = 1.1 s. Four such moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s.
-# Planning takes 0.1 s of the computing.
+# Planning takes 0.1 s of the computing. The left panel of the picture also shows a shorter move, whose curve is a
+# triangle.
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(
@@ -375,9 +376,9 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # tip to stop.
 #
 # The position error is the sum of two kinds of errors. A systematic error is the same in each pick: here, the part lies
-# on a moving belt, and moves by $vt$ while its image is processed. The other kind are random errors with the standard
-# deviations $\sigma_i$. If they are independent, their sum has the standard deviation $\sqrt{\sum\sigma_i^2}$. We count
-# twice this value. In each row, the last column says what the letters mean.
+# on a moving belt, and moves by $vt$ while its image is processed. Random errors differ between picks, with the
+# standard deviations $\sigma_i$. If they are independent, their sum has the standard deviation $\sqrt{\sum\sigma_i^2}$.
+# We count twice this value. In each row, the last column says what the letters mean.
 #
 # <details><summary>Why the hand-eye error counts as random</summary>
 #
@@ -433,10 +434,10 @@ for name, (label, formula) in LABELS.items():
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# (This is another robot cell than the one above.) Which input matters most? Double one input after the other, and look
-# at the factor. Here we do this for the peak force:
+# (The table is for another robot than above.) Which input matters most? Double one input after the other, and look at
+# the factor. Here we do this for the peak force:
 
-# %%
+# %% tags=["hide-code"]
 one = ESTIMATES["contact_clamped"]
 base = one.value()
 for name, given in one.given().items():
@@ -496,8 +497,8 @@ plt.show()
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Say the formula, then the two inputs that matter, then the number. An interviewer can correct an
-# input that you stated. Nobody can correct a number that comes alone.
+# **Key insight.** In an estimate, say the formula, then the two inputs that matter most, then the number. An
+# interviewer can correct an input that you stated. Nobody can correct a number that comes alone.
 #
 # </div>
 #
@@ -508,7 +509,7 @@ plt.show()
 #
 # | Minutes | What you do |
 # |---:|---|
-# | 5 | Ask. A **clarifying question** is one whose answer changes the design: how many picks per hour, what does a miss cost, do the parts change, who else is in the cell? |
+# | 5 | Ask. A **clarifying question** is one whose answer changes the design: how many picks per hour, what does a failed pick cost, do the parts change, who else is in the cell? |
 # | 5 | Estimate. The cycle time, the accuracy at the fingertip, the amount of data: a minute each, as in section 2. |
 # | 20 | Draw boxes and arrows. Write three things on each arrow: what flows, its latency, and its rate if it is periodic. |
 # | 10 | Explain in detail the one box that decides about success, and say when you would choose something else. |
@@ -571,8 +572,8 @@ print(f"the weakest point asks for: {designs.weakest(fleet, result).asks}")
 # You start one of them in a terminal, for example with `drills start rrt`. Section 9 has code and a test for each.
 #
 # So that you still know the answers on the day of the interview, review them with flashcards. This panel shows the
-# cards of chapter 12 that are due today. Answer, click *Reveal*, and rate yourself honestly: *again*, *hard*, *good* or
-# *easy*. The panel stores the rating and computes the day of the next review:
+# cards of chapter 12 that are due today. (On the first day, all are due.) Answer, click *Reveal*, and rate yourself
+# honestly: *again*, *hard*, *good* or *easy*. The panel stores the rating and computes the day of the next review:
 
 # %% tags=["nbval-ignore-output"]
 from drills.interview.panel import flashcards
@@ -583,23 +584,23 @@ flashcards(chapters=[12])
 predict("when_again")
 
 # %% [markdown]
-# You forget what you learned once, quickly at first and then more slowly. **Spaced repetition** shows a card again when
-# the predicted probability that you still know it has fallen to a chosen value, here 90 %. Each success makes the next
-# gap longer. After a failure the next gap is short again. This schedule is made for remembering over months. If your
-# interview has a fixed date, another schedule may need fewer reviews.
+# **Spaced repetition** shows a card again when the predicted probability that you still know it has fallen to a chosen
+# value, here 90 %. Each success makes the next gap longer. After a failure the next gap is short again. This schedule
+# is made for remembering over months, not for an interview in a week.
 #
 # <details><summary>The numbers and bars in the first panel of this page</summary>
 #
 # The curve is the predicted probability, and the dashed line is at 90 %. The *stability* of a card is the number of
 # days until its probability has fallen from 100 % to 90 %. The card comes back after this time, rounded to whole days.
-# The *difficulty* of a card, from 1 to 10, says how slowly its stability grows. The four bars are the probabilities of
-# the four cards of the panel. A bar below 90 % is orange.
+# *Asked again in* counts from now. The *difficulty* of a card, from 1 to 10, says how slowly its stability grows. The
+# four bars are the probabilities of the four cards of the panel: the gate, forward kinematics (fk3), a planner (rrt)
+# and a controller (pid). A bar below 90 % is orange.
 #
 # </details>
 #
 # The chart shows the gaps between reviews that the scheduler of this course computes. One curve is for a card that you
 # rate *good* each time, the other for one failure at the fourth review. A new or forgotten card comes back after ten
-# minutes (`<1` in the list):
+# minutes (`<1` in the list).
 
 # %% tags=["hide-code"]
 from datetime import UTC, datetime, timedelta
@@ -609,6 +610,7 @@ import fsrs
 scheduler = fsrs.Scheduler(enable_fuzzing=False)
 GOOD, AGAIN = fsrs.Rating.Good, fsrs.Rating.Again
 figure_, axis = plt.subplots(figsize=(6.5, 2.5), layout="constrained")
+print("days until the next review, after review 1, 2, 3, ...")
 for label, failed in {"good every time": None, "one failure": 3}.items():
     memory, now, days = fsrs.Card(card_id=1), datetime(2026, 1, 1, tzinfo=UTC), []
     for review in range(7):
@@ -616,7 +618,7 @@ for label, failed in {"good every time": None, "one failure": 3}.items():
         days.append((memory.due - now) / timedelta(days=1))
         now = memory.due
     axis.semilogy(range(1, 8), days, "o-", label=label)
-    print(f"{label:<16}", "  ".join(f"{gap:.0f}" if gap >= 1 else "<1" for gap in days), "days")
+    print(f"{label:<16}", "  ".join(f"{gap:.0f}" if gap >= 1 else "<1" for gap in days))
 axis.set(xlabel="review", ylabel="days until the next review")
 axis.legend(fontsize=8)
 plt.show()
@@ -636,7 +638,7 @@ case = diagnose("explodes", seed=4)
 case.show()
 
 # %% [markdown]
-# The slide should come to rest, but its motion grows. Eight causes are possible:
+# Eight causes are possible:
 #
 # 1. Each stop has two contact points by mistake, so it is twice as stiff as intended. With this stiffness and the
 #    brake, the simulation is unstable at this time step.
@@ -651,22 +653,23 @@ case.show()
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
 # 8. The integral term of the drive is too strong, so that the damping is too weak to stop the oscillation.
 #
-# The fold above offers seven of these causes and `none_of_these`. Number 8 is missing: if it were the cause,
-# `none_of_these` would be right. Each of the six cases has eight causes and offers seven.
+# Each of the six cases has eight causes, and its list of possible causes (a fold of the case) offers seven of them and
+# `none_of_these`. Here number 8 is not in the list. If it were the cause, `none_of_these` would be the right answer.
 
 # %%
 predict("first_probe")
 
 # %% [markdown]
 # Before you run anything, say what each cause predicts. A time ratio of one means that the change doesn't matter, and
-# about three that the slide survives.
+# about three that the slide survives. Below one, the slide is lost sooner.
 #
 # * **Half the step** cures the doubled stiffness (1) and the doubled brake (5). It nearly cures the late contacts (6):
 #   the number of steps between two detections stays the same, so the time between them is halved. Explicit Euler (2)
 #   adds half as much energy each second, so the slide lasts twice as long. The step doesn't matter for causes 4, 7 and
 #   8. Nor does it matter for 3, because the brake is late by as many seconds as before.
 # * **No brake** removes causes 3 and 5. It also cures cause 1. This brake uses the old speed, which lowers the largest
-#   stable step. Without the brake, the doubled stiffness is stable. The other causes stay.
+#   stable step. Without the brake, the doubled stiffness is stable. The other causes stay, and without the brake most
+#   of them act faster.
 #
 # We ran the same probes on other machines, each with a single known cause. The table lists the range of their results
 # for each cause. A range is bold if it contains the result of the failing machine, which is in the last row:
@@ -692,8 +695,7 @@ Markdown("\n".join(rows))
 # %% [markdown]
 # Read the table column by column. Half the step leaves four causes. Of these four, only the late brake also has a bold
 # range under *No brake*. The last column confirms this cause independently: the brake acts many steps after the speed
-# was measured. So the fix is to give the brake the present speed. Half the step, the tempting fix, made almost no
-# difference.
+# was measured. So the fix is to give the brake the present speed.
 #
 # Half the step is a good probe even where it is a poor fix. An error of the time integration shrinks with the step. The
 # effect of a force that has the wrong sign, or that is late by a fixed time, does not.
@@ -725,9 +727,9 @@ diagnose("sure", seed=1).show()
 # %% [markdown]
 # Which probes are worth their time? Eight causes make 28 pairs. A probe tells two causes apart if its results for them
 # differ by more than the noise of the result. The chart shows the share of pairs that each probe tells apart, and its
-# price in minutes. The model answer of a case prefers probes that tell many pairs apart per minute. They are blue. (In
-# the worked case, `log_brake` only confirmed the result.) A grey probe with a long bar is expensive, or it only
-# separates causes that another probe has separated already.
+# price in minutes. The model answer of a case (blue) begins with the probes that tell many pairs apart per minute. A
+# pair that an earlier probe told apart counts less. So a grey probe with a long bar is expensive, or mainly separates
+# causes that are separated already.
 
 # %% tags=["hide-code"]
 import textwrap
@@ -778,7 +780,7 @@ predict("round_trip")
 
 # %% [markdown]
 # Each bug in this museum was in public open-source code and is documented in a public thread. The course has a minimal
-# version of each bug, next to a correct version. Three examples show why an obvious test misses the bug.
+# version of each bug, next to a correct version. Two examples show why an obvious test misses the bug.
 #
 # **A free fall that slows down (number 4 of the table below).** One physics engine damps every motion by default. The
 # deceleration is 0.04 times the sum of the speed and its square (in SI units). Drop a body, and compare its speed with
@@ -797,10 +799,6 @@ plt.show()
 # %% [markdown]
 # The obvious test drops a light and a heavy body and checks that they fall alike. They do fall alike, but both too
 # slowly. The invariant "speed equals gravitational acceleration times time" reveals the damping at once.
-#
-# **A quaternion rate in the wrong frame (6).** A function computes the rate of a quaternion from an angular velocity.
-# The obvious test converts there and back, and gets the same numbers. But both directions use the same wrong frame. An
-# invariant of physics reveals it: if no torque acts on a body, its angular momentum stays constant.
 #
 # **A rotation that mirrors (8).** A function returns a rotation matrix $R$, and the obvious test checks that $R^\top R$
 # is the identity. A mirror passes as well. The determinant shows the difference: it is +1 for a rotation and -1 for a
@@ -822,7 +820,7 @@ for label, matrix in (("rotation", turn), ("mirror", mirror)):
 # Here are all bugs. The columns *Right* and *Wrong* show by how much the correct and the faulty version violate the
 # invariant: the largest violation in three random test cases. Row 3 has a ratio instead: the error of the energy at a
 # quarter of the step, divided by the error at the full step. The method is of first order, so the ratio is about a
-# quarter if the equations are right, and about one if they are wrong:
+# quarter if the equations are right, and about one if they are wrong. *Relative* means divided by the correct value:
 
 # %% tags=["hide-code"]
 LABELS = (
@@ -854,17 +852,16 @@ PROPERTIES = (
     "the cost of a node is the length of its path from the root",
     "an episode has the same advantages alone and in a buffer with others",
     "a reward of 1 in each step, for ever, is worth 1 / (1 - discount) (relative)",
-    "a stored step goes forward in time, and none is missing (count)",
-    "each layer has a gradient (count of layers without)",
+    "a stored step goes forward in time, and none is missing (number of wrong steps)",
+    "each layer has a gradient (number of layers without one)",
 )
 rows = ["| | Bug | Public thread | Invariant | Right | Wrong |", "|---:|---|---|---|---:|---:|"]
 for place, one in enumerate(museum.EXHIBITS, 1):
     label, rule = LABELS[place - 1], PROPERTIES[place - 1]
     right, wrong = (max(one.evidence(slip, seed) for seed in range(3)) for slip in (False, True))
-    years = "-".join(str(year) for year in sorted({min(one.years), max(one.years)}))
     rows.append(
-        f"| {place} | {label} | {one.threads[0]} ({years}) | `{one.invariant}`: {rule} "
-        f"| {right:.0e} | {wrong:.1g} |"
+        f"| {place} | {label} | {one.threads[0]} ({one.years[0]}) | `{one.invariant}`: {rule} "
+        f"| {right:{'.2g' if '(ratio)' in rule else '.1g'}} | {wrong:.1g} |"
     )
 Markdown("\n".join(rows))
 
@@ -873,7 +870,7 @@ Markdown("\n".join(rows))
 # it, in two lines of a unit test. Choose the tolerance and the time step with care, or you get a **false alarm**: the
 # check rejects a correct implementation.
 #
-# <details><summary>Four invariants of the module that no exhibit needs</summary>
+# <details><summary>Four invariants of the module that the table doesn't use</summary>
 #
 # `norm_error`: unit vectors, such as quaternions, have the length 1. `inertia_error`: an inertia tensor is symmetric,
 # and no principal moment exceeds the sum of the other two. `shift_error`: far from fixed objects, a motion that begins
@@ -885,32 +882,33 @@ Markdown("\n".join(rows))
 # ## 7 · Frontier: classical or learned, and what to read
 #
 # "Would you learn this or write it by hand?" is a good last question. There is no general answer, but a measurement can
-# answer it for your case. Start with a small example:
+# answer it for your case.
 
 # %%
 predict("learned_or_not")
 
 # %% [markdown]
 # The useful question is not which of the two is better, but under which conditions the learned method wins. An example
-# is a limit on the computing time. The value at which the winner changes is the *crossover*. ICP (iterative closest
-# point) fits the model of a part to the camera's points. It needs a first guess of the part's rotation, the *start*.
-# Either a network guesses it, or ICP runs from several fixed starts and the best fit counts:
+# is a limit on the computing time. The limit at which the best choice changes is the *crossover*. ICP (iterative
+# closest point) fits the model of a part to the camera's points. It needs a first guess of the part's rotation, the
+# *start*. Either a network guesses it, or ICP runs from several fixed starts and the best fit counts:
 #
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
 # The left panel shows how often the pose is right, and what it costs in computing time. The labels 1, 4 and 8 are
 # numbers of fixed starts. "Axis" starts along the longest direction of the points. Orange squares are for almost four
-# times the camera noise. The network is right as often as four starts, in less than half of the time. So if the time
-# limit lies between these two times, take the network. (We did not measure two or three starts. The chart does not
-# include the training of the network.)
+# times the camera noise. The network is right as often as four starts, in less than half of the time. So the crossover
+# is the time of four starts. If your time limit is shorter, take the network. If it is longer, four starts are as good,
+# and they need no training. (We did not measure two or three starts.)
 #
-# The right panel shows a check of each pose over the true error of its rotation. The check counts the pixels at which
-# the camera sees something farther away than the estimated part. If their share is above the dotted line, the pose is
-# refuted. The green points belong to a mirror image of the part. The network has never seen it, and no rotation of the
-# model fits it. All of these rotations are wrong, and the check refutes most of them.
+# The right panel is about the poses that begin with the network's guess. Each has a true error of its rotation
+# (horizontal) and a *see-through share* (vertical): at this share of the part's pixels, the camera sees something
+# farther away than the estimated part. Above the dotted line, the pose is refuted. The green points belong to a mirror
+# image of the part. The network has never seen it, and no rotation of the model fits it. All of these rotations are
+# wrong, and the check refutes most of them. It lets all orange poses pass, also the wrong ones: their errors are too
+# small.
 #
-# The table has the numbers of this chart, and the crossover in its last column. The fold-out has four more components
-# of a robot.
+# The table has these numbers. The fold-out has four more components.
 
 # %% tags=["hide-code"]
 both = tables.classical_or_learned()
@@ -926,9 +924,9 @@ Markdown(
 )
 
 # %% [markdown]
-# Our measurements with these components allow you to say: on data like those of its training, a learned component can
-# win. In planning it needed fewer checks (not counting the time of the network), in perception less time, and it beat a
-# classical method whose model was wrong or incomplete. Outside of its training data it lost in planning, and its error
+# Our measurements allow you to say: on data like those of its training, a learned component can win. In planning it
+# needed fewer collision checks, but computing time for the network. In perception it needed less time. It also beat
+# classical methods whose model was wrong or incomplete. Outside of its training data it lost in planning, and its error
 # grew in control. For the mirrored part it returned a wrong pose without a warning.
 #
 # So fit the classical model to measured data first: the learned model never beat complete equations whose parameters
@@ -940,7 +938,7 @@ Markdown(
 tables.reading()
 
 # %% [markdown]
-# Topics that an interview may touch and that this course does not teach:
+# Topics that this course does not teach:
 
 # %%
 tables.lessons()
@@ -948,10 +946,10 @@ tables.lessons()
 # %% [markdown]
 # ## 8 · Exercises
 #
-# These are coding questions of 8 to 30 minutes. `check` tests your function on new random cases and, where it can,
-# explains the mistake. Each function below runs, but contains one or more common mistakes. `truncated_advantages`
-# belongs to reinforcement learning (chapter 9). There, the *advantage* of an action says how much better it was than
-# expected, and a *critic* is a network that predicts the discounted sum of future rewards from a state.
+# `check` tests your function on new random cases and, where it can, explains the mistake. Each function below runs, but
+# contains one or more common mistakes. `truncated_advantages` belongs to reinforcement learning (chapter 9). There, the
+# *advantage* of an action says how much better it was than expected, and a *critic* is a network that predicts the
+# discounted sum of future rewards from a state.
 
 # %%
 card("tip_resolution")
@@ -1069,10 +1067,11 @@ check(silent_gate)
 # %% [markdown]
 # ## 9 · Interview
 #
-# Answer aloud, then open the answer. First comes what you could say in a minute, then the full answer, the likely
-# follow-up, and what the interviewer listens for. The last question takes half an hour. The answers to coding questions
-# contain code, and the course tests this code. Two terms occur in the questions. In **hardware in the loop**, the real
-# controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each change of the code.
+# The questions have three levels: *Screen* for the first phone call, *Senior* for an experienced engineer, and *Staff*
+# for a leading engineer. Answer aloud, then open the answer. First comes what you could say in a minute, then the full
+# answer, the likely follow-up, and what the interviewer listens for. Two terms occur in the questions. In **hardware in
+# the loop**, the real controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each
+# change of the code.
 
 # %%
 interview("interview")
@@ -1087,15 +1086,15 @@ mine = ""
 print("written" if len(mine.split()) >= 30 else "open: thirty words or more")
 
 # %% [markdown]
-# Five questions, drawn at random by a seed. Two of the possible formulas belong to other chapters: the derivative of a
-# mean reward to chapter 9, and the noise of a derivative to chapter 6.
+# Five questions, drawn at random by a seed:
 #
 # <details><summary>Ideas for three of the formulas</summary>
 #
 # - The peak force of a contact: all kinetic energy is in the spring (section 2).
-# - The derivative of a mean reward: start with the mean reward as a function of the probability $p$, which is the
-#   logistic function of the score, $p = 1/(1 + e^{-\theta})$, then use the chain rule.
-# - The noise of a derivative that is computed from two noisy samples: variances of independent errors add up.
+# - The derivative of a mean reward (chapter 9): start with the mean reward as a function of the probability $p$, which
+#   is the logistic function of the score, $p = 1/(1 + e^{-\theta})$, then use the chain rule.
+# - The noise of a derivative that is computed from two noisy samples (chapter 6): variances of independent errors add
+#   up.
 #
 # </details>
 

@@ -334,8 +334,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "edges_by_points",
-            "random edges whose points all pass the point check: fraction that the edge check "
-            "rejects",
+            "fraction of random edges that the edge check rejects although all their points pass "
+            "the point check",
             "",
             8,
             edges_against_points,

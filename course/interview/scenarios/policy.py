@@ -331,8 +331,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_early",
-            "difference of the angles in the first 80 ms when the torques of a press on the model "
-            "are replayed",
+            "difference between the angles of robot and model in the first 80 ms when both get the "
+            "torques of a press on the model",
             "mrad",
             15,
             replayed(0, 20),
@@ -340,7 +340,7 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_late",
-            "difference of the angles in the last 80 of 400 ms of the same replay",
+            "the same difference in the last 80 of 400 ms",
             "mrad",
             15,
             replayed(80, 100),
@@ -348,7 +348,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_positions",
-            "torque beyond what the model needs when a slow servo moves the arm deep into a key",
+            "how much more torque than on the model a slow servo needs to move the arm to the same "
+            "position deep in a key",
             "N m",
             20,
             positions,
