@@ -141,7 +141,11 @@ def classical_or_learned() -> Table:
     keys = ("name", "classical", "learned", "when")
     parts = data("cheat_sheet")["component"]
     rows = tuple(tuple(_filled_in(part[key]) for key in keys) for part in parts)
-    return Table("Classical or learned", ("Component", "Classical", "Learned", "When the learned one wins"), rows)
+    return Table(
+        "Classical or learned",
+        ("Component", "Classical", "Learned", "When the learned one wins"),
+        rows,
+    )
 
 
 def reading() -> Table:
