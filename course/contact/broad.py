@@ -294,7 +294,8 @@ def overlapping_pairs(boxes: ArrayLike, method: str = "sweep") -> Pairs:
         method: "sweep" (sweep and prune), "grid" or "brute_force".
 
     Raises:
-        ValueError: as for `brute_force`, and for another method.
+        ValueError: as for the chosen method (only the grid rejects infinite boxes), and for another
+            method.
     """
     one_of("method", method, ("sweep", "grid", "brute_force"))
     if method == "sweep":

@@ -59,9 +59,9 @@ def _tanh() -> Any:
 def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: float = 1.0) -> Any:
     """Return a multilayer perceptron.
 
-    Weights start orthogonal, offsets at 0 (Saxe, McClelland and Ganguli, Exact solutions to the
-    nonlinear dynamics of learning in deep linear neural networks, 2014), so that no layer shrinks
-    or blows up what passes.
+    Weights start orthogonal and offsets at 0 (Saxe, McClelland and Ganguli, Exact solutions to the
+    nonlinear dynamics of learning in deep linear neural networks, 2014): an orthogonal layer
+    neither shrinks nor enlarges what passes through it.
 
     Args:
         sizes: of the input, each hidden layer and the output.
@@ -83,8 +83,9 @@ def network(sizes: Sequence[int], seed: int, *, activation: str = "tanh", last: 
     for i in range(len(sizes) - 1):
         inner = i < len(sizes) - 2
         into, out = count("sizes", sizes[i], 1), count("sizes", sizes[i + 1], 1)
-        layer = torch.nn.utils.skip_init(torch.nn.Linear, into, out)  # its own start draws
-        # Orthogonal weights (Saxe, McClelland and Ganguli, 2014) with the gain of rectifiers.
+        # PyTorch's own initialisation would sample from the global random state.
+        layer = torch.nn.utils.skip_init(torch.nn.Linear, into, out)
+        # sqrt(2) makes up for what a rectifier cuts off; by custom the others have the same gain.
         gain = math.sqrt(2.0) if inner else last
         torch.nn.init.orthogonal_(layer.weight, gain, generator=random)
         torch.nn.init.zeros_(layer.bias)

@@ -171,7 +171,7 @@ class Panel:
         ]
         if len(result) != 1:
             raise invalid(
-                "label", label, f"the beginning of one of {[s.label for s in self.series]}"
+                "label", label, f"the beginning of exactly one of {[s.label for s in self.series]}"
             )
         return result[0]
 

@@ -137,12 +137,16 @@ def urgent(
     lock: bool = True,
     quiet: bool = True,
 ) -> Iterator[Granted]:
-    """Ask for what a loop wants; at the end all is as it was.
+    """Ask the system for what a real-time loop needs, and undo it at the end.
+
+    The undoing assumes an ordinary process: afterwards it has the ordinary scheduler again, none of
+    its memory is locked, and the collector treats all objects alike. An ordinary user may raise
+    `nice` but not lower it again; then it stays raised.
 
     Args:
         scheduler: "fifo": runs whenever it can, before all ordinary processes; or "other".
         priority: of SCHED_FIFO, 1 to 99.
-        nice: of an ordinary process, -20 to 19; 0 asks for nothing.
+        nice: of an ordinary process, -20 to 19; 0 changes nothing.
         core: the only one to run on; None asks for nothing.
         lock: keep the pages of this process in memory, so that none is fetched in a period.
         quiet: switch the garbage collector off, and set aside what there is (`gc.freeze`).
@@ -179,8 +183,8 @@ def urgent(
             return True
 
         if quiet:
-            # Freeze what exists now, so that the collector does not traverse it again; then switch
-            # it off.
+            # Off: no collection starts by itself. Frozen: one that the loop asks for does not
+            # traverse the objects that exist now.
             was = gc.isenabled()
             gc.collect()
             gc.freeze()
@@ -193,10 +197,15 @@ def urgent(
         held = lock and ask("lock", lambda: locked(MCL_CURRENT | MCL_FUTURE), libc.munlockall)
         if nice:
             old = os.getpriority(os.PRIO_PROCESS, 0)
-            ask("nice", lambda: polite(nice), lambda: polite(old))
+
+            def lower() -> None:
+                with contextlib.suppress(PermissionError):
+                    polite(old)
+
+            ask("nice", lambda: polite(nice), lower)
         if scheduler == "fifo":
-            ask("fifo", lambda: become(priority), become)
-        # Read back from the system: a request that is granted in part shows.
+            ask("fifo", lambda: become(priority), lambda: become(0))  # 0: the ordinary scheduler
+        # The scheduler, the priority and the cores are read back: a request may be granted in part.
         yield Granted(*given(), held, quiet, rejected)
 
 

@@ -90,10 +90,10 @@ def known(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return covariance and blind directions of an information matrix.
 
-    Each direction is scaled to an information of 1, so that neither the unit of a turn nor how well
-    something else is known decides; eigenvalues are then small only where a motion is not seen
-    (van der Sluis, 1969). A direction with a part in a blind motion has an infinite variance, and
-    no covariance with the others.
+    A motion is **blind** if the information matrix has a small eigenvalue along it. Each direction
+    is scaled to an information of 1 first (van der Sluis, 1969), so that neither the unit of a
+    rotation nor how well another direction is known changes which motions are blind. A direction
+    with a part in a blind motion has an infinite variance, and no covariance with the others.
 
     Args:
         information: shape (6, 6), of shifts [1/m^2] and turns [1/rad^2].
@@ -118,10 +118,10 @@ def covariance_of(information, mobile):
     H = information * np.outer(1.0 * mobile, 1.0 * mobile)
     alone = np.diag(H)
     # Unit diagonal first: the eigenvalues then say how independent the directions are, whatever
-    # their units.
+    # their units. A direction without information, or one that is not free, is divided by infinity.
     scale = np.sqrt(np.where(alone > _ROUNDING * alone.max(), alone, np.inf))
     values, vectors = eigen(H / np.outer(scale, scale))
-    # An eigenvalue near 0 belongs to a motion that no point resists.
+    # An eigenvalue near 0 belongs to a motion that changes no measurement.
     observed = values > _BLIND
     blind = mobile & (np.where(observed, 0.0, vectors * vectors).sum(axis=1) > _BLIND)
     # Pseudoinverse on the observed motions, with the scaling undone.

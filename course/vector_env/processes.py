@@ -536,10 +536,10 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
 
     def _death(self, worker: int) -> WorkerError:
         process = self._processes[worker]
-        # The exit code is known only once the process has been joined.
+        # The pipe may close a moment before the process has ended: wait for its exit code.
         process.join(1.0)
         code = process.exitcode
-        if code is None:
+        if code is None:  # still alive after that second
             what = "closed its pipe"
         elif code < 0:
             # `multiprocessing` reports a death by a signal as the negative number of that signal.

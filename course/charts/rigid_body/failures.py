@@ -146,7 +146,7 @@ def stability_limits(
         if names and name not in names:
             continue
         result = [contender.limit(z) for z in zetas]
-        endless = math.isinf(result[0])
+        endless = all(map(math.isinf, result))
         series = Series(
             LABELS.get(name, name) + (f": none up to {NO_LIMIT:g}" if endless else ""),
             zetas,

@@ -73,8 +73,13 @@ def lateness(at_most: float) -> NDArray[np.float64]:
 
 
 def machine(cause: str, seed: int) -> Machine:
-    """Return the machine of a seed that has a fault."""
+    """Return the machine of a seed that has a fault.
+
+    The contact is scaled with the sampled mass and tick: its natural frequency times the tick is
+    0.2, and its damping ratio is 0.1 (0.04 is 2 times 0.1 times 0.2).
+    """
     draw, tune = np.random.default_rng([3, seed]), TUNES[cause]
+    # Mass [kg], tick [s], and a factor of the distance at the start.
     mass, tick, near = draw.uniform((0.8, 1.6e-3, 0.9), (1.5, 2.5e-3, 1.1)).tolist()
     return Machine(
         mass=mass,
@@ -96,6 +101,8 @@ def machine(cause: str, seed: int) -> Machine:
         smooth=tune.smooth * tick,
         room=tune.room,
         dt=tick / 8,
+        # About 50 mm at a tick of 2 ms. With the square of the tick, as the distance that a given
+        # acceleration covers in a given number of ticks.
         start=near * 0.05 * (tick / 2e-3) ** 2,
     )
 
