@@ -1,6 +1,7 @@
 """What is said where a library cannot be imported: the real cause, and what installs it."""
 
 import ctypes
+import importlib.util
 import re
 import sys
 from pathlib import Path
@@ -187,3 +188,13 @@ def test_the_readme_names_the_packages_in_one_line():
     (line,) = re.findall(r"^apt-get install --no-install-recommends (.*)$", text, re.MULTILINE)
     tools = {"ca-certificates", "git", "make", "python3-venv"}
     assert set(line.split()) == tools | set(libraries.SYSTEM_PACKAGES.values())
+
+
+@pytest.mark.optional
+def test_the_statement_of_each_installed_library_names_a_module_that_is_there():
+    """A name that differs from the distribution's would stop every later set-up."""
+    for name in tool.installed():
+        for module in re.findall(r"import ([\w., ]+)", tool.statement(name)):
+            for part in module.split(", "):
+                top = part.partition(".")[0]
+                assert importlib.util.find_spec(top), (name, top)

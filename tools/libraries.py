@@ -44,6 +44,7 @@ STATEMENTS = {
     "opencv-python-headless": "import cv2",
     "pillow": "import PIL.Image",
     "pin": "import pinocchio, coal",
+    "pin-pink": "import pink",
     "playwright": "import playwright.sync_api",
     "pytest-xdist": "import xdist",
     "scipy": "import scipy.linalg, scipy.special, scipy.integrate, scipy.spatial, scipy.optimize",

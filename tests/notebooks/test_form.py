@@ -2,11 +2,13 @@
 
 import re
 from collections import Counter
+from pathlib import Path
 
 import jupytext
 import nbformat
 import pytest
 
+import course
 from course import CHAPTERS, DIMENSIONS, cards, derivations
 from course.derivations import records
 from course.site.notebooks import without_kernel
@@ -19,6 +21,11 @@ BUILT = {
 }
 CHAPTER = {f"{chapter.number:02d}_{chapter.topic}": chapter.topic for chapter in CHAPTERS}
 WRITTEN = sorted(set(BUILT) & set(CHAPTER))
+SOURCES = {
+    line
+    for path in Path(course.__file__).parent.rglob("*.py")
+    for line in path.read_text(encoding="utf-8").splitlines()
+}
 BOXES = {
     "Interview question": "info",
     "Interview tip": "success",
@@ -63,6 +70,18 @@ def test_no_output_shows_an_unfilled_field(name: str) -> None:
             kinds = ("text/markdown",) if "text/markdown" in data else ("text/plain", "text/html")
             for text in (output.get("text", ""), *(data.get(kind, "") for kind in kinds)):
                 assert form.unfilled(str(text)) == []
+
+
+@pytest.mark.parametrize("name", sorted(BUILT))
+def test_a_function_that_is_shown_is_the_one_that_is_imported(name: str) -> None:
+    """Below its first line, which a page may shorten, a listing has the lines of the module."""
+    for cell in BUILT[name].cells:
+        if "getsource(" not in cell.source:
+            continue
+        for output in cell.get("outputs", []):
+            text = output.get("data", {}).get("text/markdown", "")
+            for listing in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+                assert [line for line in listing.splitlines()[1:] if line not in SOURCES] == []
 
 
 @pytest.mark.parametrize("name", sorted(BUILT))
