@@ -150,6 +150,7 @@ def test_a_claim_is_short_as_text():
         assert max(map(len, lines)) <= 96
 
 
+@pytest.mark.slow
 def test_a_disagreement_is_not_folded(monkeypatch):
     outcome = derivations.run("top_condition")
     worse = type(outcome)(outcome.claim, outcome.finding, ("it fell",), ())

@@ -34,6 +34,7 @@ def known():
     return list(zip(truths, record(truths, noise=[0.0, 0.0, 1e-5, 1e-5, 1e-4, 1e-4]), strict=True))
 
 
+@pytest.mark.slow
 def test_inertia_friction_and_gravity_come_back():
     allowed = [1e-3, 1e-3, 2e-3, 2e-3, 5e-3, 5e-3]
     for (truth, log), largest in zip(known(), allowed, strict=True):

@@ -474,6 +474,7 @@ def test_the_chapter_that_was_opened_last_goes_on(progress_file: Path) -> None:
     assert where is not None and where[0].number == number
 
 
+@pytest.mark.slow
 def test_a_click_marks_a_section_as_read(progress_file: Path) -> None:
     shown = page_home.ticks()
     assert isinstance(shown, page_home.Ticks)

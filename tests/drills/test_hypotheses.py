@@ -83,6 +83,7 @@ def test_a_changed_step_is_named_in_any_style(what: str) -> None:
     assert report.slip == "step_changed" and sentence in report.diagnosis
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "arguments", "result", "sentence"), MISTAKES)
 def test_with_a_second_mistake_it_is_not_named(
     name: str, arguments: str, result: str, sentence: str

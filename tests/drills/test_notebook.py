@@ -411,6 +411,7 @@ def below(pid: int) -> set[int]:
     return result
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_the_grading_and_leaves_no_process(kernel: Kernel) -> None:
     kernel.run(
         # It sleeps: what it may take is processor time, so that a busy machine does not end it.

@@ -174,6 +174,7 @@ def test_forged_replies_are_garbled(body: str) -> None:
     assert ended(f"{FORGE}    {body}\n    return 1").reason is Reason.GARBLED
 
 
+@pytest.mark.slow
 def test_a_length_without_content_times_out() -> None:
     body = "send(struct.pack('>I', 1000) + b'{'); import time; time.sleep(9)"
     assert ended(f"{FORGE}    {body}").reason is Reason.TIMED_OUT

@@ -432,6 +432,7 @@ def test_drive_and_filter_are_first_order_lags() -> None:
             assert (touch.lag(log, behind, signal) > 1.0) == (constant > 1.0), cause
 
 
+@pytest.mark.slow
 def test_the_loop_has_the_rate_and_the_unit_that_it_was_given() -> None:
     for cause, tune in touch.TUNES.items():
         for seed in SEEDS:
@@ -502,6 +503,7 @@ def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
     assert len(data["findings"]) == one.path and len(data["refused"]) == 2
 
 
+@pytest.mark.slow
 def test_a_case_is_left_open_or_failed(place: Place) -> None:
     remaining = place.json("debug", "touch", "--seed", "5", text="probe integral_off\nquit\n")
     assert remaining["verdict"] is None and remaining["exit"] == 0

@@ -197,6 +197,7 @@ def test_unreachable_and_near_singular_sets_of_the_seven_joint_arm() -> None:
 # --- where the steps fail -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @examples(80)
 @given(seeds, st.floats(1e-3, 1.0))
 def test_decomposed_rows_are_orthogonal_and_a_damped_step_is_the_textbook_one(seed, damping):

@@ -48,6 +48,7 @@ def test_its_rate_is_the_difference_of_jacobians(seed) -> None:
     assert np.abs(rate - (ahead - behind) / (2 * h)).max() < 1e-7 * size
 
 
+@pytest.mark.slow
 @examples(30)
 @given(seeds)
 def test_a_batch_is_its_columns(seed) -> None:

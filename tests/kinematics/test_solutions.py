@@ -97,6 +97,7 @@ def rows_of(arm):
     return rows
 
 
+@pytest.mark.slow
 @examples(60)
 @given(rngs(), st.integers(1, 9))
 def test_the_jacobian_is_pinocchios_and_the_chapters(rng, n):

@@ -72,6 +72,7 @@ def test_a_perfect_expert_on_its_slow_mode_teaches_an_unstable_law(stiffness, dt
     assert np.allclose(mended.policy.gain[0], task.K, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_round_of_dagger_mends_it_as_soon_as_labels_are_not_perfect():
     """However small the noise: it sets the learner off its line, and is then in the labels too."""
     best = REGULATOR.radius(REGULATOR.K)
@@ -148,6 +149,7 @@ def test_each_head_learns_the_distribution_that_it_can_hold():
     assert len(policy.losses) == 600 and policy.losses[-50:].mean() < policy.losses[:50].mean()
 
 
+@pytest.mark.slow
 def test_a_policy_answers_in_the_shape_of_its_data_and_is_its_seed():
     states, chunks = windows(TwoWays().demonstrate(10, 0), 4)
     fit = partial(clone, steps=20, width=8)

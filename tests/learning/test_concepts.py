@@ -447,6 +447,7 @@ def played(controls, periods):
     return result
 
 
+@pytest.mark.slow
 @examples(150)
 @given(st.fixed_dictionaries(timings))
 def test_ages_are_those_of_a_loop_that_is_played(values):

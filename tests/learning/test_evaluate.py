@@ -17,6 +17,7 @@ def best(observed):
     return plan(observed)[1].astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 def test_the_best_policy_gets_the_optimum_in_every_mode(mode):
     envs = PointReachVector(60, autoreset_mode=mode)
@@ -32,6 +33,7 @@ def test_the_best_policy_gets_the_optimum_in_every_mode(mode):
     assert not still.success.any() and np.all(still.steps == 100) and not still.returns.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 def test_the_first_to_finish_are_the_quick_ones(mode):
     """Goals to the left are not tried for; an episode that fails takes three times as long."""

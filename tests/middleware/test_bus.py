@@ -48,6 +48,7 @@ def test_a_message_of_n_fragments_is_lost_with_any_of_them(n, p):
     assert reader.lost / count == pytest.approx(share, abs=4 * math.sqrt(share / count))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "p"), [(1, 0.3), (627, 1e-3), (50, 0.2)])
 def test_rounds_until_every_fragment_has_come_and_the_time_they_take(n, p):
     """The greatest of n geometric numbers: the sum over r of 1 - (1 - p^r)^n."""

@@ -95,6 +95,7 @@ def test_a_late_joiner_gets_one_sample_until_the_durability_service_is_set():
     assert result == [[7], [5, 6, 7], [5, 6, 7], [3, 4, 5, 6, 7]]
 
 
+@pytest.mark.slow
 def test_what_time_does():
     rows = qos_matrix.event_rows()
     assert [row for row in rows if not row.agree] == []
@@ -109,6 +110,7 @@ def test_missed_deadlines_are_counted_at_both_ends(deadlines: float):
     assert result.offered == result.requested == 4 * int(deadlines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("per_event", [0.1, 1.5, 2.0])
 def test_a_wrong_count_of_missed_deadlines_is_not_taken_for_a_disturbed_run(monkeypatch, per_event):
     """Deadlines per event: as if both ends had agreed on another one."""
@@ -135,6 +137,7 @@ def test_a_queue_that_is_full_is_depth_less_one_periods_old(depth: int, reliabil
     assert newest.ages == [0] * 20
 
 
+@pytest.mark.slow
 def test_a_reliable_topic_loses_what_its_depth_lets_go():
     """Between two processes: 40 messages at once to a reader that rests after each."""
     short = slow_reader.flood(1000, 1, 40, 0.02, "reliable")

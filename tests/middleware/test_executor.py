@@ -47,6 +47,7 @@ WORKS = st.lists(
 )
 
 
+@pytest.mark.slow
 @examples(100)
 @given(rows=WORKS, order=st.sampled_from(ORDERS), threads=st.sampled_from([1, 5]))
 def test_no_response_is_longer_than_its_bound(rows, order, threads):

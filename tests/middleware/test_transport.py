@@ -131,6 +131,7 @@ def test_two_echoes_do_not_hear_each_other():
             assert bytes(second(bytes([k + 9] * 8))) == bytes([k + 9] * 8)
 
 
+@pytest.mark.slow
 @lacking("cyclonedds")
 def test_a_message_larger_than_the_receive_buffer_needs_to_be_sent_again():
     """1.5 MB in some thousand datagrams, written at once, to a socket that holds a sixth of it."""

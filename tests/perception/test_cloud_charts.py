@@ -20,6 +20,7 @@ def test_depth_noise_follows_its_law_where_noise_hides_the_steps():
         assert np.abs(np.array(series.y) / series.expected - 1.0).max() < 0.3
 
 
+@pytest.mark.slow
 def test_a_part_is_lost_where_the_tolerance_reaches_it():
     lost, false = charts.build(
         "lost_parts", heights=(0.004, 0.008, 0.02, 0.04), distances=(0.5, 1.0), pictures=2

@@ -76,6 +76,7 @@ def test_what_the_batches_call_free_is_free_and_too_large_spheres_reject_more() 
     assert counts[0] >= counts[1] > counts[2] > 20
 
 
+@pytest.mark.slow
 def test_a_fine_spacing_misses_no_thin_pole() -> None:
     from course import contact
 

@@ -60,6 +60,7 @@ def gap_of_triangle(third):
     return float(np.abs(points - nearest).min()) - 0.02
 
 
+@pytest.mark.slow
 @examples(8)
 @given(seeds)
 def test_coal_and_pinocchio_agree_state_by_state(seed) -> None:
@@ -166,6 +167,7 @@ def test_forearm_and_base_touch_at_a_posture_found_by_bisection() -> None:
     assert tried == 5
 
 
+@pytest.mark.slow
 def test_an_edge_collides_with_itself_between_two_free_ends() -> None:
     """Three links in the plane: the third sweeps across the first while both ends are free."""
     world = triangle()

@@ -40,6 +40,7 @@ def faults(path, discs):
     return path_faults(path.T, path[:, 0], path[:, -1], discs, BOUNDS, 99.0)
 
 
+@pytest.mark.slow
 @examples(25)
 @given(seeds)
 def test_a_shortcut_never_lengthens_never_collides_and_keeps_its_ends(seed) -> None:

@@ -193,6 +193,7 @@ def test_braking_distance_is_the_sum_of_the_steps(speed, mu, dt) -> None:
     assert abs(x - law) <= 0.126 * mu * GRAVITY * dt * dt + 1e-12
 
 
+@pytest.mark.slow
 def test_a_braking_block_stops_where_the_sum_says() -> None:
     for dt in (8e-3, 1.6e-2):
         result = m.stop(OWN, 0.0, dt)
@@ -297,6 +298,7 @@ def test_a_reach_without_a_motion_is_none() -> None:
     assert not stuck.success and stuck.error > 0.1
 
 
+@pytest.mark.slow
 def test_a_block_that_hops_is_seen_on_its_way_and_not_at_its_end() -> None:
     """MuJoCo's own count of contacts, step by step, is the truth."""
     scene, dt = brake(), 1e-3
@@ -317,6 +319,7 @@ def test_a_block_that_hops_is_seen_on_its_way_and_not_at_its_end() -> None:
     assert own.airborne == 0.0 and own.largest == pytest.approx(own.final, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_path_is_the_largest_of_the_errors_on_it() -> None:
     class Bump(Stated):
         def contacts(self):

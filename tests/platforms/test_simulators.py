@@ -68,6 +68,7 @@ def test_what_is_missing_is_said(minor, monkeypatch):
 SMOOTH = {"tumble": 1.0, "chain": 1.0, "arm": 0.3}
 
 
+@pytest.mark.slow
 @pytest.mark.optional
 @pytest.mark.parametrize(("kind", "duration"), SMOOTH.items())
 def test_the_references_of_drake_and_mujoco_meet_the_truth(kind, duration):

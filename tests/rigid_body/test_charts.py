@@ -41,6 +41,7 @@ def test_mujocos_implicit_methods_are_of_first_order_on_a_tumble() -> None:
     assert 0.5 < finest[1] / finest[0] < 2.0
 
 
+@pytest.mark.slow
 def test_at_a_milliradian_rk4_needs_the_fewest_evaluations(tumble) -> None:
     pick = tumble.pick(by="count")
     assert pick.name in ("rk4", "rk4_renormalised", "MuJoCo RK4")
@@ -63,6 +64,7 @@ def test_a_function_of_the_learner_joins_the_chart_with_one_call() -> None:
     assert chart.ratio is not None
 
 
+@pytest.mark.slow
 def test_the_box_is_exact_with_impact_times_and_first_order_without() -> None:
     result = accuracy.box_work_precision(repeats=1, counts=(10, 80, 1280, 5120))
     assert max(p.error for p in result.curve("exact flight, impact times").points) < 1e-10

@@ -192,6 +192,7 @@ def test_agrees_with_the_planar_box_that_cannot_turn(name):
 # Gradients.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_jacobian_against_central_differences(case):
     scene, parameters = CASES[case]
@@ -458,6 +459,7 @@ def test_standard_errors_scale_with_noise():
 # Torch is asked for only where a gradient is.
 
 
+@pytest.mark.slow
 def test_numbers_need_no_torch():
     code = (
         "import sys; from course.rigid_body.differentiable import Setup, trajectory;"

@@ -29,6 +29,7 @@ def bounce(q, v):
     return q, 0.7 * np.abs(v)
 
 
+@pytest.mark.slow
 def test_order_is_kept_with_the_event_handled_and_is_one_without():
     (panel,) = build("events_order", steps=(150, 300, 600), phases=6)
     for name, order in (("RK4", 4), ("velocity Verlet", 2)):

@@ -77,6 +77,7 @@ def test_discrete_is_implicit_euler_on_a_spring_and_pays_half_of_omega_dt_in_dam
     assert abs(failures.mujoco_mode("Euler", 0.02).damping) < 1e-12
 
 
+@pytest.mark.slow
 def test_the_chart_of_the_spring_agrees_with_its_theory():
     growth, middle, right = build("mujoco_stiff_spring", points=13)
     assert growth["discrete"].y[-1] == pytest.approx(1e-3, rel=1e-5)
@@ -91,6 +92,7 @@ def test_the_chart_of_the_spring_agrees_with_its_theory():
 # --- long runs ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_only_the_symplectic_keep_their_first_energy_error():
     (panel,) = build("long_run_energy", steps=60_000)
     assert [s.key for s in panel.series] == [*LABELS]

@@ -304,6 +304,7 @@ def test_impact_properties(vx, vy, omega, w, h, angle, shape, e, mu) -> None:
         assert (pt, pn) == (0, 0)
 
 
+@pytest.mark.slow
 @examples(150)
 @given(vx=speeds, vy=st.floats(-10, -0.01), omega=speeds, **boxes)
 def test_normal_work_given_back_is_e_squared(vx, vy, omega, w, h, angle, shape, e, mu) -> None:

@@ -39,6 +39,7 @@ def test_closed_form_satisfies_the_equation_of_motion(name: str) -> None:
         np.testing.assert_allclose(turn, v1, atol=1e-5)
 
 
+@pytest.mark.slow
 @given(
     st.floats(0.2, 2.0),
     st.floats(0.3, 3.0),
@@ -117,6 +118,7 @@ def assert_checked_by_halving(problem: problems.Problem, steps: int) -> None:
     assert problem.error(halved) < 2e-11
 
 
+@pytest.mark.slow
 def test_double_pendulum_equations_against_lagrange() -> None:
     import sympy as sp
 

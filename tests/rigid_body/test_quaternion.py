@@ -473,6 +473,7 @@ def _multiply(q, p, count):
     return q
 
 
+@pytest.mark.slow
 def test_a_million_products_drift_from_unit_length_by_rounding_only():
     count = 1_000_000
     multiply = compiled(_multiply, VECTOR(VECTOR, VECTOR, numba.float64))

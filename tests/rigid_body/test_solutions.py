@@ -474,6 +474,7 @@ def test_tumble_is_mujocos_free_body():
     assert omega == pytest.approx(theirs[1], abs=1e-8)
 
 
+@pytest.mark.slow
 @examples(15)
 @given(
     unit_quaternions(), vectors(3, 3.0), st.sampled_from([(1.0, 2.0, 2.5), (3, 2, 1.5), (1, 1, 1)])

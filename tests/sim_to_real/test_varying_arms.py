@@ -157,6 +157,7 @@ def test_noise_moves_the_arm_and_torque_and_error_have_their_limits() -> None:
     assert fallen.error[0] == pytest.approx(np.linalg.norm(capped) / capped.size**0.5)
 
 
+@pytest.mark.slow
 def test_the_student_drives_every_round_but_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     drivers = []
 

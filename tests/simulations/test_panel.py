@@ -151,6 +151,7 @@ def test_play_lets_time_run_beside_other_work_until_paused(panel):
     assert missing > 0.1 and other_work > 3
 
 
+@pytest.mark.slow
 def test_play_waits_while_nobody_looks(panel):
     missing, _ = asyncio.run(_play(panel, watched=False))
     assert missing == 0.0

@@ -60,6 +60,7 @@ def test_at_both_ends_of_the_control(measured: WorkPrecision) -> None:
     assert nothing.price(0.1) == "No run worked."
 
 
+@pytest.mark.slow
 def test_the_picture_marks_the_tolerance_and_the_pick(measured: WorkPrecision) -> None:
     chart = Chart(measured)
 

@@ -530,6 +530,7 @@ def test_a_worker_that_fails_is_reported(trouble: str, how: str, text: str) -> N
     assert soon(lambda: not group_members(pids)), "what it had started is still there"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trouble", ["hang", "stop"])
 def test_a_worker_that_hangs_is_reported_in_time_with_its_place(trouble: str) -> None:
     envs = troubled(trouble, timeout=3.0)
