@@ -23,6 +23,8 @@ from course.rigid_body.quaternion import to_matrix
 from course.rigid_body.spatial import poses
 
 _EPS = 2.0**-52
+_SIDE = 16.0 * _EPS  # of the size: how far rounding puts a point on the wrong side of a face
+_NEEDLE = 1e-4  # height to longest edge of a face whose plane is known worse than that
 _ALL = 1 << 30  # iterations of GJK: as many as it takes
 _STUCK = 4  # iterations in a row that bring neither bound of the distance nearer
 # Vertices that a growing polytope may have, and more for each corner of the shapes: where both are
@@ -52,6 +54,12 @@ def _cross(a, b):
 def _added(a, t, b):
     """Return a + t b."""
     return a[0] + t * b[0], a[1] + t * b[1], a[2] + t * b[2]
+
+
+@register_jitable
+def _across(a, e):
+    """Return the part of a at right angles to e."""
+    return _added(a, -dot(a, e) / dot(e, e), e)
 
 
 @register_jitable
@@ -162,18 +170,23 @@ def _square(s, i, j, k, shares):
 
 @register_jitable
 def _on_triangle(s, i, j, k):
-    """Return shares of i, j, k in the point of their triangle nearest to the origin."""
+    """Return shares of i, j, k in the point of their triangle nearest to the origin.
+
+    Of two edges that rounding cannot tell apart, one with the newest vertex, k, is taken: the edge
+    without it would be the simplex of the iteration before, and nothing more would be learned.
+    """
     # Barycentric coordinates of the origin's projection: all positive means inside.
     u, v, w = _areas(_normal(s, i, j, k), s, i, j, k)
     if u > 0.0 and v > 0.0 and w > 0.0:
         total = u + v + w
         return u / total, v / total, w / total
     # Not inside: the nearest of the three edges, which costs little and trusts no sign.
-    best, result = math.inf, (1.0, 0.0, 0.0)
     u, v, w = _on_edge(s, i, j), _on_edge(s, j, k), _on_edge(s, k, i)
-    for shares in ((1.0 - u, u, 0.0), (0.0, 1.0 - v, v), (w, 0.0, 1.0 - w)):
+    result = (0.0, 1.0 - v, v)
+    best = _square(s, i, j, k, result)
+    for shares, least in (((w, 0.0, 1.0 - w), 1.0), ((1.0 - u, u, 0.0), 1.0 - 8.0 * _EPS)):
         far = _square(s, i, j, k, shares)
-        if far < best:
+        if far < least * best:
             best, result = far, shares
     return result
 
@@ -198,7 +211,8 @@ def _nearest(s, n, share, thin):
         # Tetrahedron: the nearest point is on a face that has the origin on its outer side.
         best = math.inf
         for face in range(4):
-            i, j, k = (face + 1) % 4, (face + 2) % 4, (face + 3) % 4
+            # In ascending order: the newest vertex is the last, or it is the one left out.
+            i, j, k = 0 if face > 0 else 1, 1 if face > 1 else 2, 2 if face > 2 else 3
             m = _normal(s, i, j, k)
             # A tetrahedron thinner than rounding has no reliable sides, so none of its faces is
             # ruled out.
@@ -279,10 +293,7 @@ def _gjk(va, vb, pair, s, share, most=_ALL):
         square = dot(x, x)
         if n == 2:
             # Of an edge, what rounding left along it goes.
-            e = _edge(s, 0, 1)
-            x = _added(x, -dot(x, e) / dot(e, e), e)
-            if x[0] == 0.0 and x[1] == 0.0 and x[2] == 0.0:
-                square = 0.0
+            x = _across(x, _edge(s, 0, 1))
         elif n == 3:
             # The triangle's normal keeps its direction where the point is all but zero, and the
             # point where the triangle is all but an edge: of both the one that rounding hurts less.
@@ -290,6 +301,14 @@ def _gjk(va, vb, pair, s, share, most=_ALL):
             side = dot(m, _row(s, 0))
             if side != 0.0 and dot(m, m) > square * pair[_SIZE] * pair[_SIZE]:
                 x = m if side > 0.0 else (-m[0], -m[1], -m[2])
+            else:
+                # Shares of a needle are known badly along it.
+                e, f, g = _edge(s, 0, 1), _edge(s, 1, 2), _edge(s, 2, 0)
+                e = f if dot(f, f) > dot(e, e) else e
+                e = g if dot(g, g) > dot(e, e) else e
+                x = _across(x, e)
+        if x[0] == 0.0 and x[1] == 0.0 and x[2] == 0.0:
+            square = 0.0
     return n, math.sqrt(square), low, iterations, proof
 
 
@@ -337,16 +356,43 @@ def _grow(va, vb, pair, s):
             _farther(va, vb, pair, s, 2, _cross(e, flat), 1)
         else:
             flat = _unit(_normal(s, 0, 1, 2))
-        if _farther(va, vb, pair, s, rank + 1, flat, rank) <= 16.0 * _EPS * pair[_SIZE]:
+        if _farther(va, vb, pair, s, rank + 1, flat, rank) <= _SIDE * pair[_SIZE]:
             return False, flat
     return True, flat
 
 
 @register_jitable
-def _face(f, i, j, k, s, corner, face, key):
+def _length(s, i, j):
+    """Return the distance between rows i and j of s."""
+    e = _edge(s, i, j)
+    return math.sqrt(dot(e, e))
+
+
+@register_jitable
+def _apart(s, i, j, k):
+    """Return the distance between the origin and the triangle i, j, k, a needle.
+
+    Unlike the distance to its plane it hardly depends on how the needle is turned about its length.
+    """
+    far = math.sqrt(_square(s, i, j, k, _on_triangle(s, i, j, k)))
+    for p, q in ((i, j), (j, k), (k, i)):
+        nearest = _added(_row(s, p), _on_edge(s, p, q), _edge(s, p, q))
+        far = min(far, math.sqrt(dot(nearest, nearest)))
+    return far
+
+
+@register_jitable
+def _face(f, i, j, k, s, size, corner, face, key):
     """Write face f: its corners, outward unit normal and distance from the origin."""
     corner[f, 0], corner[f, 1], corner[f, 2] = i, j, k
+    face[f, 4], face[f, 5] = _SIDE * size, math.inf
     m = _normal(s, i, j, k)
+    # The rounding of its corners tilts a needle about its longest edge, so that a point at the
+    # other end of the set seems to lie on a side on which it does not.
+    longest = max(max(_length(s, i, j), _length(s, j, k)), _length(s, k, i))
+    height = math.sqrt(dot(m, m)) / longest if longest > 0.0 else 0.0
+    if height < _NEEDLE * longest:
+        face[f, 4] = _SIDE * size * size / height if height > 0.0 else math.inf
     if dot(m, m) > 0.0:
         m = _unit(m)
         face[f, 3] = key[f] = dot(m, _row(s, i))
@@ -370,7 +416,8 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         share: output, weights of the corners of the nearest face.
         corner: corners of each face, counter-clockwise from outside.
         beyond: neighbours of each face, across the edges that begin at its corners.
-        face: normal and distance of each face.
+        face: of each face its normal, its distance, how far a point may seem to be beyond it by
+            rounding, and the bound that it proves where it was given up.
         key: distance of each face again, infinite once it is done with, -inf once it is removed.
         link: work space, the edges of the horizon and the new faces at them.
         stack: work space, the faces still to be visited.
@@ -384,12 +431,11 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         for c in range(9):
             s[1, c], s[2, c] = s[2, c], s[1, c]
     for f in range(4):
-        _face(f, _FACES[f][0], _FACES[f][1], _FACES[f][2], s, corner, face, key)
+        _face(f, _FACES[f][0], _FACES[f][1], _FACES[f][2], s, pair[_SIZE], corner, face, key)
         beyond[f, 0], beyond[f, 1], beyond[f, 2] = _ACROSS[f]
     faces, new, iterations = 4, 4, 0  # `new` is the row of the next vertex
-    rounding = 16.0 * _EPS * pair[_SIZE]
+    rounding = _SIDE * pair[_SIZE]
     depth, low, best = math.inf, -math.inf, (0.0, 0.0, 0.0)
-    given_up = math.inf  # distance of the nearest face that could not be opened
     while True:
         # closest face: a linear search; polytopes have few faces.
         f = 0
@@ -407,11 +453,13 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
         # The support distance along any direction bounds the depth from above.
         if high < depth:
             depth, best = high, normal
-        if high - face[f, 3] <= rounding:
+        needle = face[f, 4] > rounding
+        if high - face[f, 3] <= rounding and not needle:
             break
-        if new == s.shape[0] - 4 or _known(s, new):
-            # No room, or nothing beyond this face but rounding: it stays a bound of the depth.
-            given_up = min(given_up, key[f])
+        if high - face[f, 3] <= face[f, 4] or new == s.shape[0] - 4 or _known(s, new):
+            # Nothing beyond this face but rounding, or no room: it stays a bound of the depth.
+            i, j, k = corner[f, 0], corner[f, 1], corner[f, 2]
+            face[f, 5] = _apart(s, i, j, k) if needle else key[f]
             key[f] = math.inf
             continue
         # Faces that the new vertex sees go (-inf); each edge of the hole makes a face with it.
@@ -427,7 +475,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
                 g = beyond[old, e]
                 if key[g] == -math.inf:
                     continue
-                if dot(_row(face, g), point) > face[g, 3] + rounding:
+                if dot(_row(face, g), point) > face[g, 3] + face[g, 4]:
                     key[g] = -math.inf
                     stack[observed] = g
                     observed += 1
@@ -441,7 +489,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
             made = stack[n] if n < observed else faces
             faces = max(faces, made + 1)
             p, q, g = link[n, 0], link[n, 1], link[n, 2]
-            _face(made, p, q, new, s, corner, face, key)
+            _face(made, p, q, new, s, pair[_SIZE], corner, face, key)
             beyond[made, 0] = g
             for e in range(3):
                 if corner[g, e] == q:
@@ -454,7 +502,7 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
             beyond[made, 1], beyond[made, 2] = link[link[n, 1], 3], link[link[n, 0], 4]
         # Rows that the fan does not need stay removed.
         for n in range(edges, observed):
-            key[stack[n]] = math.inf
+            key[stack[n]] = face[stack[n], 5] = math.inf
         new += 1
     # Several triangles may lie in the plane of the nearest face: the one that the origin is above.
     inside, f = -math.inf, 0
@@ -471,7 +519,9 @@ def _epa(va, vb, pair, s, share, corner, beyond, face, key, link, stack):
     i, j, k = corner[f, 0], corner[f, 1], corner[f, 2]
     for c in range(9):
         s[0, c], s[1, c], s[2, c] = s[i, c], s[j, c], s[k, c]
-    return depth, depth - min(low, given_up, depth), iterations, best
+    for g in range(faces):
+        low = min(low, face[g, 5])
+    return depth, depth - min(low, depth), iterations, best
 
 
 @register_jitable
@@ -598,7 +648,7 @@ def _distances(va, vb, halves, sizes, qa, qb, out):
     room = 2 * vertices
     places = (np.empty((vertices + 4, 9)), np.empty(28), np.empty(4))
     faces = (np.empty((room, 3), np.int64), np.empty((room, 3), np.int64))
-    keys = (np.empty((room, 4)), np.empty(room))
+    keys = (np.empty((room, 6)), np.empty(room))
     work = places + faces + keys + (np.empty((room, 6), np.int64), np.empty(room, np.int64))
     boxes = va.shape[1] == vb.shape[1] == 1 and not va.any() and not vb.any()
     ra, rb, dims = sizes[0], sizes[1], int(sizes[3])
