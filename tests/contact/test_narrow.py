@@ -244,11 +244,8 @@ turns = st.tuples(angles, angles, angles)
 shares = st.sampled_from([0.0, 1e-14, 1e-9, 1e-3, 0.5, 1.0, 1.0 + 1e-12, 2.0])
 
 
-@pytest.mark.prove
-@given(any_shape(), any_shape(), turns, turns, st.tuples(shares, shares, shares))
-@examples(300)
-def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where):
-    """On any scene: the result is certified from both sides by supports alone."""
+def assert_certified(a, b, turn_a, turn_b, where):
+    """Check a distance by supports alone: nothing is nearer, and no plane separates them better."""
     pose_a = at(turn=turn_a)
     x, y, z = np.array(where) * max(a.size, b.size)
     pose_b = at(x, y, z, turn_b)
@@ -267,6 +264,32 @@ def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where
     )
     along = reach_b.min() - reach_a.max() - a.radius - b.radius
     assert along == pytest.approx(result.distance, abs=(1e-12 + turned) * size)
+
+
+@pytest.mark.prove
+@given(any_shape(), any_shape(), turns, turns, st.tuples(shares, shares, shares))
+@examples(300)
+def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where):
+    """On any scene: the result is certified from both sides by supports alone."""
+    assert_certified(a, b, turn_a, turn_b, where)
+
+
+@pytest.mark.parametrize("angle", [1e-15, 1e-12, 1e-8, 1e-4])
+@pytest.mark.parametrize("width", [1.0, 1.0 - 2.3e-5])
+def test_a_box_that_is_all_but_aligned_has_needles_and_a_depth(angle, width):
+    """Its set of differences has edges that are all but one line: faces as thin as rounding."""
+    capsule, box = contact.capsule(1.0, 1.0), contact.box([width, 1.0, 1.0])
+    for turn_a, turn_b in (((0.0, 0.0, 0.0), (0.0, 0.0, angle)), ((0.0, 0.0, angle), (0.0,) * 3)):
+        turn_a = (math.pi / 2, *turn_a[1:])
+        assert_certified(capsule, box, turn_a, turn_b, (0.0, 0.0, 1e-14))
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4])
+@pytest.mark.parametrize("where", [(0.0, 0.0, 2.0), (1e-3, 0.0, 2.0), (0.0, 1e-3, 1.0), (0.5,) * 3])
+def test_segments_that_are_all_but_parallel_have_a_normal(angle, where):
+    long, short = contact.capsule(1.0, 10.0), contact.capsule(0.01, 0.002)
+    for a, b in ((long, long), (long, short), (short, long)):
+        assert_certified(a, b, (0.0, 0.0, 0.0), (angle, 0.0, 0.0), where)
 
 
 def test_sizes_do_not_change_what_is_found():
