@@ -2,8 +2,8 @@
 # # 1 · Rigid bodies
 #
 # *Your simulated robot stands still, and its energy grows. A part tumbles through the air and turns the wrong way. A
-# simulation with a stiff gripper explodes at one step size and runs well at another. Each time the step is the cause:
-# it is too long, or its code is wrong.*
+# simulation with a stiff gripper explodes at one step size and runs well at another. Each time the time step is to
+# blame: its length or its code.*
 #
 # A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Does it
 # matter which of the two comes first?
@@ -21,9 +21,9 @@ predict("energy_of_a_fall")
 # %%
 simulation("bouncing_box")
 # %% [markdown]
-# The menu offers **presets**, prepared settings. Choose the second (old velocity) and then the third (new velocity). In
-# both, impacts are exact and lose no energy, so every change of energy is an error of the flight. *Steps not resolved*
-# counts the steps with more impacts than the program may compute in one step.
+# The menu offers **presets**, prepared settings. Choose the second (old velocity), then the third (new velocity). In
+# both, impacts are found within the step and lose no energy, so every change of energy is an error of the flight.
+# *Steps not resolved* counts the steps with more impacts than the program may compute in one step.
 #
 # **After this chapter you can** write the equations of motion of a rigid body; store and update an orientation without
 # drift; choose an integrator, the method that computes a time step, by its error for a given cost; predict the largest
@@ -34,8 +34,7 @@ simulation("bouncing_box")
 # ## How this chapter works
 #
 # Some cards show a common claim. Answer *only under a condition* if the claim needs a condition that it does not
-# state. Measured numbers come from code on this page, from saved charts or from checks that `python -m
-# course.derivations 1` repeats. Six exercises wait in section 8:
+# state. Six exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
 
@@ -70,9 +69,9 @@ def source(*functions):
 #
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can
 # rotate about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**.
-# A pose alone does not say where the body goes next: Newton's law gives only accelerations, so you also need the six
-# velocities. The **state** is all that you need to predict the motion, if the forces are known. Here it is pose and
-# velocities: twelve numbers.
+# Newton's law gives only accelerations, so to predict the motion you also need six velocities, three of the centre
+# and three of the rotation. The **state** is all that you need if the forces are known, here pose and velocities:
+# twelve numbers.
 # %% tags=["hide-code"]
 corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 edges = [(a, b) for a in range(8) for b in range(a) if np.sum(corner[a] != corner[b]) == 1]
@@ -109,10 +108,10 @@ axes_.set(aspect="equal", title="six degrees of freedom", xlim=(-4.0, 3.8), ylim
 axes_.axis("off")
 plt.show()
 # %% [markdown]
-# How many numbers you *store* depends on how you write the orientation. The set of all orientations is called **SO(3)**
-# (special orthogonal group). It has three dimensions. But whichever three numbers you choose, at some orientations a
-# small turn changes them by a huge amount, just as a small step near the North Pole changes your longitude. There the
-# three are **singular**:
+# How many numbers you *store* depends on how you write the orientation. The set of all orientations is called
+# **SO(3)** (special orthogonal group). It has three dimensions. But whichever three numbers you choose, at some
+# orientations a small turn changes them by a huge amount, as a small step near the North Pole changes your longitude.
+# There the three are **singular**:
 #
 # | orientation stored as | numbers | with position and velocities | drawback |
 # |---|---|---|---|
@@ -124,7 +123,7 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
 # ### Free rotation: what stays constant without torque
 #
-# Throw a book into the air with a spin. Nothing touches it, yet it wobbles. Why?
+# Throw a book into the air with a spin. Nothing touches it, yet it wobbles.
 #
 # A piece of mass $dm$ at the distance $r$ from an axis resists every change of a rotation about it, in proportion to
 # $r^2$. Summed over the body, this gives the **moments of inertia**. About the axes $x$, $y$ and $z$ through the centre
@@ -132,22 +131,23 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 #
 # $$I_x = \int (y^2+z^2)\,dm, \qquad I_y = \int (x^2+z^2)\,dm, \qquad I_z = \int (x^2+y^2)\,dm .$$
 #
-# For most directions of the axes there are also mixed terms such as $-\int xy\,dm$. Moments and mixed terms form the
-# **inertia tensor** $I$, a symmetric 3 × 3 matrix, which has three perpendicular eigenvectors. Each is a
-# **principal axis**, its eigenvalue a principal moment. In these axes $I$ is diagonal. A homogeneous box
-# has its principal axes parallel to its edges.
+# For most axes there are also mixed terms such as $-\int xy\,dm$. Moments and mixed terms form the **inertia tensor**
+# $I$, a symmetric 3 × 3 matrix, which has three perpendicular eigenvectors. Each is a **principal axis**, its
+# eigenvalue a principal moment. In these axes $I$ is diagonal. A homogeneous box has its principal axes parallel to
+# its edges.
 #
-# The tensor connects the **angular velocity** $\omega$ (its direction is the axis of rotation, its length the rate in
-# rad/s) with the **angular momentum** $L = I\omega$. Only torque can change $L$.
+# The tensor connects the **angular velocity** $\omega$ (along the axis of rotation, its length the rate in rad/s)
+# with the **angular momentum** $L = I\omega$. Only torque can change $L$.
 #
-# Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. To keep $L =
-# I\omega$ constant, $\omega$ usually has to change too: the axis of rotation moves, and the book wobbles. The exception
-# is a spin about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant.
+# Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. To keep
+# $L = I\omega$ constant, $\omega$ usually has to change too: the axis of rotation moves, and the book wobbles. The
+# exception is a spin about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant if nothing
+# disturbs the spin.
 #
-# In the simulation, $\omega$ sweeps the green *space cone*. Seen from the body, it sweeps the pink *body cone*.
-# There the path of its tip is called the **polhode**. Both $L$ and, as no torque does work, the energy
-# $\tfrac12\,\omega\cdot L$ are constant. So the part of $\omega$ along $L$ is constant too: the tip of $\omega$ stays
-# in the grey plane, perpendicular to $L$.
+# In the simulation, $\omega$ sweeps the green *space cone*, which need not close. Seen from the body, it sweeps the
+# pink *body cone*; the path of its tip there is the **polhode**. No torque does work, so the energy
+# $\tfrac12\,\omega\cdot L$ is constant, like $L$. So the part of $\omega$ along $L$ is constant too: the tip of
+# $\omega$ stays in the grey plane, perpendicular to $L$.
 # %%
 show("free_body_keeps_angular_velocity")
 # %%
@@ -166,9 +166,9 @@ simulation("free_body")
 # $$\boxed{\; m\,\dot v = F \ \text{(world frame)}, \qquad I\,\dot\omega + \omega\times(I\omega) = \tau \ \text{(body
 # frame)} \;}$$
 #
-# The product $\omega\times(I\omega)$ is the **gyroscopic term**. It is not a force. It appears because you describe $L$
-# from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The term is zero if $L$ and
-# $\omega$ are parallel: in a spin about a principal axis, or if all three moments are equal.
+# The product $\omega\times(I\omega)$ is the **gyroscopic term**. It is not a torque that acts on the body. It appears
+# because you describe $L$ from a frame that rotates: seen from a turning chair, a fixed lamp moves the other way. The
+# term is zero if $L$ and $\omega$ are parallel: in a spin about a principal axis, or if all three moments are equal.
 #
 # <details><summary>Derive it: where the extra term comes from</summary>
 #
@@ -186,7 +186,7 @@ simulation("free_body")
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A free body keeps its angular momentum $L$, not its angular velocity $\omega$.
+# **Key insight.** A free body keeps its angular momentum $L$, but in general not its angular velocity $\omega$.
 #
 # </div>
 # %%
@@ -207,10 +207,10 @@ predict("brick_that_flips")
 # %%
 simulation("flip")
 # %% [markdown]
-# In the simulation, the grey arrow is the body's middle axis. After a flip it points the other way. To see why, look
-# at $L$ in the body frame, with its components $L_i$ along the principal axes. The length of $L$ is constant, so its
-# tip stays on a sphere. The energy $\tfrac12\,\omega\cdot L = \sum_i L_i^2/(2I_i)$ is constant, too, so the tip stays
-# on an ellipsoid. It therefore runs along a curve in which the two surfaces meet.
+# In the simulation, the grey arrow is the body's **middle axis**, that of the middle moment. After a flip it points
+# the other way. To see why, look at $L$ in the body frame, with its components $L_i$ along the principal axes. The
+# length of $L$ is constant, so its tip stays on a sphere. The energy $\tfrac12\,\omega\cdot L = \sum_i L_i^2/(2I_i)$
+# is constant, too, so the tip also stays on an ellipsoid. It runs along a curve in which the two meet.
 #
 # Close to the axes of the smallest and of the largest moment, the curves are small closed loops. On the middle axis
 # two curves cross, and an $L$ that starts near the crossing moves all the way to the opposite side and back:
@@ -297,16 +297,15 @@ lowest = [
 print("component of L along the axis of the spin, as a share of |L|: lowest value in 40 s")
 print("   ".join(f"about axis {k}: {x:+.3f}" for k, x in enumerate(lowest, 1)))
 # %% [markdown]
-# How fast does the unstable disturbance grow? Let the body spin at the rate $\Omega$ about its middle axis, with
-# moments $I_1 < I_2 < I_3$. A small disturbance grows like $e^{\sigma t}$ with
+# Let the body spin at the rate $\Omega$ about its middle axis, with moments $I_1 < I_2 < I_3$. A small disturbance
+# grows like $e^{\sigma t}$ with
 #
 # $$\sigma = \Omega\,\sqrt{\frac{(I_2-I_1)(I_3-I_2)}{I_1\,I_3}} .$$
 #
 # **Worked example.** A brick of 2 kg measures 20 × 10 × 6 cm. For a box, $I_x = \tfrac{m}{12}(b^2+c^2)$ with the two
-# other sides $b$ and $c$. That gives 2.27, 7.27 and 8.33 in units of $10^{-3}$ kg m². The root is
-# $\sqrt{5.00\cdot1.07/(2.27\cdot8.33)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor 2.72 every
-# $1/5.3 = 0.19$ s. If $\omega$ starts one degree off the middle axis, this axis has turned by 90 degrees after about
-# one second.
+# other sides $b$ and $c$. That gives 2.267, 7.267 and 8.333 in units of $10^{-3}$ kg m². The root is
+# $\sqrt{5.000\cdot1.066/(2.267\cdot8.333)} = 0.53$. At $\Omega = 10$ rad/s a disturbance grows by the factor 2.72
+# every $1/5.3 = 0.19$ s.
 #
 # <details><summary>Derive it: the rate of growth</summary>
 #
@@ -331,8 +330,8 @@ more_claims("principal_axis_is_stable", "tumbling_is_irregular")
 # it, so the axis turns sideways.
 #
 # This is called **precession**. With the distance $l$ from the tip to the centre of mass, its rate is about $mgl/L$
-# for a fast spin. If you release the top spinning but not yet circling, it also nods (**nutation**). In the
-# simulation, the blue line is the path of the top's axis. Raise the spin: $L$ moves closer to the axis.
+# for a fast spin. A top released spinning but not circling also nods (**nutation**). In the simulation, the blue line
+# is the path of the top's axis. Raise the spin: $L$ moves closer to the axis.
 # %%
 show("gyroscopic_term_holds_the_top_up")
 # %%
@@ -352,8 +351,9 @@ more_claims(
 #
 # A robot model comes as a file with a mass and an inertia tensor for each rigid part, a **link**. Some published
 # files contain tensors that no body can have. You can check them with the three integrals above. Add two of them and
-# subtract the third: $I_x + I_y - I_z = 2\int z^2\,dm$, which is never negative. The same is true of the principal
-# moments: each is at most the sum of the other two.
+# subtract the third: $I_x + I_y - I_z = 2\int z^2\,dm$, which is never negative. So about any three perpendicular
+# axes, each moment is at most the sum of the other two. If the *principal* moments meet this condition, some body has
+# the tensor.
 # %%
 predict("inertia_of_a_thin_rod")
 # %% [markdown]
@@ -364,10 +364,10 @@ try:
 except ValueError as problem:
     print(textwrap.fill(str(problem), 96))
 # %% [markdown]
-# The second thing to check is the point about which the tensor is given. The **parallel axis** theorem says how it
-# changes: about a parallel axis at the distance $d$ from the one through the centre of mass, the moment is larger by $m
-# d^2$. A rod of mass $m$ and length $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 =
-# \tfrac13ma^2$ about its end: four times as much.
+# Next, check about which point the tensor is given. By the **parallel axis** theorem, the moment about a parallel
+# axis at the distance $d$ from the one through the centre of mass is larger by $m d^2$. A rod of mass $m$ and length
+# $a$ has $\tfrac1{12}ma^2$ about its middle and $\tfrac1{12}ma^2 + m(\tfrac a2)^2 = \tfrac13ma^2$ about its end: four
+# times as much.
 #
 # <details><summary>For the whole tensor</summary>
 #
@@ -381,9 +381,9 @@ except ValueError as problem:
 # points up as usual in robotics. Then turn it by the **pitch** $\theta$ about its new $y$ axis, and then by the
 # **roll** about its new $x$ axis, which points to the nose. With $z$ up, a positive $\theta$ turns the nose down.
 #
-# At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There yaw and roll turn about the same line:
-# the nose can tip only about the pitch axis. This is **gimbal lock**. Watch the blue ring (yaw) and the violet ring
-# (roll), then set the pitch to 90°:
+# At $\theta = -90°$ the nose points straight up, at $+90°$ straight down. There yaw and roll turn about the same
+# line: the nose can tip only about the pitch axis. This is **gimbal lock**. Set the pitch to 90° and watch the blue
+# ring (yaw) and the violet ring (roll):
 # %%
 simulation("gimbal")
 # %% [markdown]
@@ -391,9 +391,9 @@ simulation("gimbal")
 # \lvert\cos\theta\rvert$. At $\theta = \pm90°$ its rank is only two. Then one direction, the *lost axis*, is missing:
 # no angle rates can turn the body about it. Near the lock, such a turn needs huge rates.
 #
-# The smallest **singular value** of $E$ measures this. It is the length of the shortest angular velocity that angle
-# rates of length 1 rad/s can produce (*weakest turn* in the simulation). The direction of this angular velocity is
-# the *weakest axis*. Towards the lock its length shrinks to zero, and the weakest axis becomes the lost axis.
+# Take the three angle rates as one vector of length 1 rad/s and try all its directions. The smallest angular speed
+# that results is the smallest **singular value** of $E$ (*weakest turn* in the simulation), its axis the *weakest
+# axis*. At the lock this speed is zero, and the weakest axis becomes the lost axis.
 # %% tags=["hide-code"]
 print("angle rates needed to turn at 1 rad/s about the weakest axis")
 for angle in (60.0, 89.0, 90.0):
@@ -431,9 +431,9 @@ more_claims(
 # $$q = (w, x, y, z) = \left(\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}\right).$$
 #
 # A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the *rotation
-# vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. It halves the angle. Its inverse
-# is the logarithm, $\log q = \alpha n$, for $\alpha < \pi$ (a longer rotation has the same result as a shorter one
-# about $-n$). Many texts call half of it, $\tfrac12\alpha n$, the logarithm.
+# vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. Its inverse is the logarithm,
+# $\log q = \alpha n$, for $\alpha < \pi$ (a longer rotation ends like a shorter one about $-n$). Many texts call
+# $\tfrac12\alpha n$ the logarithm.
 #
 # To rotate first by $q$ and then by $p$, both about axes fixed in space, multiply: $p\,q$ (*Hamilton's product*). With
 # the scalar part $w$ and the vector part $u = (x,y,z)$ it is
@@ -459,15 +459,16 @@ more_claims(
 # %%
 show("quaternion_has_no_lock")
 # %% [markdown]
-# What follows from the half angle? After a full turn, $\alpha = 2\pi$, the body is back where it started, but $q$ has
-# arrived at $-q$. So each orientation has two quaternions, $q$ and $-q$. This is called the **double cover**.
-# Turn the body once and watch the arrow on the right, which only makes half a turn:
+# After a full turn, $\alpha = 2\pi$, the body is back where it started, but $q$ has arrived at $-q$. So each
+# orientation has two quaternions, $q$ and $-q$. This is called the **double cover**. Turn the body once and watch the
+# arrow on the right, which only makes half a turn:
 # %%
 simulation("double_cover")
 # %% [markdown]
-# Before you subtract or interpolate two quaternions, make their signs agree: if the dot product is negative, flip the
-# sign of one of them. Otherwise a **controller**, the program that commands the motors, may order a turn of nearly 360
-# degrees for an error of nearly zero. The rotation between the two has the angle $4\arcsin(\lvert q - p\rvert/2)$.
+# Before you subtract or interpolate two quaternions $p$ and $q$, make their signs agree: if the dot product is
+# negative, flip the sign of one of them. Otherwise a **controller**, the program that commands the motors, may order
+# a turn of nearly 360 degrees for an error of nearly zero. Once the signs agree, the rotation between the two has the
+# angle $4\arcsin(\lvert q - p\rvert/2)$.
 #
 # **SLERP**, spherical linear interpolation, turns from one orientation to another at a constant rate, along the arc
 # between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. If you mix the four numbers linearly and
@@ -509,10 +510,10 @@ more_claims("quaternion_is_unique")
 #
 # ### Explicit and semi-implicit Euler
 #
-# The equations give accelerations, and a computer has to turn them into motion. An **integrator** advances the state by
-# one time step $h$ (`dt` in code). Write $q$ for the position coordinates (orientations follow below), $v$ for the
-# velocity, $a$ for the acceleration at $q$, and a prime for values after the step. The obvious method uses only values
-# that are known at the start of the step. **Explicit Euler** does this:
+# The equations give accelerations. An **integrator** turns them into motion: it advances the state by one time step
+# $h$ (`dt` in code). From here on, $q$ stands for all position coordinates (orientations follow below), $v$ for the
+# velocity, $a$ for the acceleration at $q$, and a prime for values after the step. **Explicit Euler** uses only
+# values that are known at the start of the step:
 #
 # $$q' = q + h\,v, \qquad v' = v + h\,a .$$
 #
@@ -545,7 +546,7 @@ grown = (1 + 0.25**2) ** 50
 print(f"left: after 50 steps explicit Euler has {grown:.0f} times the energy")
 # %% [markdown]
 # With the old velocity, each step leaves its circle along the tangent, and a tangent always leads outwards. With the
-# new velocity the points stay, at these steps, on a closed curve, an ellipse.
+# new velocity and these two step sizes, the points stay on a closed curve, an ellipse.
 # %%
 show("usual_listing_is_explicit")
 # %%
@@ -560,21 +561,21 @@ more_claims(
 # %% [markdown]
 # ### The stability limit of a step
 #
-# A gripper closes on a stiff part, and the simulation explodes. The step is suddenly too long. A mass $m$ on a spring
-# is enough to find the limit. If a spring of **stiffness** $k$ is stretched by $x$, it pulls back with the force $kx$.
-# So $\ddot x = -\omega^2 x$ with $\omega = \sqrt{k/m}$. Near a stable resting position, most systems with forces from a
+# A gripper closes on a stiff part, and the simulation explodes. A mass $m$ on a spring is enough to find the limit.
+# If a spring of **stiffness** $k$ is stretched by $x$, it pulls back with the force $kx$. So $\ddot x = -\omega^2 x$
+# with the angular frequency $\omega = \sqrt{k/m}$. Near a stable resting position, most systems with forces from a
 # potential energy act like several independent springs. Each stands for a *mode of vibration*, a pattern in which all
 # parts swing at one frequency.
 #
-# On a spring, a step multiplies the state $(x, v)$ by a fixed matrix $A$. For semi-implicit Euler insert the first line
-# into the second:
+# On a spring, a step multiplies the state $(x, v)$ by a fixed matrix $A$. For semi-implicit Euler, insert the new
+# velocity into the position:
 #
 # $$\begin{pmatrix}x'\\ v'\end{pmatrix} = A\begin{pmatrix}x\\ v\end{pmatrix},\qquad
 # A = \begin{pmatrix}1-(\omega h)^2 & h\\ -\omega^2h & 1\end{pmatrix}.$$
 #
-# After $n$ steps the state is $A^n$ times the first state. The state stays bounded if the two **eigenvalues** of $A$
-# differ and neither has an absolute value above 1. (If the two are equal, the state can grow linearly.) So look where
-# the two lie in the complex plane.
+# After $n$ steps the state is $A^n$ times the first. It stays bounded if the two **eigenvalues** of $A$ differ and
+# neither has an absolute value above 1. (If the two are equal, the state can grow linearly.) So look where the two
+# lie in the complex plane.
 # %%
 predict("spring_and_step")
 # %%
@@ -621,16 +622,19 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# Let $\omega_{\max}$ be the highest frequency among the modes. The step is stable if
+# Without damping, semi-implicit Euler is stable if
 #
-# $$\boxed{\; h < \frac{2}{\omega_{\max}} \;}\qquad\text{for one mass on one spring:}\quad h < 2\sqrt{\frac{m}{k}}.$$
+# $$\boxed{\; h < \frac{2}{\omega_{\max}} \;}\qquad\text{for one mass on one spring:}\quad h < 2\sqrt{\frac{m}{k}},$$
+#
+# where $\omega_{\max}$ is the highest frequency among the modes.
 #
 # **Worked example.** Simulators often model a contact as a stiff spring that pushes bodies apart in proportion to
 # their overlap, a **penalty** contact. With 100 kN/m and a part of 1 kg, $\omega = \sqrt{10^5} = 316$ rad/s while
-# they touch. The limit is $2/316$ s, or 6.3 ms.
+# they touch. The limit is $2/316$ s, or 6.3 ms. It assumes that the spring is always attached. A contact begins and
+# ends within a step, and each time the energy can be a little wrong. So take a step well below 6.3 ms.
 #
-# Stable steps are often shorter than the time between two commands of the controller. So simulators take several
-# physics steps, **substeps**, per command. Robot learning calls their number *decimation* or *frame skip*.
+# If a stable step is shorter than the time between two commands of the controller, simulators take several
+# **substeps** per command. Robot learning calls their number *decimation* or *frame skip*.
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
 #
@@ -645,7 +649,7 @@ show("semi_implicit_unconditional")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Without damping, semi-implicit Euler needs $h < 2/\omega_{\max}$, so the fastest oscillation in the
-# model decides. A contact that opens and closes needs a smaller step, because it may gain energy even below the limit.
+# model decides. At a contact that opens and closes, stay well below this limit.
 #
 # </div>
 # %%
@@ -675,12 +679,11 @@ more_claims(
 # $$q' = q + h\,v + \tfrac{h^2}{2}\,a, \qquad v' = v + \tfrac h2\,(a + a') .$$
 #
 # If forces depend on positions only, the $a'$ of this step is the $a$ of the next, so one evaluation per step is
-# enough. (**Leapfrog** is the same method, with velocities between the steps.)
+# enough. (**Leapfrog** is this method with velocities stored at half steps.)
 #
-# The **explicit midpoint** rule takes half a step of explicit Euler, computes the derivative there, and uses it for the
-# full step. The **implicit midpoint** rule uses the derivative at the average of the old and the new state. The new
-# state appears on both sides, so every step has to solve an equation. The course uses Newton's method; repeated
-# insertion would fail on a spring above $\omega h = 2$.
+# The **explicit midpoint** rule takes half a step of explicit Euler, computes the derivative there, and uses it for
+# the full step. The **implicit midpoint** rule uses the derivative at the average of the old and the new state. The
+# new state appears on both sides, so every step has to solve an equation. The course uses Newton's method.
 #
 # **RK4**, the classical Runge-Kutta method of fourth order, evaluates four slopes $k_1$ to $k_4$. With the state $y =
 # (q, v)$ and $\dot y = f(y)$:
@@ -688,13 +691,11 @@ more_claims(
 # $$k_1 = f(y),\quad k_2 = f(y+\tfrac h2k_1),\quad k_3 = f(y+\tfrac h2k_2),\quad k_4 = f(y+h\,k_3),$$
 # $$y' = y + \tfrac h6\,(k_1+2k_2+2k_3+k_4) .$$
 #
-# Choose an integrator, drag the start, and press play. Dots show where it evaluates the force. The red ring shows
-# where the step ends. *Ratio for small ω h* is the factor $2^p$ above.
+# Choose an integrator, drag the start, and press play. Dots show where it evaluates the force, the red ring where the
+# step ends. *Ratio for small ω h* is the factor $2^p$ above.
 # %%
 simulation("force_evaluations", still=0.0)
 # %% [markdown]
-# The next section explains the column *keeps area*.
-#
 # | method | order | force evaluations per step | keeps area | stability limit on an undamped spring |
 # |---|---|---|---|---|
 # | explicit Euler | 1 | 1 | no | 0: no step is stable |
@@ -704,7 +705,9 @@ simulation("force_evaluations", still=0.0)
 # | implicit midpoint | 2 | several (here about 5), to solve an equation | yes | no limit, if the equation is solved |
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 \approx 2.828$ |
 #
-# *Yes* holds if forces depend on positions alone and, for several coordinates, come from a potential energy.
+# The next section explains *keeps area*. *Yes* holds if the accelerations depend on positions alone. For several
+# coordinates, read: the sum of the areas over all pairs (position, momentum). Then the forces must also come from a
+# potential energy.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -720,19 +723,18 @@ more_claims(
 # %% [markdown]
 # ### Symplectic integrators: area in phase space
 #
-# Simulate a pendulum for a million steps, with about a hundred steps per swing. The energy error of semi-implicit Euler
-# does not grow. The energy error of RK4 is far smaller, but it grows all the time. The reason
-# is geometric.
+# Simulate a pendulum for a million steps, about a hundred per swing. The energy error of semi-implicit Euler does not
+# grow; that of RK4 is far smaller, but grows all the time. The reason is geometric.
 #
-# Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start with a patch of states,
-# for example all within a small circle. As time passes, each state moves, so the patch moves too and changes its shape.
-# If the forces depend on positions alone, its area does not change (Liouville's theorem). With one degree of freedom,
-# an integrator is called **symplectic** if its step leaves the area of every patch unchanged. If forces depend on
-# positions alone, semi-implicit Euler does so. It is also called symplectic Euler.
+# Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start with a patch of
+# states, for example all within a small circle. As time passes, each state moves, so the patch moves too and changes
+# its shape. If the forces depend on positions alone, its area does not change (Liouville's theorem). With one degree
+# of freedom, an integrator is called **symplectic** if its step leaves the area of every patch unchanged. With such
+# forces semi-implicit Euler, also called symplectic Euler, does so.
 #
-# Explicit Euler enlarges the patch in each step, and RK4 shrinks it very slowly. The picture shows a patch of
-# pendulum states under three integrators. Its vertical axis is the angular velocity, which is proportional to the
-# momentum. Grey lines have constant energy, and the numbers count steps:
+# The picture shows a patch of pendulum states under three integrators, with about 18 steps per swing. Explicit Euler
+# enlarges this patch in each step, and RK4 shrinks it very slowly. The vertical axis is the angular velocity, which
+# is proportional to the momentum. Grey lines have constant energy, and the numbers count steps:
 # %% tags=["hide-code"]
 figure_, panels = plt.subplots(1, 3, figsize=(11, 3.6), sharey=True, layout="constrained")
 h, shots = 0.35, (0, 3, 6, 9)
@@ -799,9 +801,9 @@ show("area_preserved")
 # %%
 show("symplectic_conserves_energy")
 # %% [markdown]
-# A symplectic method promises neither an exact energy nor the right period. Beyond a stability limit it still explodes.
-# The promise of a bounded energy error does not hold with friction, other forces that depend on velocity, or most step
-# sizes that adapt to the motion.
+# A symplectic method promises neither an exact energy nor the right period. Beyond a stability limit it still
+# explodes. The energy error need not stay bounded with friction, with other forces that depend on velocity, or (with
+# few exceptions) if the step size adapts to the motion.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -895,9 +897,9 @@ more_claims(
 # So explicit Euler gains $\tfrac12 mg^2h^2$ in every step, and semi-implicit Euler loses as much.
 #
 # **Restitution** $e$ is the speed after an impact divided by the speed before, both measured perpendicular to the
-# floor. With $e = 1$ a bounce should cost no energy. Programs often use a simple rule: if a ball is below the floor at
-# the end of a step, put it on the floor and reverse its velocity. The drawing shows what this does. During the step the
-# ball falls to the depth $d$ below the floor. Putting it back adds the energy $mgd$.
+# floor. With $e = 1$ a bounce should cost no energy. Programs often use a simple rule: if a ball is below the floor
+# at the end of a step, put it on the floor and reverse its velocity. In the drawing, the ball falls to the depth $d$
+# below the floor during the step. Putting it back adds the energy $mgd$.
 #
 # The remedy is to find the **time of impact** inside the step, to reverse the velocity there, and to continue with the
 # rest of the step:
@@ -984,9 +986,8 @@ more_claims(
 # ### The tasks of a loop, and their rates
 #
 # One program has to run a robot's controller, its camera and the physics at different rates. The drawing shows the
-# order of its seven tasks and three of their rates. (*Rendering* draws the image on the screen. In this section,
-# *image* means that one, not the camera's.) The physics step is fixed. From the number of steps so far, the loop knows
-# which other tasks are due:
+# order of its seven tasks and three of their rates. (*Rendering* draws the *image* on the screen.) The physics step
+# is fixed. From the number of steps so far, the loop knows which other tasks are due:
 # %% tags=["hide-code"]
 figure_, (order_, axes_) = plt.subplots(
     2, 1, figsize=(10, 4.0), height_ratios=(1.0, 2.2), layout="constrained"
@@ -1037,11 +1038,14 @@ axes_.set(
 plt.show()
 print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # %% [markdown]
-# The loop records what it does. *Age* says how old the state is that a task works with. Most tasks use the newest
-# state, so their age is 0. For *apply forces*, it is the age of the state from which the command was computed. A new
-# command comes only every 2 ms, so in every second step that state is 1 ms old. The image due at 16.667 ms mixes the
-# states of 15 and 16 ms, with the weight 0.667 for the newer one (see *Interpolation*). So it shows the motion of
-# 15.667 ms. The first row ends the step that began at 0 ms:
+# The loop records each task (*phase*). *Age* says how old the state is that a task works with. Most tasks use the
+# newest state, so their age is 0. For *apply forces*, it is the age of the state from which the command was computed.
+# A new command comes only every 2 ms, so in every second step that state is 1 ms old.
+#
+# Collisions are the last task of a step. So the first row still belongs to the step from 0 to 1 ms, the next two to
+# the step that begins at 1 ms. At 16.667 ms the state of 17 ms does not exist yet. So the image mixes the last two
+# states, 15 and 16 ms, in the same proportion (0.667 for the newer one). It shows the motion of 15.667 ms, one step
+# late but smooth:
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1074,7 +1078,8 @@ figures(
 #   If you draw the latest state instead, each image is too old by a different part of a step, and the motion looks
 #   jerky.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add 0.001 s millions of times, the
-#   rounding errors add up too. Then two clocks in the same program may assign an event to different steps.
+#   rounding errors add up too. If an event falls on the boundary of a step, even a tiny error moves it into another
+#   step.
 # %% tags=["hide-code"]
 print(
     f"error of a clock that adds 1 ms per step, after an hour: {float_clock_error(0.001, 3_600_000):.1e} s"
@@ -1091,8 +1096,8 @@ print(
 # ### The engine we compare with
 #
 # This chapter compares with **MuJoCo** (Todorov, Erez and Tassa, 2012), an open-source physics engine widely used in
-# robot learning. All statements are about version 4.0. Versions before 3.13 lack `discrete`, `speculative` and
-# `mujoco.batch`. Within a step, MuJoCo performs the tasks in another order:
+# robot learning. All statements are about version 4.0; some features need 3.13 or later. Within a step, MuJoCo
+# performs the tasks in another order:
 # %% tags=["hide-code"]
 tasks = {
     "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
@@ -1127,14 +1132,20 @@ axes_.set(
 axes_.axis("off")
 plt.show()
 # %% [markdown]
-# The picture shows a controller that is a callback (`mjcb_control`) or runs between `mj_step1` and `mj_step2`. Most
-# programs set `ctrl` before they call `mj_step`. Then the controller reads the sensor values of the step before.
+# <details><summary>Where your controller runs</summary>
+#
+# In the picture, the controller runs inside the step: MuJoCo calls it back (`mjcb_control`), or you call the two
+# halves of the step yourself (`mj_step1`, then `mj_step2`). Most programs write the motor commands into the array
+# `ctrl` and then call the whole step, `mj_step`. It evaluates the sensors only afterwards, so such a controller reads
+# the values of the step before.
+#
+# </details>
 #
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
 # step. Call `mj_forward` to get the contacts at the new positions. MuJoCo's `Euler` is semi-implicit Euler, but it
 # computes the damping of joints from the *new* velocity. A force that is computed from the new state is called
-# **implicit**, and it allows larger steps (section 7). MuJoCo's `implicit` and `implicitfast` also compute the damping
-# of motors (*actuators*) and tendons implicitly. Its `discrete` does this for the springs as well.
+# **implicit**, and it allows larger steps (section 7). MuJoCo's `implicit` and `implicitfast` also compute the
+# damping of motors (*actuators*) and cables (*tendons*) implicitly. Its `discrete` does this for the springs as well.
 # %%
 more_claims(
     "steps_per_picture",
@@ -1182,14 +1193,15 @@ for row, order in enumerate((("about x", "about z"), ("about z", "about x"))):
 plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
-# Averaged like ordinary vectors, the four give only order 2. Two cross products of angular velocities, which measure
-# how much the order of rotations matters (`bracket` in the code), restore order 4 (Munthe-Kaas and Owren 1999): one
-# corrects the rotation for the third evaluation, the other that of the whole step. Without rotations both are zero,
-# and the code is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages with the weights 1, 2, 2, 1):
+# Averaged like ordinary vectors, the four give only order 2. Two corrections restore order 4 (Munthe-Kaas and Owren
+# 1999): cross products of angular velocities (`bracket` in the code), which are zero if the sequence of the rotations
+# does not matter. Without rotations, the code is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages
+# with the weights 1, 2, 2, 1):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
-# We test it on a free body with three different moments, over 20 s with a step of 1 ms. The exact motion is known:
+# We test five integrators on a free body with three different moments, over 20 s with a step of 1 ms. The exact
+# motion is known:
 # %% tags=["hide-code"]
 tumbling = problems.tumble()
 print(f"{'integrator':<20} {'error [rad]':>12} {'drift of energy':>17} {'drift of L':>12}")
@@ -1250,7 +1262,8 @@ axes[1].plot(np.arange(len(total)) * 2e-3, total)
 axes[1].set(xlabel="time [s]", ylabel="total energy [J]", title="energy: flat in flight")
 plt.show()
 print(f"impacts: {box.impacts}, steps not resolved: {box.unresolved}")
-print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1][1]:.6f} m")
+print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))},")
+print(f"height of the centre {path[-1][1]:.6f} m, energy left m g y = {total[-1]:.2f} J")
 # %% [markdown]
 # ## 5 · The simulation in full
 #
@@ -1283,11 +1296,11 @@ simulation("bouncing_box")
 #
 # A **work-precision** diagram plots the error against the cost for every method, with one point per step size. Draw a
 # horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
-# logarithmic axes a method of order $p$ has the slope $-p$, so you can also read the order.
+# logarithmic axes a method of order $p$ has the slope $-p$.
 #
 # The problem here is a double pendulum. Drag the tolerance line. The circle marks the cheapest run. The times are
-# noisy, because other programs run too. Compare them only within one chart: the charts come from different machines.
-# The measured orders:
+# noisy, because other programs run too: a curve may even run backwards. Compare them only within one chart: the
+# charts come from different machines. The measured orders:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1322,21 +1335,21 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 predict("method_for_a_tumble")
 # %% [markdown]
 # This is the chart of the tumbling satellite, with a tolerance of 1 mrad after 20 s. A cross at the top marks a run
-# that failed: its result was not finite or more than 1 rad wrong (1 m in the chart of the box). The cross stands above
-# the cost of that run (large crosses: MuJoCo). In the grey band an error means nothing: two very accurate solutions
-# differ by as much. *Pick* names the cheapest method of each panel:
+# that failed: its result was not finite or more than 1 rad wrong (1 m in the chart of the box). The cross stands
+# above the cost of that run. In the grey band an error means nothing: the reference solution is no more accurate than
+# that. *Pick* names the cheapest method of a panel:
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
-# The bouncing box has two separate errors of first order: semi-implicit Euler's flight is wrong, and impacts happen
-# only at the end of a step. For this throw and a step of 1 ms the two partly cancel, so the result gets worse if you
-# correct only one. Only correcting both always helps:
+# The bouncing box has two separate errors of first order: semi-implicit Euler's flight is wrong (*exact flight*
+# corrects this), and impacts happen only at the end of a step (*impact times* correct this). For this throw and a
+# step of 1 ms the two partly cancel, so the result gets worse if you correct only one. Correct both, and only
+# rounding errors remain. The horizontal axis counts steps:
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 #
-# *Exact flight* corrects the first error, *impact times* the second. *Impulse* is a MuJoCo contact tuned to turn $v$
-# into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring and a damper. The table shows the same throw with a
-# step of 1 ms. Most of our time is the fixed cost of starting the run from Python:
+# *Impulse* is a MuJoCo contact tuned to turn $v$ into $-ev$ in one step. *Spring* is a MuJoCo contact with a spring
+# and a damper. The table shows the errors of the same throw (*box drop*) with a step of 1 ms:
 # %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
@@ -1346,7 +1359,9 @@ figures(
     "box drop    exact flight, end of step",
     "box drop    semi-implicit, end of step",
     "box drop    MuJoCo Euler (impulse)",
-    summary="All methods and problems at a step of 1 ms (heavy_top is a spinning top)",
+    cut="time per step",
+    summary="All methods and problems at a step of 1 ms, with times (in our box drop, most of the time is "
+    "one call from Python, spread over a thousand steps; heavy_top is a spinning top)",
 )
 # %% [markdown]
 # <details><summary>Where MuJoCo and the course differ, and why</summary>
@@ -1381,9 +1396,10 @@ more_claims(
 #
 # Reinforcement learning needs thousands of copies of a scene, mostly on GPUs; this chart measures one CPU core. It
 # compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. A
-# *body-step* is one step of one body. The last column is the simulated time per second of computing, *summed over all
-# bodies*. The *error* is that of the position in metres after the first impacts. Only our program finds the impact
-# times. (The right panel is about free bodies. A pale band holds the middle half of the timings.)
+# *body-step* is one step of one body. In the table below the chart, the last column is the simulated time per second
+# of computing, *summed over all bodies*, and *error* is that of the position in metres after the first impacts: only
+# our program finds the impact times. (In the right panel, on free bodies, each program takes its own step for an
+# error of 1 mrad.)
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1415,8 +1431,8 @@ figures(
 # %%
 predict("what_to_leave_out")
 # %% [markdown]
-# In the table, *error* is the change of the answer in metres when an effect is neglected. The effects that are *left
-# out* change it by less than the tolerance, even all together:
+# In the table, *error* is the change of the answer in metres when an effect is neglected. The three effects that are
+# *left out* (the table shows the largest) change it by less than the tolerance, even all together:
 # %% jupyter={"source_hidden": true}
 figures(
     re.sub(r"   saves(?=  )|       -(?=  )", "", read("scene_bouncing_box")),
@@ -1442,10 +1458,10 @@ figures(
 #
 # ### The stability limit with damping
 #
-# The arm of your simulated robot vibrates at a large step, so you add joint damping. In reality that calms the motion.
-# A simulation may explode instead. What counts is which velocity the damping force uses: in semi-implicit Euler the old
-# one, in MuJoCo's `Euler` the new one. The **damping ratio** $\zeta$ says how strong the damper is: at $\zeta = 1$,
-# *critical damping*, the motion no longer oscillates.
+# The arm of your simulated robot vibrates at a large step, so you add joint damping. That calms a real arm, but a
+# simulation may explode. What counts is which velocity the damping force uses. Plain semi-implicit Euler uses the old
+# one, semi-implicit Euler with *implicit damping*, such as MuJoCo's `Euler`, the new one. The **damping ratio**
+# $\zeta$ says how strong the damper is: at $\zeta = 1$, *critical damping*, the motion no longer oscillates.
 # %%
 predict("damping_and_the_limit")
 # %% [markdown]
@@ -1460,8 +1476,8 @@ predict("damping_and_the_limit")
 #
 # **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of
 # the undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table shows the largest stable $\omega h$ (`omega dt`),
-# found by bisection from the eigenvalues of each step's matrix. The search stops at an interval of 0.01 %, so some
-# values lie just above the theory. For `discrete`, *none* means that every step was stable.
+# found to 0.01 %, so some values lie just above the theory. For `discrete`, *none* means that every step was stable.
+# RK4 stays near its undamped limit up to $\zeta = 1$.
 # %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
@@ -1482,7 +1498,8 @@ figures(
 # %%
 show("mujoco_rk4")
 # %% [markdown]
-# MuJoCo's `discrete` is stable at every step size, but it damps and slows down a spring that has no damper:
+# On this spring MuJoCo's `discrete` is stable at every step size, because it computes the spring force from the new
+# state, like implicit Euler. But it damps and slows down even a spring that has no damper:
 #
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
 # %%
@@ -1490,14 +1507,15 @@ more_claims("semi_implicit_damped_limit", "halving_dt_finds_the_culprit", "arm_d
 # %% [markdown]
 # ### Energy over a million steps
 #
-# Over a million steps of a pendulum, explicit Euler is useless after a few seconds. RK4 starts with the smallest error,
-# but this error grows in proportion to time. The errors of the symplectic methods do not grow:
+# Over a million steps of a pendulum, explicit Euler is useless after a few seconds. RK4 starts with the smallest
+# error, but this error grows in proportion to time. The errors of the symplectic methods do not grow. The numbers are
+# the largest relative energy errors:
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 # %% jupyter={"source_hidden": true}
 figures(
     read("long_run_energy")
-    .replace("largest relative energy error: first 1 %", "first 1 % of the run:")
+    .replace("largest relative energy error: first 1 %", "energy error in the first 1 %:")
     .replace("last 1 %", "last 1 %:"),
     "explicit_euler",
     "semi_implicit_euler",
@@ -1506,10 +1524,11 @@ figures(
     summary="All methods: largest relative energy error in the first and last 1 % of the run",
 )
 # %% [markdown]
-# Keep the step of a symplectic method fixed, or the energy may grow. Alternate two steps that are both below the limit,
-# $\omega h$ = 1.7 and 1.2, and the oscillation explodes. Far smaller steps explode too if they vary in the rhythm of
-# the oscillation: in the chart, five of $\omega h$ = 0.3, then sixteen of 0.1, and so on. Even with a fixed step,
-# the period is slightly wrong:
+# In general, keep the step of a symplectic method fixed, or the energy may grow. Take semi-implicit Euler on a
+# spring: alternate two steps that are both below its limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes.
+# Far smaller steps explode too if they vary in the rhythm of the oscillation: in the chart, five steps of $\omega h$
+# = 0.3 and then sixteen of 0.1, together half a period, again and again. (Implicit midpoint keeps the energy of a
+# spring whatever the steps.) Even with a fixed step, the period is slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1526,8 +1545,8 @@ figures(
 show("order_survives_bounces")
 # %% [markdown]
 # We measured this on a pendulum that hits an elastic wall at its lowest point. If the program finds the impact time
-# within the step, RK4 and velocity Verlet keep their order. If the impact happens at the end of the step, both drop to
-# first order, and RK4 is no better than Verlet, at four times the cost:
+# within the step, RK4 and velocity Verlet keep their order. If not, both drop to first order, and RK4 is no better
+# than Verlet, at four times the cost:
 #
 # ![Order with and without events](../docs/charts/events_order.png)
 # %% tags=["hide-code"]
@@ -1571,19 +1590,18 @@ simulation("tunnelling", still=3.3)
 # compute the time of impact.
 #
 # There is a second way through a wall. MuJoCo's default contact is soft, so a fast ball sinks in, however small the
-# step. Once its centre has passed the middle of the wall, at the overlap $D/2$, the contact pushes it out on the
-# other side.
+# step. Once its centre has passed the middle of the wall, at the overlap $D/2$, the contact pushes it out on the far
+# side.
 #
-# The formula above assumes a check that sends the ball back at *every* overlap. MuJoCo does so only up to the overlap
-# $D/2$, so in its formula $D/2$ replaces $D$. In the left chart, $b$ stands for $D$ or for $D/2$. Over $vh/b$, both
-# programs follow the same curve, $1 - b/(vh)$. The dashed curve shows what MuJoCo would do at the same speeds if it
-# sent the ball back at every overlap:
+# The formula assumes that *every* overlap sends the ball back, as in our program. A MuJoCo contact does so only up to
+# the overlap $D/2$. So in the left chart even its *one-step contact*, so stiff that it stops the ball within a step,
+# lets balls through from half the speed: $D/2$ replaces $D$. Nothing gets through if the impact is an event in the
+# step:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
-# The *one-step contact* is made so stiff that it stops the ball within a step. The default contact lets the ball sink
-# in by its speed times 7.29 ms, for example 20 mm at 2.7 m/s. The contact's *time constant*, the first number of
-# `solref`, sets how soft it is.
+# In the right chart, a smaller step helps the one-step contact only. The default contact lets the ball sink in by its
+# speed times 7.29 ms, at any step. The contact's *time constant*, the first number of `solref`, sets how soft it is.
 # %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
@@ -1608,27 +1626,28 @@ more_claims(
 # %%
 predict("impacts_at_rest")
 # %% [markdown]
-# So infinitely many bounces fit into a finite time. A box that should lie still can bounce for another reason:
-# impacts act at the end of a step. In each step gravity gives the box the speed $gh$, the step ends below the floor,
-# and the impact turns the speed upwards. Both kinds of endless bounces are called **chatter**.
+# So infinitely many bounces fit into a finite time. All kinds of endless bounces are called **chatter**. A box that
+# should lie still can also bounce because impacts act at the end of a step. In each step gravity gives the box the
+# speed $gh$, the step ends below the floor, and the impact turns the speed upwards.
 #
-# MuJoCo's *spring*, which we tuned to bounce, chatters for the second reason: it pushes only after a step has ended
-# below the floor, and before that gravity acts for a whole step. MuJoCo's default contact does not bounce, so a box on
-# it lies still.
+# MuJoCo's *spring*, which we tuned to bounce, chatters for the same reason: it pushes only after a step has ended
+# below the floor, and before that gravity acts for a whole step. MuJoCo's default contact does not bounce; a box lies
+# still on it.
+#
+# The longest bar of the chart has a third reason, the error of semi-implicit flight. A hop within one step comes down
+# with speed zero, so it is followed at once by the next impact, until the program reaches its limit of impacts in the
+# step. With the exact flight of velocity Verlet the bounces shrink until they end.
 #
 # The remedy is a **rest speed**: after a slower impact, the program sets the body to rest. If impacts are found
-# within the step, a small rest speed is enough. If impacts act only at the end of a step, it must be higher than about
-# $gh$, the speed that gravity adds in a step: 19.6 mm/s for $h$ = 2 ms. A rest speed of 10 mm/s is too low: the box of
-# the chart bounces lower but more often. (*rms* is the root mean square.)
+# within the step, a small rest speed is enough. If impacts act only at the end of a step, it must be higher than
+# about $gh$, here 19.6 mm/s for $h$ = 2 ms. A rest speed of 10 mm/s is too low: the box of the chart moves more
+# slowly but hits more often.
 #
 # <details><summary>How high, and when none is needed</summary>
 #
 # Let $v$ be the speed of the repeated impacts. A ball that should lie still leaves each impact with $ev$, and gravity
 # takes $gh$ away. So it hits again with $gh - ev$. If this is $v$ again, then $v = gh/(1+e)$. The corners of a rocking
 # box hit at about $gh$.
-#
-# In the chart, velocity Verlet with impacts within the step comes to rest without a rest speed: its flight is exact, so
-# the bounces shrink until only rounding is left. With semi-implicit flight they never end.
 #
 # </details>
 #
@@ -1647,9 +1666,8 @@ figures(
 # ### Orientation over a million steps
 #
 # If you add $h\,\dot q$ and scale the result, section 2 predicts a lag of $(\omega h)^3/12$ per step. With 10 mrad
-# per step, a tenth of that in section 2, the lag per step is a thousandth. But over a million steps the measured lag
-# again adds up to 0.083 rad. The exponential map is exact except for rounding. In RK4, both updates are about equally
-# good (the last two rows):
+# per step, the measured lag adds up to 0.083 rad after a million steps. The exponential map is exact except for
+# rounding. In RK4, both updates are about equally good (the last two rows):
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 # %% jupyter={"source_hidden": true}
@@ -1662,14 +1680,14 @@ figures(
     summary="All updates: errors of length and of orientation",
 )
 # %% [markdown]
-# ### Debugging table
+# ### Debugging tips and a table of symptoms
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$. Many springs together obey $M\ddot x
-# = -Kx$ with the mass and stiffness matrices $M$ and $K$. Here $\omega_{\max}^2$ is the largest eigenvalue of
-# $M^{-1}K$. Next, halve the step several times. If that does not help, either the step is not the cause, or the
-# integrator has no stable step.
+# **Debugging tip.** *The simulation explodes.* Compare $h$ with the limit of your integrator, for semi-implicit Euler
+# $2/\omega_{\max}$. Many springs together obey $M\ddot x = -Kx$ with the mass and stiffness matrices $M$ and $K$.
+# Here $\omega_{\max}^2$ is the largest eigenvalue of $M^{-1}K$. Next, halve the step several times. If that does not
+# help, either the step is not the cause, or the integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1704,39 +1722,38 @@ figures(
 # %%
 predict("perfect_energy_wrong_momentum")
 # %% [markdown]
-# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>amplitude grows slowly at
-# <em>every</em> step size</td> <td>explicit Euler or explicit midpoint on an undamped oscillation</td> <td>energy ratio
+# <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
+# <tr><td>amplitude grows at <em>every</em> step size, more slowly at smaller ones</td>
+# <td>explicit Euler or explicit midpoint on an undamped oscillation</td> <td>energy ratio
 # per step: $1+(\omega h)^2$ or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint: Verlet or RK4</td></tr>
 # <tr><td>energy right in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
 # $e=1$, compare the heights of the bounces</td> <td>find the time of impact</td></tr> <tr><td>box jitters on the floor
-# for ever</td> <td>gravity adds the speed $gh$ in each step, and each impact turns it upwards</td> <td>count impacts
-# per second</td> <td>impact times and a rest speed, or a contact solver that computes impulses (chapter 2)</td></tr>
-# <tr><td>orientation drifts; without scaling $q$ back, its matrix is not orthogonal</td> <td>quaternion rate added, not
-# multiplied</td> <td>in a
-# steady spin, compare the angle with $\omega t$ (the length of $q$ shows nothing if $q$ is scaled back)</td>
+# for ever</td> <td>impacts at the end of the step (chatter)</td> <td>count impacts
+# per second</td> <td>impact times and a rest speed, or a solver that computes impulses (chapter 2)</td></tr>
+# <tr><td>orientation drifts</td> <td>quaternion rate added, not multiplied</td> <td>in a steady spin, compare the
+# angle with $\omega t$ (if $q$ is scaled back, its length shows nothing)</td>
 # <td>$q\exp(h\omega)$</td></tr> <tr><td>an orientation error jumps by $2\pi$, or a controller turns the long way</td>
 # <td>$q$ compared with $-q$</td> <td>look at the dot product of the two quaternions</td> <td>flip the sign of one if it
 # is negative</td></tr> <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world
 # frame</td> <td>body rate multiplied on the left, or gyroscopic term with the wrong sign</td> <td>plot $L$ in the
-# world. Repeat with three equal moments (no gyroscopic term), and start from an orientation that is turned about
-# another axis than the spin axis. If the error is gone, the sign was wrong. If not, the side of the product was</td>
+# world. Repeat with three equal
+# moments: there is no gyroscopic term, so an error that remains
+# comes from the wrong side. Do not start at the identity, where a steady
+# spin is the same on both sides</td>
 # <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates;
 # $I\dot\omega=-\omega\times(I\omega)$</td></tr> <tr><td>satellite speeds up without torque</td>
 # <td>the Euler step computes the gyroscopic term from the old rates</td> <td>plot the kinetic energy over time</td>
-# <td>RK4, implicit midpoint, smaller step</td></tr> <tr><td>joints creep without a command</td> <td>no motor balances
-# gravity, or the engine's friction is soft and slips slowly under load</td> <td>switch gravity off: if the joints stop,
-# the load was the cause. </td>
-# <td>compensate gravity; stiffer friction</td></tr>
+# <td>RK4, implicit midpoint, smaller step</td></tr>
 # </table>
 # %%
 predict("drift_of_joints")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases, which says
-# what is wrong. `check(verlet_step).chart()` draws your correct solution on a work-precision diagram. After a pass,
-# `drills.notebook.solution("verlet")` shows the model solution. In a terminal the same exercise is `drills start
-# verlet` and `drills check verlet`.
+# Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases.
+# `check(verlet_step).chart()` draws your correct solution on a work-precision diagram. After a pass,
+# `drills.notebook.solution("verlet")` shows the model solution. In a terminal the same exercise is
+# `drills start verlet` and `drills check verlet`.
 # %% [markdown]
 # ### Velocity Verlet with one evaluation
 # %%
@@ -1846,9 +1863,9 @@ check(largest_stable_step)
 # %% [markdown]
 # ### Measuring the order without an exact solution
 #
-# If you have no exact solution, make three runs, each with half the step of the one before. If the error is $c\,h^p$,
-# the two differences between successive runs have the ratio $2^p$, which gives the order $p$. With the order you can
-# compute the limit for $h\to0$. This is called **Richardson extrapolation**.
+# Make three runs, each with half the step of the one before. If the error is $c\,h^p$, the two differences between
+# successive runs have the ratio $2^p$. With the order $p$ you can compute the limit for $h\to0$. This is called
+# **Richardson extrapolation**.
 
 # %%
 card("observed_order")
@@ -2023,8 +2040,9 @@ plt.show()
 print(f"before the impacts: difference {slope[100]:+.2f}, derivative {derivative[100]:+.2f}")
 print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[-1]:+.2f}")
 # %% [markdown]
-# Before the impacts, the distance between the two curves is the difference of the drop heights, so the derivative with
-# respect to the drop height $H$ is 1. At the impact it jumps to $-e$.
+# Before the impacts, the distance between the two curves is the difference of the drop heights, so the derivative
+# with respect to the drop height $H$ is 1. At the impact it jumps to $-e$. Then it rises, because the second ball
+# rebounds later and faster.
 #
 # <details><summary>Derive it: the derivative after the impact</summary>
 #
@@ -2065,8 +2083,8 @@ for dt in (1e-2, 1e-3):
 # The course has a small differentiable simulator in PyTorch. It computes the impact times, so their derivatives are
 # right. A block is thrown, bounces, slides and is pushed. We record it with 1 mm of noise and recover its
 # restitution, friction coefficient and mass. The number after `+-` is the *standard error*, the scatter that the
-# noise causes. `chi^2 per degree` is the mean squared error of the fit, divided by that of the noise. Near 1, the
-# remaining error is as large as the noise:
+# noise causes. `chi^2 per degree` (of freedom) is the mean squared error of the fit, divided by that of the noise.
+# Near 1, the remaining error is as large as the noise:
 # %% tags=["show-code"]
 # The push: from 1.2 s to 1.5 s with 8 N.
 scene = Setup(position=(0.0, 0.5), velocity=(2.0, 0.0), push=((1.2, 1.5, 8.0),))
@@ -2120,19 +2138,21 @@ more_claims(
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
-# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and needs $\omega h<2$. With forces
-# from a potential and a constant mass matrix its energy does not drift at a small fixed step. RK4 is fourth order,
-# costs four evaluations, and needs $\omega h\le2\sqrt2$. If impacts act only at the end of a step, both are of first
-# order there, so with such contacts I take the cheap one. For a satellite I take RK4."
+# what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and on an undamped spring needs
+# $\omega h<2$; explicit damping lowers that. If the forces come from a potential and the accelerations depend on
+# positions alone, its energy does not drift at a small fixed step. RK4 is fourth order, costs four evaluations, and
+# on the same spring needs $\omega h\le2\sqrt2$. If impacts act only at the end of a step, both are of first order, so
+# with such contacts I take the cheap one. For a satellite I take RK4."
 #
 # </div>
 #
-# Answer aloud before you open an answer. The levels are *screen* (a first call), *senior* and *staff* (above senior).
+# Answer aloud before you open an answer. The minutes at a question are for the whole conversation. The levels are
+# *screen* (a first call), *senior* and *staff* (above senior).
 # %%
 interview("rigid_body")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five random questions on this chapter.
+# Five random questions on this chapter. Type your answers between the quotation marks below.
 # %%
 checkpoint("rigid_body", ["", "", "", "", ""], seed=1)

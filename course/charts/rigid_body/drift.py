@@ -184,7 +184,7 @@ def symplectic_not_enough(
     )
     for name, pattern in {
         "1.7 and 1.2 in turn": [1.7, 1.2],
-        "5 of 0.3, 16 of 0.1": resonant_pattern(),
+        "0.3 five times, 0.1 sixteen times": resonant_pattern(),
         "0.3 only": [0.3] * 10,
     }.items():
         energy, measured = measured_pattern(pattern, cycles)
@@ -203,7 +203,7 @@ def symplectic_not_enough(
                 energy,
                 marker="",
                 theory=line if grows else None,
-                note=f"omega h = {name:<20} largest {max(pattern):.1f} of the limit 2: amplitude "
+                note=f"omega h = {name:<32} largest {max(pattern):.1f} of the limit 2: amplitude "
                 f"per cycle {text}",
             )
         )
@@ -328,7 +328,7 @@ def quaternion_drift(
         Panel(title, "steps", y, scale="log", ylim=(FLOOR / 3.0, top))
         for title, y, top in (
             ("Added, a quaternion grows", "distance of |q| from 1 (0 is at 1e-17)", 1e7),
-            ("Renormalising does not bring the lag back", "orientation error [rad]", 1.0),
+            ("Renormalising does not remove the lag", "orientation error [rad]", 1.0),
         )
     )
     for update in UPDATES:
