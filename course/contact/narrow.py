@@ -362,13 +362,6 @@ def _grow(va, vb, pair, s):
 
 
 @register_jitable
-def _length(s, i, j):
-    """Return the distance between rows i and j of s."""
-    e = _edge(s, i, j)
-    return math.sqrt(dot(e, e))
-
-
-@register_jitable
 def _apart(s, i, j, k):
     """Return the distance between the origin and the triangle i, j, k, a needle.
 
@@ -389,11 +382,14 @@ def _face(f, i, j, k, s, size, corner, face, key):
     m = _normal(s, i, j, k)
     # The rounding of its corners tilts a needle about its longest edge, so that a point at the
     # other end of the set seems to lie on a side on which it does not.
-    longest = max(max(_length(s, i, j), _length(s, j, k)), _length(s, k, i))
-    height = math.sqrt(dot(m, m)) / longest if longest > 0.0 else 0.0
-    if height < _NEEDLE * longest:
-        face[f, 4] = _SIDE * size * size / height if height > 0.0 else math.inf
-    if dot(m, m) > 0.0:
+    area, longest = dot(m, m), 0.0
+    for p, q in ((i, j), (j, k), (k, i)):
+        e = _edge(s, p, q)
+        longest = max(longest, dot(e, e))
+    if area < _NEEDLE * _NEEDLE * longest * longest:
+        # By the size over the height of the needle.
+        face[f, 4] *= size * math.sqrt(longest / area) if area > 0.0 else math.inf
+    if area > 0.0:
         m = _unit(m)
         face[f, 3] = key[f] = dot(m, _row(s, i))
     else:
