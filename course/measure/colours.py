@@ -111,7 +111,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "MPC": (BROWN, "h"),
     "MPPI": (WINE, "p"),
     "cascade": (VERMILION, "s"),
-    "cascade + feed-forward": (PURPLE, "X"),
+    "PD + feed-forward": (PURPLE, "X"),
     "observer": (GREEN, "D"),
     "observer with delay": (PINK, "v"),
     "predictor": (SKY, "^"),

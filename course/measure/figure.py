@@ -205,9 +205,17 @@ def text(panels: Sequence[Panel]) -> str:
 
 
 def _switched_off(panels: Sequence[Panel], also: Sequence[str] = ()) -> list[str]:
-    """Return a line that names the curves that are measured but not drawn, or none."""
-    names = dict.fromkeys(name for panel in panels for name in panel.others if name not in also)
-    return [f"measured, not drawn: {'; '.join(names)}"] if names else []
+    """Return lines that name the curves that are measured, but drawn nowhere or not everywhere."""
+    hidden = dict.fromkeys(name for panel in panels for name in panel.others if name not in also)
+    drawn = {series.label for panel in panels for series in panel.shown(also)}
+    return [
+        f"{words}: {'; '.join(names)}"
+        for words, names in (
+            ("measured, not drawn", [name for name in hidden if name not in drawn]),
+            ("drawn in some of the panels only", [name for name in hidden if name in drawn]),
+        )
+        if names
+    ]
 
 
 # --- drawing --------------------------------------------------------------------------------------

@@ -33,15 +33,14 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means that the error stays below 2 % of the step. Section 1 explains the other readouts.
+# In the simulation, *settled* means that the error stays below 2 % of the step.
 # You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
-# Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if the
-# claim needs a condition that it does not state. Measured numbers come from a cell on this page or from a check that
-# you can run with `python -m course.derivations 6`. The code is in `course.control`. These are the exercises of section
-# 8:
+# Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
+# the claim needs a condition that it does not state. Measured numbers come from cells on this page or from `python -m
+# course.derivations 6`. The code is in `course.control`. These are the exercises of section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -105,7 +104,7 @@ def print_figures(chart, *rows):
 #
 # The **set-point** $q_d$ is the angle that the joint should have, $q$ is the measured angle, and $e = q_d - q$ is the
 # error. The controller turns the error into a torque, the motor turns the joint, and the encoder measures the new
-# angle. This circle is the control loop:
+# angle. This circle is the control loop. Its torque limit and its delay follow later in this section:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.9), layout="constrained")
@@ -141,7 +140,8 @@ plt.show()
 # $$\boxed{\;\tau = K_p\,e + K_i\int e\,dt + K_d\,\dot e\;}$$
 #
 # * The **P term** acts like a spring to the set-point. $K_p$ is its stiffness, in N m/rad.
-# * The **I term** sums the error over time. It keeps changing until the error is gone. $K_i$ has the unit N m/(rad s).
+# * The **I term** sums the error over time. It keeps changing until the error is gone. $K_i$ has the unit N m/(rad
+#   s).
 # * The **D term** acts like a damper. $K_d$ has the unit N m s/rad.
 #
 # The joint has an inertia $J$ and **viscous friction**, a torque $b\,\dot q$ against the motion. Our joint has $J$ =
@@ -174,10 +174,10 @@ plt.show()
 # it does. The value 1 is called **critical damping**.
 #
 # The I term stops changing only when the error is zero. So if the joint settles, no error is left. Dry friction can
-# keep the joint from settling. It has two parts: **Coulomb friction** is a torque of constant size against the motion,
-# and **static friction** holds a joint at rest. While static friction holds the joint away from the set-point, the I
-# term grows, until the joint breaks loose. If static friction is larger than Coulomb friction, the joint can jump past
-# the set-point and stick on the other side, again and again. This is called **hunting**.
+# keep the joint from settling. It has two parts: **Coulomb friction** is a torque of constant size against the
+# motion, and **static friction** holds a joint at rest. While static friction holds the joint away from the
+# set-point, the I term grows, until the joint breaks loose. If static friction is larger than Coulomb friction, the
+# joint can jump past the set-point and stick on the other side, again and again. This is called **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -192,8 +192,9 @@ show("error_derivative_kick")
 
 # %% [markdown]
 # The spike in the command is the **derivative kick**. Choose the preset *Derivative kick* on the first screen, then
-# switch to the derivative of the measurement. The spike is gone, and the loop is as stable as before. So differentiate
-# the measurement if the set-point can jump. On a planned motion use $\dot q_d - \dot q$, as section 2 does.
+# switch to the derivative of the measurement. The spike is gone, and the loop is as stable as before. So
+# differentiate the measurement if the set-point can jump. On a planned motion use $\dot q_d - \dot q$, as section 2
+# does.
 #
 # <details><summary>A continuous joint: wrap the error</summary>
 #
@@ -223,19 +224,18 @@ more_claims(
 predict("jammed")
 
 # %% [markdown]
-# The surplus in the I term is called **windup**. Choose the preset *A jam* on the first screen, watch the joint run
+# This build-up of the I term is called **windup**. Choose the preset *A jam* on the first screen, watch the joint run
 # away, then switch on anti-windup. Two methods are in use:
 #
 # * **Conditional integration** stops the sum while the command is at a limit and the error would push the command
 #   further beyond the limit.
-# * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the I
-#   term, so that the I term shrinks while the command is at the limit.
+# * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the
+#   I term, so that the I term shrinks while the command is at the limit.
 #
-# The chart shows another joint, which is blocked for 2 s. The set-point is 0.25 rad, and a load pushes forwards. In
+# The chart shows another joint, which is blocked for 2 s. A load pushes forwards, and the set-point is 0.25 rad. In
 # the right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed
-# the set-point. With conditional integration (blue), the command leaves the limit at once. The joint still overshoots,
-# but mostly because the strong I term of this loop causes overshoot even without a jam. Lines are the exact solution,
-# dots are from the simulator MuJoCo:
+# the set-point. With conditional integration (blue), it leaves the limit at once. The joint still overshoots, as it
+# also does without a jam (first row in the fold). Lines are the exact solution, dots are from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -271,11 +271,11 @@ more_claims("integral_clamp", "listing_settles", "listing_friction")
 # %% [markdown]
 # ### The sampled loop as a matrix
 #
-# So far the torque followed the angle at every instant. Under this assumption, a joint with viscous friction is stable
-# under P alone at any gain: the friction damps every oscillation. A computer works differently. It measures the angle
-# once per sample time $dt$ and computes a torque. The **motor drive**, the electronics that feed the motor, holds this
-# torque until the next sample. Holding a value between samples is called a **zero-order hold**. It turns a smooth
-# command into a staircase:
+# So far the torque followed the angle at every instant. Under this assumption, a joint with viscous friction is
+# stable under P alone at any gain: the friction damps every oscillation. A computer works differently. It measures
+# the angle once per sample time $dt$ and computes a torque. The **motor drive**, the electronics that feed the motor,
+# holds this torque until the next sample. Holding a value between samples is called a **zero-order hold**. It turns a
+# smooth command into a staircase:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.5), layout="constrained")
@@ -295,8 +295,8 @@ predict("more_p")
 
 # %% [markdown]
 # Between two samples the torque is constant, so the motion can be computed exactly. The vector (angle, rate) of one
-# sample, times a matrix, gives the vector of the next. Take an inertia without friction and P control to the set-point
-# zero. At sample number $k$ the torque is $-K_p q_k$, and
+# sample, times a matrix, gives the vector of the next. Take an inertia without friction and P control to the
+# set-point zero. At sample number $k$ the torque is $-K_p q_k$, and
 #
 # $$\begin{pmatrix} q_{k+1}\\ v_{k+1}\end{pmatrix} =
 # \begin{pmatrix} 1 - \dfrac{K_p\,dt^2}{2J} & dt\\[1ex] -\dfrac{K_p\,dt}{J} & 1\end{pmatrix}
@@ -305,17 +305,17 @@ predict("more_p")
 # The loop comes to rest if and only if all eigenvalues of this matrix are smaller than 1 in absolute value. The
 # largest absolute value is the **growth** per sample, or spectral radius. **Worked example:** the determinant of the
 # matrix, which is the product of its eigenvalues, is $1 + K_p\,dt^2/(2J)$. For every positive $K_p$ it is above 1. So
-# without friction, P alone is unstable at any gain. If the loop has a further delay, some commands are on their way to
-# the motor. The vector then contains them, too; the method stays the same.
+# without friction, P alone is unstable at any gain. If the loop has a further delay, some commands are on their way
+# to the motor. The vector then contains them, too; the method stays the same.
 
 # %%
 show("hold_is_half_a_sample")
 
 # %% [markdown]
 # So count the hold as a delay of $dt/2$, which is a good approximation for slow motions. Let $D$ be the sum of all
-# other delays in the loop (not the D term). The **ultimate gain** $K_u$ is the P gain on the border between stable and
-# unstable. There the loop oscillates with constant amplitude. The first equation below gives the angular frequency
-# $\omega$ of this oscillation (its smallest positive solution), and the second gives $K_u$:
+# other delays in the loop (not the D term). The **ultimate gain** $K_u$ is the P gain on the border between stable
+# and unstable. There the loop oscillates with constant amplitude. The first equation below gives the angular
+# frequency $\omega$ of this oscillation (its smallest positive solution), and the second gives $K_u$:
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
 # K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
@@ -355,8 +355,8 @@ more_claims("p_at_any_gain", "pade_is_enough")
 #
 # Imagine that you cut the loop at the motor and send a sine of torque into it. The joint moves, and the controller
 # answers with another sine of torque. This torque opposes the motion, so it has a minus sign; ignore this sign at
-# first. The size of the answer, divided by that of the sent sine, is the **open-loop gain**. The shift between the two
-# sines is the **phase lag**.
+# first. The size of the answer, divided by that of the sent sine, is the **open-loop gain**. The shift between the
+# two sines is the **phase lag**.
 #
 # A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and a lag of
 # 180 degrees, the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
@@ -366,7 +366,7 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
 #   additional phase lag there that makes the loop unstable.
 # * The **delay margin** is the additional delay that makes the loop unstable. It is the phase margin in radians,
-#   divided by the crossover frequency.
+#   divided by the crossover frequency. (With several crossover frequencies, the smallest result counts.)
 #
 # A **Bode plot** draws gain and phase over the frequency, with logarithmic axes for gain and frequency:
 
@@ -403,7 +403,8 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# For a robot, quote the delay margin: compare it with the milliseconds that communication, motor drive and filters add.
+# For a robot, quote the delay margin: compare it with the milliseconds that communication, motor drive and filters
+# add.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
@@ -412,10 +413,9 @@ plt.show()
 # lag. The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees. The
 # distance of the curve from $-1$ is the smallest change of $L$ that can make the loop unstable.
 #
-# What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that the disturbance would cause
-# without control, and $e$ the error that remains. The loop turns $e$ into the motion $L\,e$ of the joint, and this
-# motion is subtracted from $d$. (The loop is a circle, so $L$ is the same wherever you cut it.) So $e = d - L\,e$, and
-# the ratio $e/d$ is the function $S$ below:
+# What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that it would cause without
+# control, and $e$ the error that remains. The loop turns $e$ into the motion $L\,e$ of the joint, and this motion is
+# subtracted from $d$. So $e = d - L\,e$, and the ratio $e/d$ is the function $S$ below:
 #
 # $$S = \frac{1}{1 + L},\qquad T = \frac{L}{1 + L},\qquad S + T = 1 .$$
 #
@@ -427,8 +427,8 @@ plt.show()
 #
 # The distance of $L$ from $-1$ is $\lvert 1 + L\rvert = 1/\lvert S\rvert$. So the largest $\lvert S\rvert$, the
 # **peak sensitivity** $M_s$, is one number for the whole curve: $1/M_s$ is its smallest distance from $-1$.
-# **Worked example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. So it does not cross the real axis between $-1$
-# and $-0.5$, and the gain can at least be doubled.
+# **Worked example:** for $M_s = 2$ the curve stays 0.5 away from $-1$. So it does not cross the real axis between
+# $-1$ and $-0.5$, and the gain can at least be doubled.
 #
 # The simulation begins with the PD loop of the Bode plot, with D on the error. Drag the gain curve up or the phase
 # curve down. The preset *Comfortable* brings back the beginning, and *High sensitivity* has 8 times the gain:
@@ -445,18 +445,22 @@ simulation("nyquist")
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
-# This is the **waterbed effect**: if you push $\lvert S\rvert$ down at some frequencies, it rises at others. So decide
-# which frequencies matter for the task. A common design rule is $M_s \le 2$.
+# This is the **waterbed effect**: in a loop with a hold or a delay, if you push $\lvert S\rvert$ down at some
+# frequencies, it rises at others. So decide which frequencies matter for the task. A common design rule is
+# $M_s \le 2$.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
 
 # %% [markdown]
-# ### Stable PD gains: damping and the delay of the rate
+# ### Stable PD gains: damping and delay
 #
-# Now omit friction, so that all damping comes from $K_d$. To compare joints and sample times, use gains without units:
-# $K_p\,dt^2/J$ and $K_d\,dt/J$. Each colour in the left chart is one way to get the rate. The gains below its curve
-# are stable. With the exact rate they form a triangle. If $K_d$ is too small, the delay of the hold makes the loop
+# Now omit friction, so that all damping comes from $K_d$. Gains without units, $K_p\,dt^2/J$ and $K_d\,dt/J$, make
+# joints and sample times comparable. In the left chart, the gains below a curve are stable. The controller knows the
+# exact rate, or it takes the difference of two angles. In the curves *a sample late*, its whole command also comes a
+# sample later.
+#
+# With the exact rate, the stable gains form a triangle. If $K_d$ is too small, the delay of the hold makes the loop
 # unstable, as in the worked example of the matrix. If $K_d$ is too large, the held damping torque reverses the
 # velocity within one sample and makes it larger.
 #
@@ -468,27 +472,27 @@ for one in stored("pd_triangles")[0].series:
     print(f"{one.label:<28}{np.nanmax(one.y):6.3f} J/dt^2")
 
 # %% [markdown]
-# Few joints have a sensor for the rate. The controller divides the difference of two angles by $dt$ instead. This is
-# the rate of half a sample ago. If computing takes one sample, too, both delays together divide the highest stable
-# $K_p$ by more than twenty. The right chart belongs to section 7.
+# Few joints have a sensor for the rate. The difference of two angles, divided by $dt$, is the rate of half a sample
+# ago. If computing takes one sample, the whole command comes late, too. Both delays together divide the highest
+# stable $K_p$ by more than twenty. The right chart belongs to section 7.
 #
 # ### Encoder, friction and torque limit
 #
-# An encoder rounds the angle to the nearest count; this is called **quantisation**. The controller has to estimate the
-# rate from these counts. Near rest, a single count more or less between two samples looks like a jump of the rate, and
-# $K_d$ turns it into a jump of the torque.
+# An encoder rounds the angle to the nearest count; this is called **quantisation**. The controller has to estimate
+# the rate from these counts. Near rest, a single count more or less between two samples looks like a jump of the
+# rate, and $K_d$ turns it into a jump of the torque.
 
 # %%
 predict("faster_loop")
 
 # %% [markdown]
-# Every estimate of the rate from angles has noise and lag, and less of one means more of the other. A plain difference
-# has the least lag and the most noise. A low-pass filter averages the difference over about its time constant. A
-# **tracking observer** predicts angle and rate one sample ahead, and corrects both with the error of the predicted
-# angle.
+# Every estimate of the rate from angles has noise and lag, and less of one means more of the other. A plain
+# difference has the least lag and the most noise. A low-pass filter averages the difference over about its time
+# constant. A **tracking observer** predicts angle and rate one sample ahead, and corrects both with the error of the
+# predicted angle.
 #
-# The chart compares the three; the lag is the one under a steady acceleration. At the same lag, the observer (green)
-# has less noise than the filter (orange):
+# The chart compares the three at 1 kHz; the lag is the one under a steady acceleration. At the same lag, the observer
+# (green) has less noise than the filter (orange):
 #
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
 
@@ -501,12 +505,12 @@ for one in stored("rate_estimates")[0].series:
     )
 
 # %% [markdown]
-# Under PD, the torque of the P term falls as the joint nears the set-point. As soon as this torque is smaller than the
-# static friction $\tau_s$, the joint can stay at rest. So without a load, dry friction leaves an error of up to
+# Under PD, the torque of the P term falls as the joint nears the set-point. As soon as this torque is smaller than
+# the static friction $\tau_s$, the joint can stay at rest. So without a load, dry friction leaves an error of up to
 # $\tau_s/K_p$.
 #
-# If static friction does not exceed Coulomb friction, an I term removes this error step by step, with longer and longer
-# pauses in between (blue). If static friction is larger, the joint can hunt (orange):
+# If static friction does not exceed Coulomb friction, an I term removes this error step by step, with longer and
+# longer pauses in between (blue). If static friction is larger, the joint can hunt (orange):
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -520,23 +524,32 @@ _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# In the left chart below, a slower filter of the rate makes the torque smoother. In the right chart, hunting grows with
-# the ratio of static to Coulomb friction.
+# <details><summary>Ripple and hunting, measured</summary>
+#
+# Left, a slower filter of the rate makes the torque smoother (encoder of 12 bits, $K_d$ = 2). Right, hunting grows
+# with the ratio of static to Coulomb friction.
 #
 # ![Ripple of an encoder, and hunting](../docs/charts/ripple_and_hunting.png)
 #
-# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and an upright pendulum
-# can fall. In the map, the motor has half of the torque that would hold the pendulum horizontal. The controller pushes
-# against the sum angle + rate$/\sqrt{g/l}$ ($g$ is gravity, $l$ the length), which is the part of the motion that
-# grows by itself. Purple states are caught, orange ones are lost. On the border, full torque only just stops the fall.
-# Beyond it no controller can stop the fall: it would have to let the pendulum fall and swing it up again:
+# </details>
+#
+# **Saturation** means that the command is at the torque limit. Then feedback has no effect, and no gain helps: a
+# motor that is too weak cannot catch a pendulum that has fallen too far.
+#
+# <details><summary>From where a weak motor can catch a pendulum</summary>
+#
+# In the map, the motor of an upright pendulum has half of the torque that would hold it horizontal. The controller
+# pushes against the sum angle + rate$/\sqrt{g/l}$ ($g$ is gravity, $l$ the length), which is the part of the motion
+# that grows by itself. Purple states are caught, orange ones are lost. On the border, full torque only just stops the
+# fall. Beyond it no controller can stop the fall: it would have to let the pendulum fall and swing it up again. (The
+# steps of the border are those of the grid.)
 #
 # ![Where a weak motor catches a pendulum](../docs/charts/saturation_region.png)
+#
+# </details>
 
-# %% tags=["hide-code"]
-reached = [float(x) for x in re.findall(r"0\.\d{6}", read("saturation_region"))]
-print(f"largest angle from which a pendulum at rest is caught:  {reached[0]:.4f} rad")
-print(f"the same for the linear model of the pendulum:          {reached[2]:.4f} rad")
+# %%
+figures(read("saturation_region"), summary="Largest angle at rest, computed and in theory")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -544,7 +557,7 @@ print(f"the same for the linear model of the pendulum:          {reached[2]:.4f}
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
 # The D term has further delays: half a sample if the rate is a difference, and about the time constant of its filter.
 # Together with inertia and friction, these delays limit the gain of a rigid joint. Compute this limit before you tune
-# by hand. An elastic gear has a **resonance**, at which motor and arm swing against each other; it often sets a lower
+# by hand. The **resonance** of an elastic gear, at which motor and arm swing against each other, often sets a lower
 # limit.
 #
 # </div>
@@ -565,7 +578,7 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
-# Give our joint a delay of 20 ms. This delay and the hold set its ultimate gain.
+# Give our joint a delay of 20 ms.
 #
 # These rules suit a joint badly. With friction, a constant torque gives a constant *speed*, and the angle is the
 # integral of the speed. An I term integrates once more. Each integration has a phase lag of 90 degrees. So with an I
@@ -608,9 +621,8 @@ tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# This output checks all rows in two ways: with the growth of the matrix, and with a simulated step of 1 rad. The row
-# *often quoted* has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, which are not the
-# values of our joint:
+# This output checks all rows with the growth of the matrix, and with a simulated step of 1 rad. The row *often
+# quoted* has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, not the values of our joint:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -644,9 +656,10 @@ print(", ".join(f"{pole:.1f}" for pole in slowest))
 #
 # </details>
 #
-# The chart repeats the test over a wide range of delays. The three rules overshoot far, or are unstable (triangles at
-# the top). The equal poles do not overshoot. Their $K_p$ may be above $K_u$: that is the limit of P alone, and D
-# raises the limit.
+# The chart repeats the test over a wide range of delays, without load, noise or torque limit. The three rules
+# overshoot far, or are unstable (triangles at the top). The equal poles do not overshoot. But they use the exact $J$,
+# $b$ and delay, the rules only the experiment. And without an I term, a load would leave an error of $\tau_L/K_p$.
+# Their $K_p$ may be above $K_u$: that is the limit of P alone, and D raises the limit.
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 
@@ -670,13 +683,14 @@ more_claims("every_joint_has_ku", "quoted_gains_overshoot", "quoted_ku_tu", "saf
 # |---|---|---|
 # | PD | $K_p e + K_d\dot e$ | nothing |
 # | PD with **gravity compensation** | $K_p e + K_d\dot e + g(q)$ | the gravity torque |
-# | feedforward | $K_p e + K_d\dot e + M(q_d)\ddot q_d + h(q_d,\dot q_d)$ | the torque of the planned motion |
+# | PD with **feed-forward** | $K_p e + K_d\dot e + M(q_d)\ddot q_d + h(q_d,\dot q_d)$ | the torque of the planned motion |
 # | **computed torque** | see below | the torque of the actual motion |
 #
-# $$\boxed{\;\tau = M(q)\,\big(\ddot q_d + K_d(\dot q_d - \dot q) + K_p(q_d - q)\big) + C(q,\dot q)\,\dot q + g(q)\;}$$
+# $$\boxed{\;\tau = M(q)\,\big(\ddot q_d + K_d(\dot q_d - \dot q) + K_p(q_d - q)\big) + C(q,\dot q)\,\dot q +
+# g(q)\;}$$
 #
-# In computed torque the PD terms are multiplied by $M(q)$. They are accelerations here, so $K_p$ has the unit 1/s² and
-# $K_d$ the unit 1/s. The picture shows all four on one motion of a two-link arm, with the correct model:
+# In computed torque the PD terms are multiplied by $M(q)$. They are accelerations here, so $K_p$ has the unit 1/s²
+# and $K_d$ the unit 1/s. The picture shows all four on one motion of a two-link arm, with the correct model:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.9), layout="constrained")
@@ -684,21 +698,21 @@ feedforward = JointLaw("feedforward", tracking.ARM, tracking.STIFF, tracking.DAM
 for label, law in (
     ("PD", tracking.LAWS["PD"](tracking.ARM, dt)),
     ("PD with gravity compensation", tracking.LAWS["PD + gravity"](tracking.ARM, dt)),
-    ("feedforward", feedforward),
+    ("PD with feed-forward", feedforward),
     ("computed torque", tracking.LAWS["computed torque"](tracking.ARM, dt)),
 ):
     run = control.track(tracking.ARM, law, tracking.motion, dt, 4.0)
     error = 1e3 * np.abs(run.q[:, :-1] - run.setpoint).max(axis=0)
     _ = axis.semilogy(dt * np.arange(error.size), error, lw=1.2, label=label)
 _ = axis.set(xlabel="time [s]", ylabel="error of the worse joint [mrad]", ylim=(1e-3, 1e4))
-_ = axis.legend(fontsize=9, ncols=4, loc="upper center")
+_ = axis.legend(fontsize=8, ncols=4, loc="upper center")
 plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. Here feedforward even has the smaller error. But the comparison is not quite fair: its
-# PD gains make the elbow stiffer than those of computed torque. Feedforward also computes the torque for the planned
-# motion only. After a disturbance, the PD terms alone must bring the arm back.
+# sample while the arm moves on. PD with feed-forward even has the smaller error here, partly because its gains make
+# the elbow stiffer (section 6 compares at equal stiffness). But it computes the torque for the planned motion only.
+# After a disturbance, the PD terms alone must bring the arm back.
 #
 # Computed torque uses the measured angles and rates. Put its torque into the equation of motion: the velocity terms
 # and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
@@ -711,9 +725,9 @@ show("computed_torque_law")
 # **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give $s^2 + 20 s + 100 = 0$, that is two
 # poles at $-10\,/\mathrm{s}$.
 #
-# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the torque
-# for the state and the reference half a sample ahead. This is called **half-sample preview**, and section 6 shows how
-# much it saves.
+# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the
+# torque for the state and the reference half a sample ahead. This is called **half-sample preview**, and section 6
+# shows how much it saves.
 #
 # The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
 # changes the model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is $Y\hat\theta$.
@@ -732,9 +746,9 @@ show("computed_torque_law")
 show("adaptive_finds_parameters")
 
 # %% [markdown]
-# The estimate reaches the true values only if each parameter changes the torques in its own way during the motion.
-# This condition is called **persistent excitation**. With a large $\Gamma$, a low sample rate or sensor noise, the
-# estimate can grow without limit. So limit it to plausible values.
+# The estimate reaches the true values only if, again and again during the motion, every other combination of
+# parameters would change the torques. This condition is called **persistent excitation**. With a large $\Gamma$, a
+# low sample rate or sensor noise, the estimate can grow without limit. So limit it to plausible values.
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
@@ -780,9 +794,10 @@ predict("wrong_inertia")
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
-# The right side is the missing torque, divided by $\hat J$. Each missing torque has its own shape. For inertia it
-# follows the acceleration, for viscous friction the velocity. The picture shows one joint. Its true inertia is 20 %
-# larger than in the model, or it has viscous or Coulomb friction that the model lacks:
+# The right side is the missing torque, divided by $\hat J$. If the motion is slow compared with the loop, the error
+# is about the right side divided by $K_p$, so it has the same shape: for inertia that of the acceleration, for
+# viscous friction that of the velocity. In faster motions the error lags, which opens the lines in the picture. It
+# shows one joint with 20 % more inertia than in the model, or with friction that the model lacks:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -832,8 +847,8 @@ plt.show()
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
 # Computed torque commands $\tau = \hat J(\ddot q_d + K_d\dot e + K_p e)$, and the joint answers $J\ddot q = \tau$.
-# Subtract $\hat J\ddot q$ from both sides: $(J - \hat J)\ddot q = \hat J(\ddot q_d - \ddot q + K_d\dot e + K_p e)$. Use
-# $\ddot q_d - \ddot q = \ddot e$ and divide by $\hat J$.
+# Subtract $\hat J\ddot q$ from both sides: $(J - \hat J)\ddot q = \hat J(\ddot q_d - \ddot q + K_d\dot e + K_p e)$.
+# Use $\ddot q_d - \ddot q = \ddot e$ and divide by $\hat J$.
 #
 # For slow motion only $K_p e$ matters on the left, so the slope of $e$ over $\ddot q$ is $(J/\hat J - 1)/K_p$. At the
 # frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It lags, and
@@ -852,9 +867,9 @@ more_claims("error_follows_acceleration", "acceleration_means_inertia")
 # ### Identifying a joint from a log
 #
 # To correct the model you need the inertia, and $J = \tau/\ddot q$ looks like the obvious formula. But a log contains
-# angles. The difference of two differences multiplies their noise by a number proportional to $1/dt^2$, so single
-# quotients are mostly noise. Least squares over the whole log computes $J = \sum\tau\ddot q\,/\sum\ddot q^2$. Noise
-# makes the denominator far too large, so $J$ is far too small.
+# angles. Their second differences contain the noise, multiplied by a number proportional to $1/dt^2$. Least squares
+# over the whole log computes $J = \sum\tau\ddot q\,/\sum\ddot q^2$. Noise makes the denominator far too large, so $J$
+# is far too small.
 #
 # The remedy is to move the derivatives to a function without noise. Choose a smooth **test function** $w(t)$ that is
 # zero at both ends of a time window, and flat there. Multiply the equation of motion $J\ddot q + b\dot q = \tau$ by
@@ -883,9 +898,11 @@ _ = axes[2].plot(u, bend / 4.0, "--", lw=1)
 plt.show()
 
 # %% [markdown]
-# `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` answers a harder question. It
-# takes a log and your model, and tries each of seven causes alone: inertia, viscous friction, Coulomb friction,
-# gravity, torque constant, delay and torque limit. It names each cause that explains the log up to the noise:
+# `identify` does this for inertia, viscous and Coulomb friction, and gravity. (Coulomb friction needs only the sign
+# of the rate.) `diagnose` takes a log and your model, and tries seven causes, each alone: inertia, viscous friction,
+# Coulomb friction, gravity, torque constant, delay and torque limit. It names the cause that explains the log best,
+# and those that explain it equally well. If two numbers are wrong at once, it still names single causes. But they
+# leave much torque unexplained:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
@@ -906,21 +923,23 @@ changes = {
     "20 % more inertia": (replace(truth, inertia=0.144), Actuator()),
     "10 ms of delay": (truth, Actuator(delay=0.01)),
 }
-causes = {name: control.diagnose(record_log(*case), believed).causes
-          for name, case in changes.items()}  # fmt: skip
+changes["both"] = replace(truth, inertia=0.144), Actuator(delay=0.01)
+found = {name: control.diagnose(record_log(*case), believed) for name, case in changes.items()}
 
 # %% tags=["hide-code"]
 print(f"inertia           {model.inertia:.4f} kg m^2, true {truth.inertia:.4f}")
 print(f"viscous friction  {model.damping:.4f} N m s/rad, true {truth.damping:.4f}")
 print(f"Coulomb friction  {model.coulomb:.4f} N m, true 0.1000")
-for name, named in causes.items():
-    print(f"real change: {name:<18} diagnosed cause: {', '.join(named)}")
+for name, one in found.items():
+    left = 1e3 * min(one.remaining.values())
+    print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {left:.2f} mN m")
 
 # %% [markdown]
-# The chart varies the noise. On the left, second differences (orange) are wrong at every noise level; the integral
-# form (blue) stays accurate. The right chart shows the share of logs in which the true cause, and no other, is named.
-# For five causes this share is always 1. (*Constant* is the torque constant, *damping* is viscous friction. The torque
-# limit is not drawn.) Only Coulomb friction (green) is lost in the largest noise:
+# The chart varies the noise. On the left, raw second differences (orange) are always wrong, and the integral form
+# (blue) stays accurate. Sending all terms through one low-pass filter works, too (green, 10 Hz), but with the wrong
+# cut-off frequency it lets the noise pass (pink, 40 Hz). The right chart shows how often the true cause, and no
+# other, is named. (*Constant* is the torque constant, *damping* is viscous friction.) Only Coulomb friction (green)
+# is lost in the largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -931,8 +950,8 @@ more_claims("inertia_by_differences")
 # ### Optimal control: LQR and the Riccati equation
 #
 # The **LQR** (linear quadratic regulator) computes the gains from a cost that you choose. For a sampled system
-# $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples. The matrix
-# $Q$ weights deviations of the state $x$, and $R$ weights the effort of the command $u$.
+# $x_{k+1} = A x_k + B u_k$ the LQR minimises the sum of $x^\mathsf{T}Qx + u^\mathsf{T}Ru$ over all samples. The
+# matrix $Q$ weights deviations of the state $x$, and $R$ weights the effort of the command $u$.
 #
 # The cost from the state $x$ onwards, under the best commands, is $x^\mathsf{T}Px$ with some matrix $P$. So the next
 # state $Ax + Bu$ costs $(Ax + Bu)^\mathsf{T}P\,(Ax + Bu)$. The best command minimises this plus its own cost
@@ -950,9 +969,12 @@ more_claims("inertia_by_differences")
 #
 # LQR ignores the torque limit. You can clip its command. But LQR does not know how weakly the motor brakes, so it
 # brakes too late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next
-# $N$ samples that minimise the same cost within the limits. $N$ is the **horizon**. This is a **quadratic program**: a
-# quadratic cost with linear limits. Only the first command of the plan is used; the next sample computes a new plan.
-# Here is a mass of 1 kg that starts 4 m from its target, with a motor of at most 1 N:
+# $N$ samples, within the limits. $N$ is the **horizon**. The plan minimises the cost of these samples plus
+# $x^\mathsf{T}Px$ of the last state, which stands for everything after it.
+#
+# This is a **quadratic program**: a quadratic cost with linear limits. Only the first command of the plan is used;
+# the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its target, with a motor of at most
+# 1 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
@@ -991,18 +1013,19 @@ plt.show()
 
 # %% [markdown]
 # The clipped LQR overshoots by half a metre. MPC starts to brake earlier, because its plan (crosses) contains the
-# braking with the limited force. The left chart below shows the cost of clipped LQR, divided by that of MPC, against
-# the distance at the start. At short distances, MPC saves nothing. Beyond the dotted line, the command reaches first
-# one limit, then the other. There MPC saves more, up to a bound that grows with the horizon. The right chart shows the
-# computing time. A **warm start** begins the search at the previous plan, a **cold start** at zero:
+# braking with the limited force.
+#
+# <details><summary>What MPC saves, and what it costs</summary>
+#
+# The left chart shows the cost of clipped LQR, divided by that of MPC, against the distance at the start. At short
+# distances, MPC saves nothing: because of the term $x^\mathsf{T}Px$, both agree for this mass if the command is never
+# at a limit, or only in one stretch from the start. Beyond the dotted line, the command reaches first one limit, to
+# speed up, then the other, to brake. There MPC saves more, up to a bound that grows with the horizon.
+#
+# The right chart shows the computing time; a sample is 0.05 s. A **warm start** begins the search at the previous
+# plan, a **cold start** at zero:
 #
 # ![What MPC saves compared with a clipped regulator, and its time](../docs/charts/mpc_where.png)
-#
-# <details><summary>When MPC saves nothing</summary>
-#
-# Add $x^\mathsf{T}Px$ of the last state to the plan's cost. Then MPC and clipped LQR agree for this mass if the command
-# is never at a limit, or only in one stretch from the start. This mass is at its limit twice: first to speed up, then
-# to brake.
 #
 # </details>
 
@@ -1024,8 +1047,8 @@ more_claims("mpc_beats_clipping")
 # 3. The new plan is the weighted mean of the tried plans. Send its first command.
 #
 # Here are these three steps once, for a mass of 1 kg. The cost is the sum of the squared distances from the target,
-# plus a little for force. The distance counts at every sample. So rollouts that approach fast have the largest
-# weights, and their mean goes beyond the target at the end:
+# plus a little for force. So rollouts that approach fast have the largest weights, and their mean goes beyond the
+# target at the end:
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(4)
@@ -1052,12 +1075,13 @@ plt.show()
 # %% [markdown]
 # The motor of the next pendulum is too weak to lift it directly: it delivers at most a third of the torque that would
 # hold the pendulum level. The pendulum has to swing back and forth first, and the horizon must be long enough to show
-# that swinging is worth its cost. The bands are 95 % confidence intervals:
+# that swinging is worth its cost. A sample is 0.1 s, a small swing takes 2 s. The bands are 95 % confidence intervals
+# from 20 runs per point:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
-# With a horizon of 20 samples, MPPI nearly always succeeds, even with 16 rollouts. With a horizon of 8 samples, it
-# never succeeds, even with 64 rollouts: within such a short time, swinging away from the target only costs.
+# With a horizon of 20 samples (one swing), 16 rollouts are enough: nearly all runs succeed. With 8 samples no run
+# succeeds, even with 64 rollouts: in 0.8 s, swinging away from the target only costs.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1067,15 +1091,16 @@ more_claims("samples_find_the_plan")
 #
 # ### Impedance control and admittance control
 #
-# A stiff position controller whose set-point lies inside a wall presses hard, and with an I term harder and harder, up
-# to the motor's limit. In contact you want to choose how far the arm yields. **Impedance control** (Hogan 1985) makes
-# the arm behave like a mass on a spring and a damper:
+# A stiff position controller whose set-point lies inside a wall presses hard, and with an I term harder and harder.
+# In contact you want to choose how far the arm yields. **Impedance control** (Hogan 1985) makes the arm behave like a
+# mass on a spring and a damper:
 #
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
-# You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$. $F$ is the
-# *external* force with which somebody moves the hand along the path $x(t)$. The force that the controller commands
-# points the other way. If $M$ is the arm's own mass, the command is $-B\dot x - K(x - x_0)$.
+# You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$, here along one
+# axis. $F$ is the *external* force with which somebody moves the hand along the path $x(t)$. The force that the
+# controller commands points the other way. If $M$ is the arm's own mass and gravity is compensated, the command is
+# $-B\dot x-K(x-x_0)$.
 
 
 # %% tags=["hide-code"]
@@ -1146,31 +1171,37 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 # %% [markdown]
 # ### Stability at a wall: passivity, force gain, virtual mass
 #
-# How stiff may the controller's spring be? A spring computed with a delay pushes back a little too late: too weak
-# while the hand moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took.
-# The arm's own friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is
-# **passive**. By the theorem of **passivity**, two passive systems that are joined together cannot build up a motion,
-# and come to rest if one of them loses energy in every motion. So a passive arm is stable at every passive wall.
+# How stiff may the controller's spring be? With a delay, it pushes back a little too late: too weak while the hand
+# moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took. The arm's own
+# friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is **passive**.
+# By the theorem of **passivity**, two passive systems that are joined together cannot build up a motion, and come to
+# rest if one of them loses energy in every motion. So a passive arm is stable at every passive wall.
 #
 # For a pure spring with the delay $D$, the condition for passivity (Colgate and Schenkel 1997) is
 #
 # $$K < \frac{b}{D + \tfrac12 dt}\, .$$
 #
-# **Worked example:** $b$ = 20 N s/m at 1 kHz allows $20/0.0005$ = 40,000 N/m. With a delay of 2 ms it is $20/0.0025$ =
-# 8,000 N/m. Damping computed by the controller may help, but has the same delay.
+# **Worked example:** $b$ = 20 N s/m at 1 kHz allows $20/0.0005$ = 40,000 N/m. With a delay of 2 ms it is $20/0.0025$
+# = 8,000 N/m. Damping computed by the controller may help, but has the same delay.
 
 # %%
 show("damping_is_safe")
 
 # %% [markdown]
-# Force control and admittance control have other limits. Proportional **force control** commands the desired force plus
-# a gain $g$ (not gravity) times the force error. The wall turns motion into force, so its stiffness multiplies the loop
-# gain. For a short delay the limit is $g < b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain. In admittance
-# control the virtual mass must not be too *small*, and a stiffer wall needs a larger one:
+# Proportional **force control** commands the desired force plus a gain $g$ (not gravity) times the force error. The
+# wall turns motion into force, so its stiffness multiplies the loop gain. For a short delay the limit is $g <
+# b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain.
+#
+# In admittance control, the inner position loop has to follow the virtual mass. A stiff wall shakes a light mass too
+# fast for it. So the virtual mass must not be too *small*: the stiffest walls need nearly the arm's own mass. The
+# charts are for 4 kg, $b$ = 20 N s/m and 1 kHz; the upper left one has 2 ms of delay, the lower one none:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the left chart, the curves *contact d* are MuJoCo's soft contact, which section 7 explains.
+# In the upper left chart, *contact d* is MuJoCo's soft contact, in which the share $d$ of the command becomes contact
+# force at once (section 7). In the upper right one, *own friction* is a pure spring. *Best active damping* is the
+# stiffest stable spring over all dampings $B$. At the stiffest walls the hand vibrates so fast that damping 2 ms late
+# hardly brakes it (pink).
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1182,15 +1213,16 @@ more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_i
 predict("softer_hand")
 
 # %% [markdown]
-# Energy explains the answer. The moving mass $m$ arrives with the energy $\tfrac12 m v^2$. At the peak all of it is in
-# the compressed surface, $F^2/(2k_e)$. So the peak is
+# Energy explains the answer. Let $m$ be the mass that the surface feels at the hand, in this pose and direction: the
+# links, and the rotors' inertia times gear ratio squared. It arrives with the energy $\tfrac12 m v^2$. At the peak
+# all of it is in the compressed surface, $F^2/(2k_e)$. So the peak is
 #
 # $$F_{\max} = v\,\sqrt{m\,k_e}\, ,$$
 #
 # and the controller's stiffness does not appear, as long as it is much lower than that of the surface.
 # **Worked example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows
-# the impact and the time after it, for a stiff and a soft controller at the same speed. Both have little damping. The
-# surface has some damping, which lowers the peak:
+# the impact and the time after it, for a stiff and a soft controller at the same speed, with the set-point of the
+# question. Both have little damping; that of the surface lowers the peak:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1211,9 +1243,9 @@ _ = axes[0].legend(fontsize=9, title="controller")
 plt.show()
 
 # %% [markdown]
-# So at a given speed, a soft controller does not protect people from the impact. It protects them from being held
-# against a wall afterwards. With little damping it even lets the hand come back and hit again (right). Against the
-# impact, reduce the speed or the moving mass, or pad the hand; against the repeats, add damping.
+# So at a given speed, a soft controller does not protect people from the impact. It protects them from being pressed
+# hard against a wall afterwards. With little damping it even lets the hand come back and hit again (right). Against
+# the impact, reduce the speed or the mass $m$, or pad the hand; against the repeats, add damping.
 
 # %%
 more_claims("stiff_control_hurts")
@@ -1224,7 +1256,8 @@ more_claims("stiff_control_hurts")
 # A hand has to wipe a table. Along some directions you control force, along the others position. Which? Ask what the
 # table itself fixes in each direction. While the hand presses on it, a rigid, frictionless table allows no velocity
 # along its normal, and it gives no force along its tangents. Mason (1981) calls such a fixed velocity or force a
-# **natural constraint**. You can control only what the table does not fix.
+# **natural constraint**. You can control only what the table does not fix. (Friction of a real table disturbs the
+# position control along the tangents.)
 
 # %%
 show("axes_of_a_surface")
@@ -1264,10 +1297,10 @@ plt.show()
 # <details><summary>Derive: why it can't be the other way round</summary>
 #
 # While the hand presses on a rigid surface, its velocity along the normal is $v_n = 0$, and the force $f_n$ is free.
-# Without friction, the forces along the tangents are $f_t = 0$, and the velocities $v_t$ are free. So in each direction
-# $f_i v_i = 0$: the surface neither takes nor gives power. If you command a position along the normal, a surface of
-# stiffness $k_e$ turns your position error into the force $k_e$ times that error. If you command a force along a
-# tangent, there is nothing to push against, and the hand accelerates.
+# Without friction, the forces along the tangents are $f_t = 0$, and the velocities $v_t$ are free. So in each
+# direction $f_i v_i = 0$: the surface neither takes nor gives power. If you command a position along the normal, a
+# surface of stiffness $k_e$ turns your position error into the force $k_e$ times that error. If you command a force
+# along a tangent, there is nothing to push against, and the hand accelerates.
 #
 # </details>
 #
@@ -1283,18 +1316,18 @@ plt.show()
 #
 # ## 4 · Design: contact regimes and loop rates
 #
-# A contact task has three phases: free space, approach and contact. Each needs another controller. The table compares
-# three controllers at a wall of 10 kN/m, on a hand of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest stable
-# sample rate, not a recommendation.
+# A contact task has three phases: free space, approach and contact. The table compares a usual controller of each
+# phase at the same wall of 10 kN/m, on a hand of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest stable sample
+# rate, not a recommendation.
 #
-# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft controller
-# move at this speed to 20 mm inside the wall. Both controllers have critical damping in free space. The desired force
-# is 10 N. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than expected.
+# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft
+# controller move at this speed to 20 mm inside the wall. The desired force is 10 N. *Surface 2 mm off* is the change
+# of the steady force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
-    "| regime | controller | use | lowest rate | first peak | surface 2 mm off |",
-    "|---|" + "---|" * 5,
+    "| regime | controller | use | lowest rate | first peak | at rest | surface 2 mm off |",
+    "|---|" + "---|" * 6,
 ]
 for regime, name, use in (
     ("free space", "stiff position", "motion between waypoints"),
@@ -1303,9 +1336,10 @@ for regime, name, use in (
 ):
     result, stiffness = touch.row(name), touch.REGIMES[name].stiffness
     spring_ = f", {stiffness:.0f} N/m" if stiffness else ""
+    rest = touch.REGIMES[name].force or touch.series_stiffness(touch.REGIMES[name], 0.02)
     lines.append(
         f"| {regime} | {name}{spring_} | {use} | {result['rate_hz']:.0f} Hz | "
-        f"{result['peak_n']:.0f} N | {result['off_n']:+.1f} N |"
+        f"{result['peak_n']:.0f} N | {rest:.0f} N | {result['off_n']:+.1f} N |"
     )
 bare = touch.first_peak(replace(touch.PRESS, damping=0.0))
 lines.append(
@@ -1316,12 +1350,17 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # Without a controller, the impact would be $v\sqrt{m k_e}$ = 20 N. The soft controller and the damping of the force
-# controller slow the hand down before it touches. The 58 N of the stiff controller are not the impact but its steady
-# pressing: the two springs in series give 57 N at rest. The next chart has no damping, so there the first peak is the
-# impact. The peak hardly changes as long as the controller is softer than the wall. A stiffer controller (last point
-# of each curve) pushes the hand on into the wall.
+# controller slow the hand down before it touches. The 58 N of the stiff controller are its steady pressing (*at
+# rest*), not the impact.
+#
+# <details><summary>The first peak against the stiffness of the controller</summary>
+#
+# This chart has no damping, so the first peak is the impact. It hardly changes as long as the controller is softer
+# than the wall. A stiffer controller (last point of each curve) pushes the hand on into the wall.
 #
 # ![First peak of the force against the stiffness of the controller](../docs/charts/contact_regimes.png)
+#
+# </details>
 #
 # A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
 # at once. So the inner loop needs several times the bandwidth of the outer one. Without a delay in the inner loop,
@@ -1331,7 +1370,7 @@ Markdown("\n".join(lines))
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
 levels = (
     ("planner", "some Hz", "path"),
-    ("task or force", "100 Hz", "pose, contact force"),
+    ("task or force", "100 Hz to 1 kHz", "pose, contact force"),
     ("impedance or position", "1 kHz", "joint angles"),
     ("joint torque or velocity", "several kHz", "torque sensor, encoder"),
     ("motor current", "tens of kHz", "current"),
@@ -1351,10 +1390,10 @@ plt.show()
 # %% [markdown]
 # <details><summary>Derive: how much faster the inner loop must be</summary>
 #
-# Let an inner velocity loop follow its command $\dot q_c$ as $\ddot q = \omega_i(\dot q_c - \dot q)$, and let the outer
-# loop command $\dot q_c = \omega_o e$. For a constant set-point,
-# $\ddot q + \omega_i\dot q + \omega_i\omega_o\,q = \omega_i\omega_o\,q_d$. The damping ratio is
-# $\tfrac12\sqrt{\omega_i/\omega_o}$: 1 if the inner loop is four times as fast, and only 0.5 if both are equally fast.
+# Let an inner velocity loop follow its command $\dot q_c$ as $\ddot q = \omega_i(\dot q_c - \dot q)$, and let the
+# outer loop command $\dot q_c = \omega_o e$. For a constant set-point, $\ddot q + \omega_i\dot q +
+# \omega_i\omega_o\,q = \omega_i\omega_o\,q_d$. The damping ratio is $\tfrac12\sqrt{\omega_i/\omega_o}$: 1 if the
+# inner loop is four times as fast, and only 0.5 if both are equally fast.
 #
 # </details>
 #
@@ -1362,30 +1401,31 @@ plt.show()
 #
 # Four blocks extend the loop of one joint:
 #
-# * A **feed-forward** adds the torque that the planned motion needs. It cannot make the loop unstable, and is as
-#   accurate as its model.
+# * A **feed-forward** adds the torque that the planned motion needs (section 2). Computed from the plan alone, it
+#   cannot make the loop unstable. It is as accurate as its model.
 # * A **disturbance observer** solves the joint's equation for the load torque, filters it, and subtracts it from the
 #   command.
-# * A **Smith predictor** uses a model to compute the state that the joint will have when the command arrives. PD works
-#   with this state. If the true delay is longer than the model's by $\Delta D$, a sine of frequency $\omega$ has an
-#   extra phase lag $\omega\,\Delta D$, which is large for fast motions.
+# * A **Smith predictor** uses a model to compute the state that the joint will have when the command arrives. PD
+#   works with this state. If the true delay is longer than the model's by $\Delta D$, a sine of frequency $\omega$
+#   has an extra phase lag $\omega\,\Delta D$, which is large for fast motions.
 # * A **notch filter** removes the frequency of a resonance from the command.
 
 # %%
 predict("delay_predicted")
 
 # %% [markdown]
-# In the charts, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the last
-# stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position loop. One
-# predictor assumes half of the true delay. The *observer with delay* has the delay in its model.
+# In the charts below, all loops drive the joint with 10 ms of delay. Along each curve the poles get faster, up to the
+# last stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position
+# loop. The *observer with delay* has the delay in its model. One predictor assumes half of the true delay.
 #
-# In the left chart, the feed-forward has 90 % of the true torque, so it leaves a tenth of the error. In plain PD and
-# the plain cascade, the D term uses the measured rate, so it also brakes the planned motion. In the loops with
-# feed-forward it uses the error.
+# On the left, the feed-forward has 90 % of the true torque, so it leaves PD a tenth of the error. Cascade and
+# observer reduce the rest: the cascade has an I term, and the observer's filtered load torque acts like one. On the
+# right, they leave no error in the end.
 #
-# In the right chart, cascade and observer leave no error under a constant load. The cascade has an I term, and the
-# observer's filtered load torque acts like one. The predictor allows the fastest poles, but at equal noise it rejects
-# a load no better than PD:
+# The predictors allow the fastest poles. But at equal noise, PD is better while it is stable, and predicting half of
+# the delay is better than predicting all of it. The reason: a predictor does not know the load (on the left, the
+# missing 10 %). It expects the command that carries the load to move the joint. So its prediction is wrong, and more
+# so the further it reaches:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
 #
@@ -1393,15 +1433,15 @@ predict("delay_predicted")
 #
 # **Cascade.** Let the outer loop ask for the speed $k(q_d - q)$, and let a PI controller with gains $k_v$ and $k_i$
 # follow it. The integral of the measured rate is the angle, so the torque is that of PID with
-# $K_p = k_v k + k_i$, $K_i = k_i k$ and $K_d = k_v$. Only the share $k_v k/K_p$ of the set-point enters the P term. Its
-# zeros are $-k$ and $-k_i/k_v$, so a PID controller is a cascade only if $K_p^2 \ge 4 K_i K_d$. What the cascade adds
-# are limits: one on the speed and one on the torque.
+# $K_p = k_v k + k_i$, $K_i = k_i k$ and $K_d = k_v$. Only the share $k_v k/K_p$ of the set-point enters the P term.
+# Its zeros are $-k$ and $-k_i/k_v$, so a PID controller is a cascade only if $K_p^2 \ge 4 K_i K_d$. What the cascade
+# adds are limits: one on the speed and one on the torque.
 #
 # **Disturbance observer.** With a filter of first order, $\hat d = \frac{g}{s+g}(J\ddot q + b\dot q - u)$. Insert
 # $u = u_c - \hat d$: then $s\,\hat d = g\,(J\ddot q + b\dot q - u_c)$. So $-\hat d$ is $g$ times the integral of
 # $u_c - b\dot q$, minus $gJ\dot q$. With PD as $u_c$ this is a PID controller again, and a constant load leaves no
-# error. The extra damping $gJ$ is late by the delay, so $g$ has a limit. If the observer delays $u$ as the drive does,
-# only an error of the model limits $g$.
+# error. The extra damping $gJ$ is late by the delay, so $g$ has a limit. If the observer delays $u$ as the drive
+# does, only an error of the model limits $g$.
 #
 # **Smith predictor.** The command is $-K\hat x$, and $\hat x$ is the state carried over the commands under way. If
 # delay and model are exact, $\hat x$ is the state at which the command acts. The polynomial of the loop is then that
@@ -1426,17 +1466,18 @@ more_claims(
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position or
-# impedance, task, planner. Say what sets each rate: the motor's electrical time constant for the current, the delay
-# margin for torque and position, contact stiffness (for forces) or the camera's frame rate for the task, and computing
-# time for the planner.
+# **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position
+# or impedance, task, planner. Say what sets each rate: the motor's electrical time constant for the current, the
+# delay margin for torque and position, contact stiffness (for forces) or the camera's frame rate for the task, and
+# computing time for the planner.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
-# You will read such pairs of rates. A sample rate does not say which loop is faster; the bandwidth does. At one sample
-# rate, an inner loop with ten times the bandwidth of the outer one is an ordinary cascade. If the bandwidths are close,
-# both are one loop and have to be analysed as one. Impedance control on torque-controlled joints has no inner position
-# PID at all. What you can check is a loop with stated rate, delay and gains: its matrix gives the margins.
+# You will read such pairs of rates. A sample rate does not say which loop is faster; the bandwidth does. At one
+# sample rate, an inner loop with ten times the bandwidth of the outer one is an ordinary cascade. If the bandwidths
+# are close, both are one loop and have to be analysed as one. Impedance control on torque-controlled joints has no
+# inner position PID at all. What you can check is a loop with stated rate, delay and gains: its matrix gives the
+# margins.
 #
 # </details>
 #
@@ -1444,13 +1485,11 @@ more_claims(
 #
 # ## 5 · Code, and the simulation in full
 #
-# The first listing builds the matrix of the closed loop. The state vector contains the `n` states of the **plant**
-# (the controlled joint), the commands that wait in the delay (newest first), and the `m` states of the controller,
-# which `A`, `B`, `C`, `D` describe. `transition` is the plant's own matrix.
-#
-# A command may arrive in the middle of a sample. `before` is the effect of the old command on the state at the end of
-# the sample, `now` that of the new one. `whole` is the number of whole samples of delay. `fed` says where this
-# sample's command goes: to the head of the queue, and directly to the joint if the delay is shorter than a sample:
+# The first listing builds the matrix of the closed loop. The state contains the `n` states of the **plant** (the
+# controlled joint), the commands that wait in the delay (newest first), and the `m` states of the controller `A`,
+# `B`, `C`, `D`. A command may arrive in the middle of a sample: `before` is the effect of the old command on the
+# plant, `now` that of the new one. `whole` counts whole samples of delay. `fed` says where this sample's command
+# goes: to the head of the queue, and directly to the joint if the delay is shorter than a sample:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
@@ -1466,22 +1505,23 @@ source(control.pid._update, "error = setpoint - y")
 
 # %% [markdown]
 # In computed torque with half-sample preview, the caller passes the reference for the middle of the sample. The
-# function extrapolates the measured state to the same instant. `needed` is inverse dynamics: the torque that the model
-# needs for a desired acceleration:
+# function extrapolates the measured state to the same instant. `needed` is inverse dynamics: the torque that the
+# model needs for a desired acceleration:
 
 # %% tags=["hide-code"]
 source(control.computed_torque, "half = 0.5")
 
 # %% [markdown]
-# The last one is the central part of MPPI. Lines before it made the noisy plans `tries`. The lowest cost is subtracted
-# before the exponential, because otherwise all weights could underflow to zero:
+# The last one is the central part of MPPI. Lines before it made the noisy plans `tries` with `rng`, `spread` and
+# `limit`. The lowest cost is subtracted before the exponential, because otherwise all weights could underflow to
+# zero:
 
 # %% tags=["hide-code"]
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and the hunting ends. Four
-# questions on other presets:
+# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and the hunting ends.
+# Four questions on other presets:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
 # 2. *PD at its limit*: should you lengthen or shorten the sample time?
@@ -1494,8 +1534,8 @@ simulation("joint", "Hunting")
 # %% [markdown]
 # <details><summary>Answers</summary>
 #
-# 1. It oscillates with a constant amplitude, because the torque limit bounds it. This looks like the ultimate gain but
-#    isn't.
+# 1. It oscillates with a constant amplitude, because the torque limit bounds it. This looks like the ultimate gain
+#    but isn't.
 # 2. Shorten it: the largest $K_d$ is proportional to $J/dt$.
 # 3. No. They describe the linear loop, and while the motor is at its limit, that loop is open.
 # 4. Raise $K_d$. It adds phase where the loop crosses the gain 1.
@@ -1506,12 +1546,15 @@ simulation("joint", "Hunting")
 #
 # ### Which controller for which error
 #
-# A two-link arm carries a payload of 0.5 kg and follows one motion. The *right* model knows payload and friction, the
+# A two-link arm with a payload of 0.5 kg follows one motion. The *right* model knows payload and friction, the
 # *wrong* model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample
-# rate, the lower one against computing time. *Pinocchio* and *MuJoCo* are half-sample preview with the inverse
-# dynamics of these libraries. LQR, MPC and MPPI correct the deviation from the planned motion. (In the upper right
-# panel, computed torque and half-sample preview coincide. Triangles at the upper edge: errors of MPPI that are too
-# large for the chart.)
+# rate, the lower one against the computing time of controller and simulated arm. Only the loops of PD, computed
+# torque and preview are compiled as a whole. All others, also those with the inverse dynamics of *Pinocchio* and
+# *MuJoCo* in half-sample preview, spend time in Python.
+#
+# LQR, MPC and MPPI correct the deviation from the planned motion. MPC meets no limit here, so its errors are those of
+# LQR. In the upper right panel, computed torque and half-sample preview coincide, and triangles are errors of MPPI
+# that are too large for the chart.
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1520,7 +1563,7 @@ right, wrong = stored("tracking_laws")[:2]
 timed = dict(re.findall(r"^(\S.*?) {2,}(\d+\.\d) us a sample", read("tracking_laws"), re.M))
 lines = [
     "| controller at 1 kHz | largest error, right model [mrad] | wrong model [mrad] | "
-    "time per sample, controller and simulated arm [µs] |",
+    "time per sample [µs] |",
     "|---|---|---|---|",
 ]
 for name in (
@@ -1533,6 +1576,17 @@ for name in (
     lines.append(
         f"| {name} | {1e3 * right[name].y[-1]:.3g} | {1e3 * wrong[name].y[-1]:.3g} | {timed[name]} |"
     )
+    if name == "PD + gravity":
+        for words, equal in (("", False), (", as stiff as computed torque", True)):
+            ahead = []
+            for model in (tracking.ARM, tracking.WRONG):
+                gains = (tracking.STIFF, tracking.DAMP)
+                if equal:
+                    gains = tracking.springs(model, tracking.KP, tracking.KD)
+                ahead.append(1e3 * tracking.error(JointLaw("feedforward", model, *gains), 1e-3))
+            lines.append(
+                f"| PD + feed-forward{words} | {ahead[0]:.3g} | {ahead[1]:.3g} | not timed |"
+            )
 # A rate of 1e-9 switches the adaptation off.
 off = [
     1e3 * tracking.error(tracking.adaptive(model, 1e-3, rate=1e-9), 1e-3)
@@ -1543,18 +1597,21 @@ Markdown("\n".join(lines))
 
 # %% [markdown]
 # With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
-# about the same time. Only the loops of PD, computed torque and preview are compiled as a whole. All other times, also
-# of the libraries, include Python's own.
+# about the same time. At equal stiffness, PD with feed-forward is better than computed torque without preview.
 #
 # With the wrong model, a part of the differences comes from the gains. LQR has the highest gains: neither delay nor
 # noise limits them here. Even with adaptation off, the stiffer adaptive law has only a ninth of computed torque's
 # error. Adaptation then reduces it by a factor of about fifty.
 #
-# PD is seven times as stiff at the elbow as computed torque. The next chart compares these two at equal stiffness.
-# With the wrong model, computed torque is worse by a factor below two. With the right one it is better by a factor
-# above a hundred:
+# <details><summary>PD with gravity compensation and computed torque at equal stiffness</summary>
+#
+# PD is seven times as stiff at the elbow as computed torque. This chart compares the two at equal stiffness. (The
+# axes differ, because the wrong model has less mass.) With the wrong model, computed torque is worse by a factor
+# below two. With the right one it is better by a factor above a hundred:
 #
 # ![Error of PD with gravity and of computed torque over the stiffness of the elbow](../docs/charts/equal_stiffness.png)
+#
+# </details>
 #
 # <details><summary>Rollouts, Riccati solver and quadratic programs, compared with MuJoCo and SciPy</summary>
 #
@@ -1570,19 +1627,21 @@ Markdown("\n".join(lines))
 # **What to pick.**
 #
 # * Only gravity is known: PD with gravity compensation.
-# * Good model, known load: computed torque with half-sample preview.
+# * Good model, known load: PD with feed-forward is the usual start. Computed torque with half-sample preview has a
+#   smaller error here, but all of its torque depends on measured angles and rates.
+# * Unknown constant load: an I term, or a disturbance observer.
 # * Changing load: adaptive control, with bounds on its estimate.
-# * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model is
-#   good enough. If it is not, use MPC with the nonlinear model, or MPPI where that model has no useful gradient, such
-#   as in contact.
+# * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model
+#   is good enough, otherwise MPC with the nonlinear model, or MPPI where that model has no useful gradient, such as
+#   in contact.
 #
 # ## 7 · Debug: what a simulator hides
 #
 # ### The simulator's hold
 #
-# Gains that work in simulation can shake the robot. One cause is how a simulator steps. MuJoCo (version 4 here) uses
-# **semi-implicit Euler**: it first updates the velocity with the torque, and then moves the position with the *new*
-# velocity.
+# Gains that work in simulation can shake the robot. One cause is how a simulator steps. MuJoCo's default integrator
+# (version 4 here) is **semi-implicit Euler**: it first updates the velocity with the torque, and then moves the
+# position with the *new* velocity.
 
 # %%
 predict("one_step_a_sample")
@@ -1610,35 +1669,38 @@ _ = axis.legend(fontsize=9, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. So close the loop outside of the
-# simulator, at the robot's rate, with ten or more physics steps per sample. In the map, a sampled PID loop is stable
-# below the black line, which is measured on the exact joint and lies on the theory (dashed). The limits measured in
-# MuJoCo (crosses) are slightly higher, because its delay is smaller:
+# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. This matters where the hold is
+# the largest delay. With 5 ms of other delay that you also simulate, one step per sample raises the limit by only a
+# tenth. Otherwise close the loop outside of the simulator, at the robot's rate, with ten physics steps per sample (at
+# ten times the cost).
+#
+# <details><summary>The limits of a PID loop: theory, the exact joint and MuJoCo</summary>
+#
+# A sampled PID loop is stable below the black line, which is measured on the exact joint and lies on the theory
+# (dashed). The limits measured in MuJoCo with ten steps per sample (crosses) are slightly higher, because its delay
+# is smaller:
 #
 # ![Where the sampled PID loop is stable, measured and in theory](../docs/charts/pid_stability.png)
 #
-# <details><summary>MuJoCo's own position servo</summary>
-#
-# MuJoCo evaluates a built-in position servo in every physics step, together with the motion. So the servo has no hold
-# and is not a sampled loop. The servo's limits depend on the integrator (*Euler*, *implicitfast* or *discrete*). The
-# right chart of PD gains in section 1 shows them; markers at the chart's upper edge mean: no limit found. The attribute
-# `delay` of a position actuator delays the set-point, not the feedback.
-#
 # </details>
+#
+# MuJoCo evaluates its built-in position servo in every physics step, so the servo has no hold. The right chart of
+# *Stable PD gains* shows its limits: they depend on the integrator, and differ from those of sampled PD (dashed).
+# Triangles mean that no limit was found.
 #
 # <details><summary>Force control at MuJoCo's soft contact</summary>
 #
 # In MuJoCo's soft contact, a fixed share $d$ of the command appears at once as contact force, before the hand has
-# moved. (A spring would give none.) So a force loop with gain $g$ multiplies its own command by $g\,d$ in each sample.
-# That stays bounded only for $g\,d < 1$, so the limit is about $1/d$ at nearly every wall: too high at stiff walls, too
-# low at soft ones.
+# moved. (A spring would give none.) So a force loop with gain $g$ multiplies its own command by $g\,d$ in each
+# sample. That stays bounded only for $g\,d < 1$, so the limit is about $1/d$ at nearly every wall: too high at stiff
+# walls, too low at soft ones.
 #
 # </details>
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. If you let
-# the simulator compute the control torque, you tune the simulator.
+# **Key insight.** A simulator's actuator, contact and friction are models with time constants of their own. If the
+# simulator's servo computes the torque, your gains fit the simulator's loop, not the robot's.
 #
 # </div>
 
@@ -1721,9 +1783,9 @@ show("overshoot_means_p")
 #
 # **Debugging tip.** *The robot vibrates at contact.* First ask which loop runs through the wall.
 #
-# * Impedance control: does the vibration grow, or die out slowly? If it grows, lower the stiffness or the damping,
-#   whichever is too large for the delay. If it dies out, raise the damping as far as the delay allows, because the
-#   wall has raised the stiffness to $K + k_e$.
+# * Impedance control: does the vibration grow, or die out slowly? If it grows, stiffness or damping is too large for
+#   the delay. Halve one, then the other: lower the one that slows the growth. If the vibration dies out, raise the
+#   damping as far as the delay allows, because the wall has raised the stiffness to $K + k_e$.
 # * Force control: lower the gain on the force. The impedance stiffness is not part of this loop.
 # * Admittance control: raise the virtual mass, or soften the inner position loop.
 #
@@ -1791,9 +1853,9 @@ check(computed_torque)
 # %% [markdown]
 # ### Friction compensation
 #
-# Computed torque cancels inertia and gravity, not the friction of gears and bearings. A **friction compensation** adds
-# the torque that friction takes, in the direction of the motion. It uses the rate of the reference, because noise
-# changes the sign of a measured rate at rest.
+# Computed torque does not cancel the friction of gears and bearings. A **friction compensation** adds this torque in
+# the direction of the motion. It uses the rate of the reference, because noise changes the sign of a measured rate at
+# rest.
 
 # %%
 card("friction_torque")
@@ -1880,16 +1942,20 @@ check(mppi_step)
 # tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as
 # in MPC, finds the forces of the lowest cost within these limits.
 #
-# A limit that the solution just reaches is **active**. Its **multiplier** says how fast the lowest cost would fall if
-# this limit were relaxed; it is never negative. The equations for weight and moment have multipliers of either sign.
-# At the minimum, the gradients of the active limits and of the equations, each times its multiplier, cancel the
+# A limit that the solution just reaches is **active**. Its **multiplier**, which is never negative, says how fast the
+# lowest cost would fall if this limit were relaxed. The equations for weight and moment have multipliers of either
+# sign. At the minimum, the gradients of the active limits and of the equations, each times its multiplier, cancel the
 # gradient of the cost.
+#
+# <details><summary>How steep the slope can be</summary>
 #
 # The left chart shows the steepest slope on which such forces exist, for strong joints and for joints of 13 N m. The
 # right chart shows how much of the allowed friction, and how much torque, the cheapest forces use with strong joints.
 # Torque costs little there, so these forces need more than 13 N m:
 #
 # ![Steepest slope over friction, and what standing uses](../docs/charts/standing_limit.png)
+#
+# </details>
 
 # %%
 more_claims(
@@ -1946,9 +2012,9 @@ check(hold_joint)
 # %% [markdown]
 # ### Formulas: three limits of PD
 #
-# Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
-# $dt$. Write one sample as a matrix or as a polynomial in $z$, and find out when an eigenvalue or a root reaches the
-# unit circle. Any equivalent form is right.
+# Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time
+# is $dt$. Write one sample as a matrix or as a polynomial in $z$, and find out when an eigenvalue or a root reaches
+# the unit circle.
 # <span class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$ for a given $K_d$?
@@ -1977,24 +2043,23 @@ your_robot(6)
 # %% [markdown]
 # ## 9 · Frontier: learned controllers
 #
-# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
-# Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state, the angles and rates.
-# Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with
-# reinforcement learning, the subject of chapter 9.
+# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} +
+# \pi_\theta(x)$. Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state, the
+# angles and rates. Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019)
+# learns it with reinforcement learning, the subject of chapter 9. The example below fits it to data instead.
 #
-# But the torque that is missing for an unknown payload also depends on the acceleration. So in the example below, $x$
-# contains the accelerations, too. When the controller runs, the acceleration that enters the correction is the one that
-# computed torque requests.
+# But the torque that is missing for an unknown payload also depends on the acceleration. So in the example, $x$
+# contains the accelerations, too: when the controller runs, those that computed torque requests.
 
 # %%
 predict("taught_elsewhere")
 
 # %% [markdown]
-# The example starts from a wrong model, without payload and friction. A weighted sum of 200 sines is fitted to the
-# torque that this model misses. Each sine takes a random combination of the inputs. The example then drives the motion
-# with the improved controller, adds the new data, and repeats this for six rounds. The curves are medians of seven
-# random draws of the sines, the bands reach from the best to the worst. For comparison, adaptive control changes the
-# seven physical parameters of the arm:
+# The example starts from a wrong model, without payload and friction. It fits the torque that this model misses with
+# a weighted sum of 200 sines, each of a random combination of the inputs. It then drives the motion with the improved
+# controller, adds the new data, and repeats this for six rounds. The curves are medians of seven random draws of the
+# sines, the bands reach from the best to the worst. For comparison, adaptive control changes the seven physical
+# parameters of the arm:
 #
 # ![Learned and adapted, on the trained motion and on a larger one](../docs/charts/learned_beside_adaptive.png)
 
@@ -2006,11 +2071,11 @@ off = [tracking.error(still, 4e-3, size=size) for size in (1.0, 1.6)]
 print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:.2g} rad")
 
 # %% [markdown]
-# On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error is
-# about 35 times as large, because it has no data there. The adaptive law's is about three times as large: its model has
-# the form of the arm's equations, which are true for both motions, and it goes on adapting. The adaptive law also has
-# higher gains; the last line shows its error without adaptation. On the larger motion, learning divides the error by
-# about 11, adaptation by about 22.
+# On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error
+# is about 35 times as large, because it has no data there. The adaptive law's is about three times as large: its
+# model has the form of the arm's equations, and it goes on adapting. Its gains are also higher. Compared with the
+# same controller without adaptation (last line), adaptation divides the error on the larger motion by about 22,
+# learning by about 11.
 #
 # <details><summary>Five works to read</summary>
 #
@@ -2020,7 +2085,7 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 # | Actuator nets (Hwangbo and others, Science Robotics) | 2019 | a network models the motor drive inside a simulator |
 # | RMA (Kumar and others, RSS) | 2021 | a policy infers the changed dynamics from recent observations |
 # | Neural-Fly (O'Connell and others, Science Robotics) | 2022 | features learned before, weights adapted in flight |
-# | MJPC (Howell and others, arXiv 2212.00541) | 2022 | predictive sampling with MuJoCo, cost weights changed live |
+# | MuJoCo MPC (Howell and others, arXiv 2212.00541) | 2022 | predictive sampling with MuJoCo, cost weights changed live |
 #
 # </details>
 
@@ -2028,8 +2093,8 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 more_claims("residual_learning_is_faster", "residual_of_the_state")
 
 # %% [markdown]
-# You can also plan with MuJoCo as the model, and change a weight of the cost while the controller runs. Here MPPI does
-# this in a few lines. First the arm swings up. Then we raise the price of torque, and the arm lets itself fall:
+# You can also plan with MuJoCo as the model, and change a weight of the cost while the controller runs. Here MPPI
+# swings the arm up. Then we raise the price of torque, and the arm lets itself fall:
 
 # %% tags=["show-code"]
 body, arm = TwoLink(gravity=9.81).chain(), TwoLink(gravity=9.81)

@@ -326,6 +326,12 @@ def test_six_curves_are_shown_and_the_others_are_named():
     assert len(few.lines) == 7 and few.figure.get_supxlabel() == text([panel])
     (more,) = _axes(panel, also=panel.others)
     assert len(more.lines) == 10 and more.figure.get_supxlabel() == ""
+    # A curve that another panel draws is not called "not drawn".
+    other = Panel("", series=[Series("m1", x, x)])
+    assert text([panel, other]).splitlines() == [
+        "measured, not drawn: m7; m8",
+        "drawn in some of the panels only: m1",
+    ]
     # What is switched on or off changes no colour.
     assert _line(few, "m2").get_color() == _line(more, "m2").get_color()
 

@@ -135,7 +135,7 @@ def pd_triangles(points: int = 60) -> Iterator[Panel]:
     # Dimensionless gains: in units of J / dt and J / dt^2 all joints have the same triangle.
     V = np.linspace(0.02, 1.98, points)
     panel = Panel(
-        "The rate's delay shrinks the triangle",
+        "Delay shrinks the triangle",
         "kd dt / J",
         "kp dt^2 / J",
         theory="closed form",

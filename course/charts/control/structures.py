@@ -81,20 +81,17 @@ def motion(seconds: float = 6.0) -> tuple[Array, Array, Array]:
     return q, v, np.gradient(v, DT, edge_order=2)
 
 
-def tracking_error(law: Law, setpoint: tuple[float, float], model: float) -> float:
+def tracking_error(law: Law, model: float) -> float:
     """Return the root mean square error of the motion after its first second [rad].
 
     Args:
-        law: feedback on the error.
-        setpoint: torque per speed and per angle by which a law that acts on the measurement alone
-            holds back; zeros for a law that acts on the error.
+        law: feedback on the error, its D term too.
         model: share of the motion's torque that the feed-forward adds, early by the delay.
     """
     q, v, a = motion()
     torque = J * a + B * v
-    back = -(setpoint[0] * v + setpoint[1] * (q - q[0]))
     early = np.append(torque[LATE:], np.full(LATE, torque[-1]))
-    run = shapes.respond(late_joint(), law, -torque, model * early + back, samples=q.size)
+    run = shapes.respond(late_joint(), law, -torque, model * early, samples=q.size)
     return float(np.sqrt(np.mean(run.error[round(1.0 / DT) : -LATE - 1] ** 2)))
 
 
@@ -113,16 +110,6 @@ def loop_structures(points: int = 22) -> Iterator[Panel]:
     """
     speeds, plant = np.geomspace(4.0, 130.0, points), late_joint()
 
-    def weights(p: float) -> tuple[float, float]:
-        gains = shapes.cascade(*cascade_gains(p))
-        return gains.kd, (1.0 - gains.weight) * gains.kp
-
-    def derivative(p: float) -> tuple[float, float]:
-        return pd_gains(p)[1], 0.0
-
-    def no_spread(_: float) -> tuple[float, float]:
-        return 0.0, 0.0
-
     panel = Panel(
         "Tracking a planned motion",
         "torque from encoder noise [N m]",
@@ -133,29 +120,22 @@ def loop_structures(points: int = 22) -> Iterator[Panel]:
             "torque; each curve ends at the fastest stable tuning"
         ],
     )
-    for label, key, law, held_back, model in (
-        ("PD", "PD", pd, derivative, 0.0),
-        ("cascade (PID)", "cascade", cascade, weights, 0.0),
-        ("cascade + feed-forward", "cascade + feed-forward", cascade, no_spread, LIGHT),
-        (
-            "observer with delay + feed-forward",
-            "observer with delay",
-            observer(LATE),
-            no_spread,
-            LIGHT,
-        ),
-        ("predictor + feed-forward", "predictor", predictor(LATE), no_spread, LIGHT),
+    for label, key, law, model in (
+        ("PD", "PD", pd, 0.0),
+        ("PD + feed-forward", "PD + feed-forward", pd, LIGHT),
+        ("cascade + feed-forward", "cascade", cascade, LIGHT),
+        ("observer with delay + feed-forward", "observer with delay", observer(LATE), LIGHT),
+        ("predictor + feed-forward", "predictor", predictor(LATE), LIGHT),
         (
             "predictor, half the delay, + feed-forward",
             "predictor, half the delay",
             predictor(LATE // 2),
-            no_spread,
             LIGHT,
         ),
     ):
         used = fastest(law, plant, speeds)
         noise = [NOISE * shapes.torque_noise(plant, law(p)) for p in used]
-        errors = [tracking_error(law(p), held_back(p), model) for p in used]
+        errors = [tracking_error(law(p), model) for p in used]
         note = _best(label, used, noise, errors)
         panel.series.append(Series(label, noise, errors, key, note=note))
     yield panel

@@ -28,8 +28,9 @@ def test_along_the_path_mpc_without_limits_is_the_regulator() -> None:
 
 def test_a_log_tells_the_inertia_and_the_cause() -> None:
     inertia, causes = build("what_a_log_tells", noises=(3e-5,), joints=2, causes=1)
-    integral, usual = inertia.series
+    integral, usual, *filtered = inertia.series
     assert integral.y[0] < 1e-3 < 0.1 < usual.y[0]
+    assert all(one.y[0] < 0.01 for one in filtered)
     assert [series.y[0] for series in causes.series] == [1.0] * len(logs.CAUSES)
 
 
