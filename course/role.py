@@ -182,8 +182,10 @@ def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
     # The newest sample that has arrived at each tick.
     index = np.searchsorted(times, ticks, side="right") - 1
     last = np.int64(-1)
-    # With a depth of 1 the newest sample is the answer. A deeper queue needs a loop over the ticks.
-    for k in range(index.size) if depth > 1 else range(0):
+    # With a depth of 1 the newest sample is the answer.
+    if depth == 1:
+        return index
+    for k in range(index.size):
         # The next unread sample if it has arrived, else the last one again (min). But what is older
         # than the last `depth` samples has been dropped (max).
         last = max(min(last + 1, index[k]), index[k] - depth + 1)
@@ -230,12 +232,13 @@ class Trace:
     def age(self, times: Array) -> Array:
         """Return data age at these times, NaN before the first command [s]."""
         index = np.searchsorted(self.published, times, side="right")
-        # Index 0, before the first command, finds the NaN in front.
+        # `index` counts the commands up to each time. With a NaN in front, number k is command k,
+        # and number 0 means that there was none yet.
         return times - np.append(np.nan, self.captured)[index]
 
     def reaction(self, events: Array) -> Array:
         """Return reaction time to events at these times, NaN where the run ended before it [s]."""
-        # The first measurement that is not older than the event.
+        # The first measurement that is not older than the event: `captured` never decreases.
         index = np.searchsorted(self.captured, events)
         return np.append(self.published, np.nan)[index] - events
 
@@ -397,7 +400,7 @@ _IMAGE, _STATE, _TORQUE = 640 * 480 * 2, 7 * 3 * 8, 7 * 8  # depth in mm; q, v, 
 STACK = (
     Edge("robot", "middleware", "depth image", 30.0, _IMAGE),
     Edge("simulation", "middleware", "simulated image", 30.0, _IMAGE),
-    Edge("middleware", "perception", "stamped image", 30.0, _IMAGE),
+    Edge("middleware", "perception", "depth image", 30.0, _IMAGE),
     Edge("middleware", "learning", "log of images", 30.0, _IMAGE, 100, "none"),
     Edge("perception", "planning", "poses and covariances", 30.0, (7 + 36) * 8),
     Edge("planning", "control", "trajectory of 50 points", 10.0, 50 * 14 * 8),

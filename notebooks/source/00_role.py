@@ -1,10 +1,10 @@
 # %% [markdown]
 # # 0 · The role
 #
-# *A robot picks parts from a moving belt, and its gripper always closes a little too late. Every program on the robot
-# is fast. How old is the image behind its present motor command?* About {open minutes} minutes of reading, cards and
-# charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes. The answers in
-# section 10 are not counted.
+# *A robot picks parts from a moving belt, and it always reaches for a place a little behind the part. Every program
+# on the robot is fast. How old is the image behind its present motor command?* About {open minutes} minutes of
+# reading, cards and charts. The folded parts add {folded minutes} minutes, the exercises {exercise minutes} minutes.
+# The answers in section 10 are not counted.
 
 # %%
 from course.cards import predict
@@ -20,21 +20,22 @@ simulation("stack")
 
 # %% [markdown]
 # The drawing shows the software of a robot, its *stack*. Each dot belongs to one image, and the number is the image's
-# age. The blue bars show how often the command has each age in a simulated run. A formula predicts the three dashed
-# lines (section 1).
+# age. The blue bars show how often the command has each age in a simulated run. The dashed lines come from a formula
+# (section 1): the least age, the mean, and a *bound* that no age exceeds.
 #
 # **After this chapter you can** draw a stack as a graph, with the rate, the size and the kind of deadline of every
 # arrow; compute how old the information behind a motor command is; find the change that makes it younger; and
 # recognise, in a log, a full queue and trouble between two clocks. **Know first:** some Python, and what a mean is.
-# Later chapters use linear algebra, derivatives, differential equations and probability.
 #
 # ## How this course works
 #
-# This is a course about simulated robots, and about how far you can trust a simulated number. Each chapter has five
-# sides: concept, design, code, debugging and frontier.
+# This course prepares for a role: an engineer who simulates robots, and who can say how far a simulated number can be
+# trusted.
 #
-# *Cards* ask questions. Some show a statement that you will often hear. You judge it: true, false, or true only under a
-# condition. (`python -m course.derivations 0` checks the statements.) Section 7 has these exercises:
+# *Cards* ask questions. Some show a statement that you will often hear. You judge it: true, false, or true only under
+# a condition. (`python -m course.derivations 0` checks the statements.)
+#
+# Section 7 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -51,7 +52,7 @@ from IPython.display import Markdown
 from course import role
 from course.cards import figures, interview
 from course.charts import read
-from course.derivations import figure, show
+from course.derivations import show
 from course.measure.success import wilson
 from course.role import CHAIN, STACK, Stage, age, cost, load, simulate, spend
 
@@ -78,20 +79,20 @@ def table(*rows):
 # %% [markdown]
 # ## 1 · Concept: six boxes and a robot
 #
-# The drawing has six boxes of software and one for the robot. Click a box to read what goes in and out:
+# The drawing at the top has six boxes of software and one for the robot. Click a box to read what goes in and out:
 #
-# * The **simulation** takes torques (turning forces) and returns images and **joint states**, the angles and speeds
-#   of the joints. It stands for the robot (chapters 1 to 4).
+# * The **simulation** takes torques (turning forces) and returns images and **joint states**: the angles, speeds and
+#   torques of the joints. It stands for the robot (chapters 1 to 4).
 # * The **middleware** carries messages from one program to another. (Poses and trajectories pass through it, too, but
-#   are drawn without it.) Each image leaves it with a **time stamp**, the moment of its capture (chapter 10).
+#   are drawn without it.) Each image has a **time stamp**, the moment of its capture. The camera sets it, or its
+#   *driver*, the program that reads the camera (chapter 10).
 # * **Perception** turns images (*frames*) into poses, the positions and orientations of things, with their
 #   uncertainty, the *covariance* (chapter 7).
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
-# * **Control**, also called the *joint loop*, turns trajectories and joint states into torques, the motor commands,
-#   1,000 times per second (chapter 6).
-# * **Learning** turns logs and **episodes** (tries at a task) into parameters of the simulation and into **policies**,
-#   programs that choose the next action. *Sim-to-real* means that such a policy then runs on the real robot (chapters 8
-#   and 9).
+# * **Control**, also called the *joint loop*, turns trajectories and joint states into the motor commands, here
+#   torques, 1,000 times per second (chapter 6).
+# * **Learning** turns logs and **episodes** (tries at a task) into parameters of the simulation and into
+#   **policies**, programs that choose the next action (chapters 8 and 9).
 #
 # An arrow carries samples, such as images. With a **hard deadline** each late sample counts as a failure. With a
 # **soft deadline** a late sample is only worth less.
@@ -108,12 +109,13 @@ predict("never_late")
 #
 # </details>
 #
-# The **bandwidth** of an arrow is its rate, in samples per second, times the size of each sample in bytes. A depth
-# camera measures the distance at each pixel. With 640 by 480 pixels of 2 bytes at 30 Hz, it sends $640 \cdot 480 \cdot
-# 2 \cdot 30 = 18.4$ million bytes per second.
+# The **bandwidth** of an arrow is its rate times the size of each sample: bytes per second. A depth camera measures
+# the distance at each pixel. With 640 by 480 pixels of 2 bytes at 30 Hz, it sends $640 \cdot 480 \cdot 2 \cdot 30 =
+# 18.4$ million bytes per second. A joint state of 7 joints has three numbers of 8 bytes for each joint, so $7 \cdot 3
+# \cdot 8 = 168$ bytes.
 #
-# The table lists the arrows with the largest bandwidth. If the joint loop drives a simulation, the arrows between the
-# two have no deadline, because a simulation can wait. A log has no deadline either.
+# The table lists the arrows with the largest bandwidth. Between the joint loop and a simulation there are no
+# deadlines, because a simulation can wait. A log has none either.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -126,9 +128,9 @@ table(
 )
 
 # %% [markdown]
-# Nearly all bytes belong to images. Nearly all messages are joint states and torques. Only the arrows between the joint
-# loop and the robot have hard deadlines. So the joint loop gets a *core* (one processor of the computer) of its own,
-# where other programs hardly delay it.
+# Nearly all bytes belong to images. Nearly all messages are joint states and torques. Only the arrows between the
+# joint loop and the robot have hard deadlines. So the joint loop runs with *real-time priority*: when it has to
+# start, other programs wait. Often it also has a *core* (one processor of the computer) to itself.
 #
 # ### How old is a command?
 #
@@ -136,23 +138,26 @@ table(
 # computed from an image. The **data age** of the command is the time from the capture of that image until now. A
 # command is *in force* until the next command replaces it.
 #
-# Each program in this chain is a *stage*. A stage has an **execution time** $C$, the time from its start to its result.
-# Most stages also have a clock with a **period** $T$: the clock ticks once per period, and each tick starts the stage.
-# When a stage starts, it takes the newest result of the stage before it. The **interval** of a stage is the time from
-# one result to the next. In our chain each interval is equal to the period.
+# Each program in this chain is a *stage*. A stage has an **execution time** $C$, the time from its start to its
+# result. Most stages also have a clock with a **period** $T$: the clock ticks once per period, and each tick starts
+# the stage. When a stage starts, it takes the newest result of the stage before it. The **interval** of a stage is
+# the time from one result to the next. In our chain each interval is equal to the period.
 #
-# The chain of this chapter has three stages. *Perception* needs 45 ms. Each image of a camera at 30 Hz starts it, so we
-# count the camera's clock as its clock. The 45 ms are longer than the 33.3 ms between two images. So two copies of the
-# program, two *workers*, take turns, each with every second image. The *planner* starts 10 times per second and needs
-# 60 ms. The *joint loop* runs at 1,000 Hz and needs 0.2 ms.
+# The chain of this chapter has three stages. *Perception* needs 45 ms. Each image of a camera at 30 Hz starts it, so
+# we count the camera's clock as its clock. The 45 ms are longer than the 33.3 ms between two images. So two copies of
+# the program, two *workers*, take turns, each with every second image. The *planner* starts 10 times per second and
+# needs 60 ms. The *joint loop* runs at 1,000 Hz and needs 0.2 ms.
+#
+# We count only this work and the waits between the stages. The exposure of the image, the transport of messages and
+# the delay of the motors come on top.
 
 # %%
 show("chain_age")
 
 # %% [markdown]
-# The next diagram shows how the age grows from 0, the capture of the image, to the present moment. All values are
-# means. Blue bars are work. An orange bar shows how long a result had been finished when the next stage read it. The
-# last orange bar shows how long the command has been in force:
+# The next diagram shows how the age grows from 0, the capture of the image, to the present moment. Blue bars are
+# work. An orange bar shows how long a result had been finished when the next stage read it. The last orange bar shows
+# how long the command has been in force:
 
 # %% tags=["hide-code"]
 parts, names = [], []
@@ -183,46 +188,53 @@ table(
         for name, value in (
             ("least", report.least),
             ("mean", report.mean),
-            ("bound, which no age exceeds", report.greatest),
+            ("bound (conditions below)", report.greatest),
         )
     ),
 )
 
 # %% [markdown]
-# Why half of each period? The planner looks for a pose at a random moment. The newest pose may have come just now, or
-# almost a whole period of perception ago. On average it came half a period ago. In the same way, the loop uses a plan
-# that came, on average, half a planner period ago, 50 ms. And the command in force came half a loop period ago.
+# Why half of each period? The planner looks for a pose at a moment that is random for perception. The newest pose may
+# have come just now, or almost a whole period of perception ago. On average it came half a period ago. In the same
+# way, the loop uses a plan that came, on average, half a planner period ago, 50 ms. And the command in force came
+# half a loop period ago.
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
-# by $0.3 \cdot 172.4 \approx 52$ mm. So the gripper closes 52 mm behind the part. At worst, whole periods come on top
-# instead of halves: $105.2 + 33.3 + 100 + 1 = 239.5$ ms. This is the *bound* in the table.
+# by $0.3 \cdot 172.4 \approx 52$ mm. So the robot reaches for a place 52 mm behind the part.
 #
-# The **phase** of two clocks is the time from a tick of one to the next tick of the other. Independent clocks
-# **drift**: no clock keeps its rate exactly, so the phase changes slowly and takes all values while the robot works.
-# The 172.4 ms are the mean over all phases. If clocks never drift, the mean can differ from one start of the robot to
-# the next (section 6).
+# At worst, whole periods come on top instead of halves: $105.2 + 33.3 + 100 + 1 = 239.5$ ms. This is the *bound* in
+# the table. No age exceeds it if every stage starts on time and never needs longer than its $C$, no result is lost,
+# and every reader takes the newest result.
+#
+# The **phase** of two clocks is the time from a tick of one to the next tick of the other. We suppose that the clocks
+# of the camera, the planner and the joint loop run independently. Independent clocks **drift**: no clock keeps its
+# rate exactly, so the phase changes slowly, and over some hours it takes all values. The 172.4 ms are the mean over
+# all phases.
+#
+# Programs on one computer usually share its clock, so their phase can stay the same. If planner and joint loop share
+# a clock, the mean moves by at most half a millisecond. If camera and planner share one, it moves much more (section
+# 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
 # Go backwards from now. The command in force was issued at some time during the last $T_n$, the interval of the last
-# stage. This time is evenly distributed from 0 to $T_n$, because now is a random moment. The last stage had begun $C_n$
-# earlier. It read the newest result of stage $n-1$, which had been waiting for a time that is evenly distributed from 0
-# to $T_{n-1}$. Continue in the same way to the capture of the image.
+# stage. This time is evenly distributed from 0 to $T_n$, because now is a random moment. The last stage had begun
+# $C_n$ earlier. It read the newest result of stage $n-1$, which had been waiting for a time that is evenly
+# distributed from 0 to $T_{n-1}$. Continue in the same way to the capture of the image.
 #
-# So the age is the sum of all $C_i$ and of independent waits, each evenly distributed from 0 to $T_i$. It lies between
-# $\sum C$ and $\sum C+\sum T$. Its mean is $\sum C+\tfrac12\sum T$ and its variance $\tfrac1{12}\sum T^2$. The bound is
-# that of Davare and others (DAC 2007), who use response times on shared processors in place of $C$. Dürr and others
-# (2019) made it tighter for tasks without a fixed period.
+# So the age is the sum of all $C_i$ and of independent waits, each evenly distributed from 0 to $T_i$. It lies
+# between $\sum C$ and $\sum C+\sum T$. Its mean is $\sum C+\tfrac12\sum T$ and its variance $\tfrac1{12}\sum T^2$.
+# The bound is that of Davare and others (DAC 2007), who use response times on shared processors in place of $C$. Dürr
+# and others (2019) made it tighter for tasks without a fixed period.
 #
 # </details>
 #
 # ### Whose period?
 #
 # Two stages meet at each arrow: the **producer**, which writes results, and the **reader**, which takes them. If the
-# data are too old, many people first make the reader faster. Then it *polls* more often: it looks more often for a new
-# result. A newspaper comes once a day and lies on the table. You look at it once an hour. Now you look twice an hour.
-# Is the newspaper on the table fresher then?
+# data are too old, many people first make the reader *poll* more often: look more often for a new result. A newspaper
+# comes once a day and lies on the table. You look at it once an hour. Now you look twice an hour. Is it fresher then?
 
 # %%
 show("polling_makes_fresh")
@@ -230,9 +242,9 @@ show("polling_makes_fresh")
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Information ages while it is worked on *and while it waits*. A reader with a clock of its own finds a
-# result that has waited, on average, for half of the *producer's* interval. The last command ages as well, until the
-# next one replaces it. That adds half of the last stage's interval, on average.
+# **Key insight.** Information ages while it is worked on *and while it waits*. A reader with a clock of its own finds
+# a result that has waited, on average, for half of the *producer's* interval. The command in force ages as well,
+# until the next one replaces it.
 #
 # </div>
 #
@@ -244,89 +256,101 @@ show("polling_makes_fresh")
 #
 # Both times contain all execution times. On average, these times come on top:
 #
-# * Data age: half an interval of perception and half an interval of the planner (the *producers*), and half an interval
-#   of the joint loop, whose command is in force.
+# * Data age: half an interval of perception and half an interval of the planner (the *producers*), and half an
+#   interval of the joint loop, whose command is in force.
 # * Reaction time: half an interval of the camera, because the event waits for the next image; half an interval of the
 #   planner and half an interval of the joint loop (the *readers*).
 #
 # The camera and perception have the same interval. So both means are equal.
 #
-# Do both times also have the same *distribution*: is each value as frequent in one as in the other? The next card tests
-# this with lost results and with **jitter**: a stage does not always need the same time. With jitter, one of two
-# workers can overtake the other. The simulation then drops the late result of the older image.
+# Do both times also have the same *distribution*: is each value as frequent in one as in the other? The next card
+# tests this with lost results and with **jitter**: a stage does not always need the same time. With jitter a result
+# can overtake an older one. The simulation then drops the older one.
 
 # %%
 show("reaction_is_age")
 
 # %% [markdown]
-# Log the data age, because you only need a time stamp that travels with the data. Write requirements as
-# reaction times, because people ask how soon a robot reacts.
+# Log the data age, because you only need a time stamp that travels with the data. Write requirements as reaction
+# times, because people ask how soon a robot reacts.
 #
 # ## 2 · Design: where the time goes, and what it buys
 #
 # The **latency** of a box or an arrow is the time that information spends there. If a task allows a certain age, a
-# **latency budget** divides this age among the boxes and arrows. The **critical path** is the slowest path from a
-# sensor to the motors. The execution and waiting times on it add up to the age. If you save time on another path, the
-# age stays the same.
+# **latency budget** divides this age among the boxes and arrows.
+#
+# Images and joint states reach the motors on two paths, and on each path the information has an age of its own. The
+# **critical path** is the one on which it becomes oldest, here the path from the camera. Time that you save on
+# another path does not make this oldest information younger.
 
 # %%
 predict("where_to_spend")
 
 # %% [markdown]
-# A stage can get a faster clock or a shorter execution time. There are two other changes:
+# A stage can get a faster clock, which costs cores. Or somebody shortens its execution time: then the age falls by
+# what is saved. There are two other changes:
 #
 # * A stage that starts **on arrival** has no clock. Each new input starts it. So no input waits, as long as the stage
 #   is free when the input comes.
-# * A **pipelined** stage has several workers. One of them begins with a new sample before another has finished the last
-#   one, as two cooks do with two orders. Results come more often; a single sample takes as long as before.
+# * A **pipelined** stage has several workers. One of them begins with a new sample before another has finished the
+#   last one. Results come more often; a single sample takes as long as before.
 #
 # A stage is in **overload** if it is started more often than it can finish. If poses start our planner, it is in
 # overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses that
 # come while it is busy, and starts with the next one that comes. With *queue* one pose waits, always the newest, and
-# the planner takes it as soon as it is free. Or the planner is pipelined: then it plans for every pose.
+# the planner takes it as soon as it is free. Or the planner is *pipelined*: then it plans for every pose.
 
 # %%
 show("start_when_free")
 
 # %% [markdown]
-# Every change costs computing. **Utilisation** is the share of a core that a stage keeps busy: execution time divided
-# by interval. Before any change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
+# **Utilisation** is the number of cores that a stage keeps busy: execution time divided by interval. Before any
+# change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
 #
-# The table lists what each change saves by the formula, and how many more cores it needs. With *skip* a pose does not
-# wait, and a plan comes with every second pose, every 66.7 ms. With *queue* a plan comes every 60 ms, and a pose waits
-# half of the interval between poses, 16.7 ms on average. (That is right if the 60 ms vary a little. Section 6 shows
-# why.) *Pipelined*, no pose waits, and a plan comes every 33.3 ms.
+# The table lists what each change saves by the formula, and what it costs. With *skip* a pose does not wait, which
+# saves 16.7 ms. And a plan comes with every second pose, every 66.7 ms instead of every 100 ms. Half of this
+# difference is another 16.7 ms. With *queue* a plan comes every 60 ms, and a pose waits half of the interval between
+# poses, 16.7 ms on average. (That is right if the 60 ms vary a little.) *Pipelined*, no pose waits, and a plan comes
+# every 33.3 ms.
 #
 # The change that saves most per core comes first:
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
 table(
-    ("stage", "change", "saves [ms]", "additional cores"),
-    *((o.stage, o.change, f"{1000 * o.gain:.3g}", f"{o.load:+.2f}") for o in options),
+    ("stage", "change", "saves [ms]", "additional cores", "saves per core [ms]"),
+    *(
+        (
+            o.stage,
+            o.change,
+            f"{1000 * o.gain:.3g}",
+            f"{o.load:+.2f}",
+            f"{1000 * o.gain / o.load:.3g}",
+        )
+        for o in options
+    ),
 )
 
 # %% [markdown]
-# Why does the first change save 33 ms? The pose no longer waits, which saves 16.7 ms. And a plan comes every 66.7 ms
-# instead of every 100 ms. Half of the difference is another 16.7 ms.
-#
 # ### What is a millisecond worth?
 #
 # In the time $A$ a part with the speed $v$ moves by $v A$. If its position is $A$ seconds old and you use it as it
-# came, you are wrong by this distance. If you know the age, you can **predict**: you add $v A$ to the old position. But
-# if the part also accelerates by $a$, it moves by another $\tfrac12 a A^2$. This error remains after the prediction.
+# came, you are wrong by this distance. If you know the age and the speed, you can **predict**: you add $v A$ to the
+# old position. Two errors remain. An error of the speed is multiplied by $A$: 1 cm/s becomes 1.7 mm. And if the part
+# accelerates by $a$, it moves by another $\tfrac12 a A^2$.
 #
-# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the prediction
-# has an additional error. The **standard deviation** measures how much a value varies around its mean. The standard
-# deviation of this error is the speed times the standard deviation of the age.
+# To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the
+# prediction has an additional error. The **standard deviation** measures how much a value varies around its mean. The
+# standard deviation of this error is the speed times the standard deviation of the age.
 #
 # If images steer the arm, old images can make it *unstable*: it swings more and more. Let the arm swing at $f$ Hz.
-# During the age $A$ it goes through $f A$ cycles. So the correction comes $f A$ cycles late. As an angle, this **phase
-# lag** is $2\pi f A$. (It is not a phase of clocks.) A correction that comes late enough pushes the arm further instead
-# of braking it, and the swing grows (chapter 6).
+# During the age $A$ it goes through $f A$ cycles. So the correction comes $f A$ cycles late. As an angle, this
+# **phase lag** is $2\pi f A$. If the arm's speed is proportional to the error in the image, a correction that lags by
+# more than 90 degrees pushes the swing instead of braking it (chapter 6).
 #
-# The chart shows the errors at speeds up to 1 m/s, for a part that accelerates by 1 m/s². The table shows those at 0.3
-# m/s:
+# The chart shows the errors at speeds up to 1 m/s, for a part that accelerates by 1 m/s² and whose speed is known
+# exactly at the capture. The table shows the errors at 0.3 m/s, and a phase lag. The first three errors shift all
+# positions in one direction. The fourth scatters around this shift:
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -347,7 +371,7 @@ plt.show()
 # %% tags=["hide-code"]
 paid = cost(report, 0.3, 1.0, bandwidth=1.0)
 table(
-    (f"mean age {1000 * report.mean:.0f} ms, speed 0.3 m/s", "error"),
+    (f"mean age {1000 * report.mean:.0f} ms, speed 0.3 m/s", "error or lag"),
     ("used as it came, constant speed", f"{1000 * paid.held:.0f} mm"),
     ("used as it came, acceleration 1 m/s²", f"{1000 * (paid.held + paid.predicted):.0f} mm"),
     (
@@ -361,9 +385,9 @@ table(
 # %% [markdown]
 # ### What the boxes are built with
 #
-# Most boxes have well-known implementations: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
-# Above planning, a **behaviour tree** often decides what the robot does next, and what it does after a failure. It is a
-# tree whose nodes succeed, fail, or are still running.
+# Free software exists for most boxes: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
+# Above planning, a **behaviour tree** often decides what the robot does next, and what it does after a failure. It is
+# a tree whose nodes succeed, fail, or are still running.
 #
 # <details><summary>These options, with year and source</summary>
 #
@@ -385,49 +409,51 @@ table(
 #
 # In a **queue** a new sample joins at the end, and the reader takes the one at the front. The **queue depth** is the
 # number of samples that fit. If a new sample finds the queue full, the sample at the front is dropped. The function
-# `read` returns which sample a reader gets. The class `Trace` is a recorded run. For each command it stores when it was
-# issued (`published`), and when its image was taken (`captured`). Its methods `age` and `reaction` compute the two
-# times of section 1:
+# `read` returns which sample a reader gets. The class `Trace` is a recorded run. For each command it stores when it
+# came into force (`published`), and when its image was taken (`captured`). Its methods `age` and `reaction` compute
+# the two times of section 1:
 
 # %% tags=["hide-code"]
 source(role.read, role.Trace.age, role.Trace.reaction)
 
 # %% [markdown]
-# A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds. The
-# names *see*, *plan* and *act* stand for perception, the planner and the joint loop. Here the planner starts on
-# arrival, with the rule *skip*. The next cell compares the formula of section 1, the **closed form**, with 300
-# simulated runs, each with random phases. (The function `age` is the closed form. The method `age` belongs to a
-# simulated run.)
+# A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds. A
+# stage in overload also has a rule. Here the planner starts on arrival, with the rule *skip*. The next cell compares
+# the formula of section 1, the **closed form**, with 300 simulated runs, each with random phases. (The function `age`
+# is the closed form. The method `age` belongs to a simulated run.)
 
 # %% tags=["show-code"]
 chain = [
-    Stage("see", 0.045, 1 / 30, overload="pipelined"),
-    Stage("plan", 0.060, overload="skip"),
-    Stage("act", 0.0002, 0.001),
+    Stage("perception", 0.045, 1 / 30, overload="pipelined"),
+    Stage("planner", 0.060, overload="skip"),
+    Stage("joint loop", 0.0002, 0.001),
 ]
 rng = np.random.default_rng(1)
 ages = [
-    # A phase for each stage; "plan" has no clock and ignores its own. After 0.8 s the chain is full.
+    # A phase for each stage (the planner has no clock and ignores its own). After 0.8 s, all have
+    # results.
     simulate(chain, rng.random(3), seconds=2.0).age(rng.uniform(0.8, 2.0, 20))
     for _ in range(300)
 ]
-print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {1000 * np.mean(ages):.1f} ms")
+simulated = 1000 * np.mean(ages)
+spread = 1000 * np.std(np.mean(ages, axis=1)) / np.sqrt(len(ages))
+print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {simulated:.1f} ± {spread:.1f} ms")
 
 # %% [markdown]
-# The small difference is chance: we looked at 6,000 random moments.
+# The ± is the **standard error**: the standard deviation of such a mean, estimated from the means of the 300 runs.
+# The difference of the two values is smaller, so it can be chance.
 #
 # ## 4 · The simulation in full
 #
-# In the simulation at the top, a dot in a box belongs to an image on which this box works now. A dot on an arrow is the
-# newest result of the box where the arrow begins. On the arrow from control to the robot it is the command in force.
-# The box that you click becomes orange, and its arrows become blue. Wide arrows have high rates. The readout *newest
-# result* is the age of the clicked box's newest result.
+# In the simulation at the top, a dot in a box belongs to an image on which this box works now. A dot on an arrow is
+# the newest result of the box where the arrow begins. On the arrow from control to the robot it is the command in
+# force.
 #
-# The bars come from about thirty seconds of a run. The clocks in this simulation drift much faster than real ones, so
-# half a minute shows all phases. The switch *all clocks from one* stops the drift.
+# The bars come from about thirty seconds of a run. In this time the clocks run through all phases, because they drift
+# much faster than real ones. The switch *all clocks from one* stops the drift.
 #
-# Try the presets one after another, and predict the bars before you look. In the preset *Deep queue* up to ten poses
-# wait for the planner:
+# Try the presets, and predict the bars before you look. In the preset *Deep queue* up to ten poses wait for the
+# planner:
 
 # %%
 predict("queue_of_ten")
@@ -437,11 +463,12 @@ predict("queue_of_ten")
 #
 # There are two ways to compute a mean age: the closed form and an event simulation, which jumps from one event to the
 # next. Here an event is the start or the result of a stage. We simulate this chapter's chain many times with random
-# phases, look at the age at one random moment of each run, and take the mean of these ages. How many runs are needed?
+# phases. From each run we take the age at one random moment, so the ages are independent, and then their mean. (More
+# moments per run, as in section 3, would make the simulation cheaper.)
 #
 # The *error* of such a mean is its distance from a reference: the mean over 8,192 runs whose phases are spread evenly
-# over all values. For 3, 10, 30, 100, 300 and 1,000 runs we compute the error nine times. A green point is the *median*
-# of these nine errors: half of them are larger. The band around it holds their middle half. The blue point is the
+# over all values. For 3, 10, 30, 100, 300 and 1,000 runs we compute the error nine times. A green point is the
+# *median*, the middle one of these nine errors. The band around it holds their middle half. The blue point is the
 # closed form. For this chain it is exact. So the error drawn there is the error of the reference.
 #
 # ![Error of the mean age against time](../docs/charts/age_precision.png)
@@ -450,17 +477,19 @@ predict("queue_of_ten")
 figures(read("age_precision"), "closed form", "1,000 runs", summary="Times and errors")
 
 # %% [markdown]
-# At the dotted line the error is 1 ms. That is 0.3 mm for a part at 0.3 m/s. The standard deviation of a mean over $n$
-# runs is that of one age, divided by $\sqrt n$. The closed form needs only microseconds, but it gives the mean over all
-# phases. Only the event simulation shows what happens in *one particular* run. Use the formula to design, and the
-# simulation wherever the assumptions of the formula do not hold.
+# At the dotted line the error is 1 ms. How many runs does that take? One age has a standard deviation of 30.4 ms, and
+# the mean over $n$ runs has $30.4/\sqrt n$ ms. That is 1 ms at $30.4^2 \approx 920$ runs. (The median error is
+# smaller, about two thirds of it.)
+#
+# The closed form needs only microseconds, but it gives the mean over all phases. Only the event simulation shows what
+# happens in *one particular* run. Use the formula to design, and the simulation wherever the assumptions of the
+# formula do not hold.
 #
 # ## 6 · Debug: where it fails
 #
 # ### Clocks that are locked
 #
-# The formula averages over all phases between two clocks. That is right if the phase takes all values while the robot
-# runs. There are two reasons why a phase can change:
+# The formula averages over all phases between two clocks. There are two reasons why a phase can change:
 #
 # * The clocks drift. A clock counts the swings of a **quartz**, a crystal that swings at a nearly constant rate. Two
 #   clocks that count the swings of the same quartz never drift against each other.
@@ -468,30 +497,22 @@ figures(read("age_precision"), "closed form", "1,000 runs", summary="Times and e
 #   other. So each tick of the slower clock comes at the same moment between two ticks of the faster one. At 30 Hz and
 #   9.73 Hz it comes at many different moments.
 #
-# Two clocks are **locked** if neither is the case: they do not drift, and after one or a few ticks of the slower clock
-# the phase is the same again.
+# Two clocks are **locked** if neither is the case: they do not drift, and after one or a few ticks of the slower
+# clock the phase is the same again.
 
 # %%
 show("long_run_mean")
 
 # %% [markdown]
-# With locked clocks the data can be fresh after one start of the robot and old after the next, although nobody changed
-# the code. Two computers are different, because each has a quartz of its own:
+# With locked clocks the data can be fresh after one start of the robot and old after the next, although nobody
+# changed the code. On two computers it is different, because each has a quartz of its own:
 
 # %%
 show("same_rate_in_step")
 
 # %% [markdown]
-# The upper row of the chart shows locked and drifting clocks. The lower row belongs to *Queues* below. The markers are
-# the event simulation, and the black lines are the theory. A camera takes 30 images per second.
-#
-# Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
-# This phase is given as a share of the reader's period. The curve has three teeth because three images come in one
-# period of the reader. A reader at 9.73 Hz is not locked, even with the same quartz: its mean stays near half of the
-# camera's period, marked $T/2$. Small waves remain, because the phase takes only about twelve values in this run.
-#
-# Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
-# falls at once by one period, and rises again.
+# The upper row of the chart shows locked and drifting clocks. The lower row belongs to *Queues* below. A camera takes
+# 30 images per second. The markers are the event simulation. The black lines are the theory.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -499,32 +520,49 @@ show("same_rate_in_step")
 figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 
 # %% [markdown]
+# Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
+# The curve has three teeth because three images come in one period of the reader. A reader at 9.73 Hz is not locked,
+# even with the same quartz: its mean stays near half of the camera's period, marked $T/2$. Small waves remain,
+# because the phase takes only about twelve values in this run. With $n$ evenly spaced values the mean is within
+# $T/(2n)$ of $T/2$.
+#
+# Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
+# falls at once by one period, and rises again. This shape is a *sawtooth*.
+#
 # ### Clocks on two computers: what an offset does
 #
-# Time stamps help only if the computers agree on the time. The difference between two clocks at the same moment is
+# So far a clock was what starts a stage. Time stamps come from another one, the clock that tells a computer the time.
+# They help only if the computers agree on the time. The difference between two such clocks at the same moment is
 # their **offset**. Suppose that the clock of the camera's computer is 5 ms ahead of the clock of the joint loop's
-# computer. Then every age that the joint loop logs is 5 ms too small, and at 0.3 m/s every prediction is wrong by $0.3
-# \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks as usual.
+# computer. Then every age that the joint loop logs is 5 ms too small, and at 0.3 m/s every prediction is wrong by
+# $0.3 \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks as usual.
 #
-# Look instead at the least and the greatest age of the commands in force. If the execution times are constant and the
-# programs' clocks drift, the least age comes close to the sum of the execution times, and the greatest to the bound of
-# section 1. If both ages are too small, or both too large, by the same amount, suspect an offset.
+# Look instead at the least age over several hours. If the execution times are constant and the clocks that start the
+# programs drift, this age comes close to the sum of the execution times. If it is smaller, suspect an offset or a
+# late stamp. If it is larger, it also contains what we did not count, such as the transport of messages.
 #
-# Computers set their clocks over the network. One computer sends a question, and another sends an answer. The question
-# leaves at $t_0$ and arrives at $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock
-# measures $t_0$ and $t_3$, the other clock measures $t_1$ and $t_2$. The **round trip** is the time on the network,
-# $(t_3 - t_0) - (t_2 - t_1)$.
+# Computers set their clocks over the network. One computer sends a question at $t_0$, which arrives at another one at
+# $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock measures $t_0$ and $t_3$, the
+# other clock measures $t_1$ and $t_2$. The **round trip** is the time on the network, $(t_3 - t_0) - (t_2 - t_1)$.
 #
-# Let the question take the time $d_1$, the answer $d_2$, and let the other clock be ahead by $x$. Then $t_1-t_0=d_1+x$
-# and $t_3-t_2=d_2-x$. The first computer assumes that $d_1$ and $d_2$ are equal. Then both cancel in the difference,
-# and $x=((t_1-t_0)-(t_3-t_2))/2$. The first computer corrects its own clock by this offset.
+# The first computer assumes that the question took as long as the answer, each half of the round trip. From this it
+# computes the offset, and corrects its own clock.
+#
+# <details><summary>The formula of the offset</summary>
+#
+# Let the question take the time $d_1$, the answer $d_2$, and let the other clock be ahead by $x$. Then
+# $t_1-t_0=d_1+x$ and $t_3-t_2=d_2-x$. If $d_1$ and $d_2$ are equal, both cancel in the difference of the two
+# equations, and $x=((t_1-t_0)-(t_3-t_2))/2$.
+#
+# </details>
 
 # %%
 show("round_trip_sets_a_clock")
 
 # %% [markdown]
-# In the drawing the question travels longer than the answer. The first computer assumes the dashed path, half of the
-# round trip. Its $t_1$ is too early, and its corrected clock is wrong by the orange distance:
+# In the drawing the question takes longer than the answer. The first computer assumes that each takes half of the
+# round trip (dashed). So it believes that the question arrived at the grey point, earlier than it really did. The
+# clock that it corrects in this way is wrong by the orange distance:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
@@ -554,25 +592,29 @@ _ = axis.set(xlim=(-0.55, 2.1), ylim=(-0.45, 1.45), xlabel="true time", yticks=(
 plt.show()
 
 # %% [markdown]
-# **NTP** (Network Time Protocol, RFC 5905) works in this way. Software takes its stamps, so a wait in the operating
-# system looks like a delay on the network. **PTP** (Precision Time Protocol, IEEE 1588) takes the stamps in the network
-# card, and the devices between the two computers report how long they delay a message. So nearly all unequal delays are
-# known, if all these devices support PTP. For a camera there is a third solution: a **trigger line**, a wire whose
-# signal tells the camera when to take an image. The computer that sends the signal knows the time of capture without
-# any network.
+# **NTP** (Network Time Protocol, RFC 5905) works in this way. Usually software takes its stamps, so a wait in the
+# operating system looks like a delay on the network. **PTP** (Precision Time Protocol, IEEE 1588) usually takes the
+# stamps in the network card, and the devices between the two computers report how long they delay a message. So
+# nearly all unequal delays are known, if all these devices support PTP.
+#
+# For a camera there is a third solution: a **trigger line**, a wire whose signal tells the camera when to take an
+# image. The computer that sends the signal knows the time of capture without any network. But it must match each
+# image to its signal: after one lost image, all later ones may get a wrong time.
 #
 # Ask two questions about each sensor. Which clock makes its time stamp? And at which moment: in the middle of the
 # *exposure*, the time in which the camera collects light; or when the image leaves the camera; or when a program
 # receives it? The later the stamp, the younger every image looks.
 #
 # Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, but slowly:
-# two clocks at 30 Hz that differ by 10 ppm need almost an hour. Over several hours the mean of section 1 is right.
+# two clocks at 30 Hz that differ by 10 ppm need almost an hour.
 #
 # Synchronised clocks do not drift. If PTP or a trigger line synchronises the clocks that start our stages, they are
-# locked, because the rates are 3 to 1 to 100. Then each pose that the planner takes has waited the same time, from 0 to
-# 33.3 ms, and each plan waits the same time for its first use, from 0 to 1 ms. The plan stays in use for 100 ms, which
-# adds 50 ms on average. So the mean depends on the start, and lies between $105.2+50 \approx 155$ ms and $155.2+33.3+1
-# \approx 190$ ms.
+# locked, because the rates are 3 to 1 to 100. Then all poses of a run have waited equally long when the planner takes
+# them. The start fixes this wait, somewhere between 0 and 33.3 ms. Each plan also waits equally long until the joint
+# loop first uses it, somewhere between 0 and 1 ms. It then stays in use for 100 ms, so on average it has been in use
+# for 50 ms. (They contain the half millisecond of the command in force.)
+#
+# So the mean depends on the start, and lies between $105.2+50 \approx 155$ ms and $155.2+33.3+1 \approx 190$ ms.
 #
 # ### Queues
 #
@@ -583,18 +625,18 @@ plt.show()
 show("deep_queue")
 
 # %% [markdown]
-# What happens in overload if the queue has no limit? Suppose that a sample comes every $T$ and needs the time $C$, and
-# that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind each result
-# is only $T$ newer than the sample behind the result before. So from result to result the age grows by $C - T$. Per
-# second it grows by $(C - T)/C$ seconds.
+# What happens in overload if the queue has no limit? Suppose that a sample comes every $T$ and needs the time $C$,
+# and that $C$ is longer than $T$. The stage is always busy, so a result comes every $C$. But the sample behind each
+# result is only $T$ newer than the sample behind the result before. So from result to result the age grows by $C -
+# T$. Per second it grows by $(C - T)/C$ seconds.
 #
-# The lower row of the chart above shows both kinds of queue. Right: without a limit, the age grows beyond the dotted
-# line, where $C$ is longer than $T$. Left: with a limit. A reader at 9.7 Hz is slower than the camera, so the queue is
-# full, and each further sample that fits makes the data older by one period $T$ of the camera. A reader at 33 Hz is
-# faster, so the queue is nearly empty.
+# The lower row of the chart above, left: a queue with a limit. A reader at 9.7 Hz is slower than the camera, so the
+# queue is full, and each further place in the queue makes the data older by one period $T$ of the camera. A reader at
+# 33 Hz is faster, so the queue is nearly empty. Right: a queue without a limit. To the right of the dotted line $C$
+# is longer than $T$, and there the age grows. The curve shows by how many seconds per second.
 #
-# So a stage in overload needs one of the rules of section 2. In the table a camera stage of 5 ms (0.15 cores) sends 30
-# images per second to a stage that needs 60 ms for each:
+# So a stage in overload needs one of the rules of section 2. In the table a camera stage of 5 ms (0.15 cores) sends
+# 30 images per second to a stage that needs 60 ms for each:
 
 # %% tags=["hide-code"]
 camera = Stage("camera", 0.005, 1 / 30)
@@ -610,19 +652,16 @@ for rule, depth in (("skip", 1), ("pipelined", 1), ("queue", 1), ("queue", 10)):
 table(*rows)
 
 # %% [markdown]
-# With *queue* most images have already waited when the stage takes them. With *skip* the stage waits, and the image is
-# fresh.
+# <details><summary>Why section 2 counts a longer wait for <em>queue</em></summary>
 #
-# Each execution in this table takes exactly 60 ms. Then the waits of the images repeat, and with *queue* their mean is
-# $0.4\,T$, where $T$ is the interval between images. If the 60 ms vary a little, the mean wait is $T/2$, as in section
-# 2, and the age is 3 ms larger.
+# Each execution in this table takes exactly 60 ms. Then the waits of the images repeat, and with *queue* their mean
+# is $0.4\,T$, where $T$ is the interval between images. If the 60 ms vary a little, the mean wait is $T/2$, as in
+# section 2, and the age is 3 ms larger.
 #
-# <details><summary>Derive the mean wait of $0.4\,T$</summary>
-#
-# The 60 ms are $1.8\,T$. So each time the stage becomes free at another point of the interval between two images. After
-# five executions, which last $9\,T$, the pattern begins again. So there are five waits: 0, 0.2, 0.4, 0.6 and 0.8 of
-# $T$. Their mean is $0.4\,T$, about 13 ms. If the 60 ms vary a little, all waits up to $T$ occur, and their mean is
-# $T/2$.
+# The 60 ms are $1.8\,T$. So each time the stage becomes free at another point of the interval between two images.
+# After five executions, which last $9\,T$, the pattern begins again. So there are five waits: 0, 0.2, 0.4, 0.6 and
+# 0.8 of $T$. Their mean is $0.4\,T$, about 13 ms. If the 60 ms vary a little, all waits up to $T$ occur, and their
+# mean is $T/2$.
 #
 # </details>
 #
@@ -639,7 +678,7 @@ except ValueError as error:
 #
 # Execution times vary with the load of the computer and with what the camera sees. Does jitter make the data older on
 # average? If a result is late, the result before it stays in force longer. If a result is early, it replaces the one
-# before it sooner. (Lost results are different: they only make the data older.)
+# before it sooner.
 
 # %%
 show("jitter_leaves_the_mean")
@@ -647,17 +686,16 @@ show("jitter_leaves_the_mean")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used for
-# the first time, log the age of its image. (In use it grows further, which hides the patterns.) Plot these ages over at
-# least an hour: one point for each plan. Each line names what you see, and then the likely cause:
+# **Debugging tip.** *The arm is late.* Send the time stamp of the capture along with the data. When a plan is used
+# for the first time, log the age of its image. (In use it grows further, which hides the patterns.) Plot these ages
+# over at least an hour: one point for each plan. Each line names what you see, and then the likely cause:
 #
-# * All ages are nearly equal, but different after a restart: locked clocks.
-# * The age rises slowly and falls at once, again and again: clocks that drift, and the reader's is a little too
-#   slow. If it is a little too fast, the age falls slowly and rises at once.
+# * All ages are nearly equal (if the execution times hardly vary), but different after a restart: locked clocks.
+# * The age rises slowly and falls at once, again and again (a sawtooth): clocks that drift, and the reader's is a
+#   little too slow. If it is a little too fast, the age falls slowly and rises at once.
 # * The age is larger than computed, by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit.
-# * The ages are scattered without a pattern: jitter, lost samples, or two rates such as 30 Hz and 9.73 Hz, whose plot
-#   is a sawtooth if you enlarge it.
+# * The ages are scattered without a pattern: jitter, lost samples, or rates that do not fit together.
 # * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
 # </div>
@@ -684,8 +722,8 @@ show("jitter_leaves_the_mean")
 #
 # ## 7 · Exercises
 #
-# Four functions and a formula. `check` runs your function on random cases. If a result is wrong, it shows the call and,
-# if it can, the likely cause. An *edge* is an arrow, and an *actuator* is a motor.
+# Four functions and a formula. `check` runs your function on random cases. If a result is wrong, it shows the call
+# and, if it can, the likely cause. An *edge* is an arrow.
 
 # %%
 card("blind_distance")
@@ -779,7 +817,7 @@ check(log_age)
 # %% [markdown]
 # ### A formula: the full queue
 #
-# Any equivalent form is right. The first answer is a common mistake.
+# Any equivalent form is right. The answer that stands there is a common mistake.
 # <span class="kernel-only">Change the text in quotes.</span>
 
 # %%
@@ -794,8 +832,10 @@ answer("deep_queue", "d*T")
 predict("gold_plated_table")
 
 # %% [markdown]
-# This is the whole table. It comes from an older course that names no source. It does not say what the percentages
-# count, or what the 2 days are. So don't repeat these numbers:
+# The table comes from an older course that names no source. It does not say what an iteration is, or whose months and
+# dollars these are.
+#
+# <details><summary>The whole table</summary>
 #
 # | | without simulation | with simulation |
 # |---|---|---|
@@ -805,14 +845,18 @@ predict("gold_plated_table")
 # | damages during development | about 12 | none in simulation, 1 on the robot |
 # | transfer to the robot | does not apply | 60 to 90 % |
 #
-# What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
-# *reset*, which prepares the next try. A simulation computes a try in short time steps. The number of tries follows
-# from the number of steps in a try and from the computing time of one step, which chapter 1 measures.
+# The percentages do not say what they count.
 #
-# The panel below compares the days that the tries take on a robot and in simulation. The two dots mark the number of
-# tries that you choose. You also choose how many of 1,000 tries damage the robot, and the panel shows how many damages
-# to expect. Its axes count powers of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day, about a minute and
-# a half.
+# </details>
+#
+# What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
+# *reset*, which prepares the next try. In simulation it follows from the number of time steps in a try, the computing
+# time of a step (chapter 1), and the number of cores.
+#
+# The panel below compares the days that the tries take on a robot and in simulation. The panel only counts tries. It
+# does not show what a try teaches: a simulated one teaches less about the robot. At first a step costs 100 µs, a
+# guess for an arm that touches things; with a rendered image it costs far more (second preset). The axes count powers
+# of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day.
 
 # %%
 simulation("development")
@@ -820,20 +864,18 @@ simulation("development")
 # %% [markdown]
 # <details><summary>More sentences of this kind, and what this course can say about them</summary>
 #
-# * *"A cached roadmap with lazy checks takes a query from 800 ms to 50 ms."* Chapter 5 measures this comparison on its
-#   own worlds, slow queries included. Whose 800 ms these were is not known.
-# * *"A policy fell from 94 to 35 % because of 20 ms of delay."* No data are known. What 20 ms cost a loop stands below,
-#   and chapter 8 measures a delay on an arm.
-# * *"87 % of first grasps succeed, validated in 10,000 episodes."* Ten thousand simulated episodes tell how certain the
-#   *simulated* rate is. The robot's rate is as certain as the number of grasps on the robot makes it.
+# * *"A cached roadmap with lazy checks takes a query from 800 ms to 50 ms."* Chapter 5 measures this comparison on
+#   its own worlds, slow queries included. Whose 800 ms these were is not known.
+# * *"87 % of first grasps succeed, validated in 10,000 episodes."* Ten thousand simulated episodes tell how certain
+#   the *simulated* rate is. The robot's rate is as certain as the number of grasps on the robot makes it.
 # * *"One hour spent on fidelity saves ten on the robot."* No data are known. Fidelity saves time only where the
 #   simulation left out something that matters.
 #
 # </details>
 #
-# How certain is a success rate? That depends on the number of tries. The table shows three experiments with nearly the
-# same rate, and for each *Wilson's interval* (chapter 12). If you repeat an experiment 100 times, about 95 of these
-# intervals contain the true rate:
+# You can also compute how certain a success rate is. That depends on the number of tries. The table shows three
+# experiments with nearly the same rate, and for each *Wilson's interval* (chapter 12). If you repeat an experiment
+# 100 times, about 95 of these intervals contain the true rate:
 
 # %% tags=["hide-code"]
 rows = [("successes", "rate", "95 % interval of the rate")]
@@ -849,12 +891,13 @@ for good, tried in ((13, 15), (87, 100), (8700, 10_000)):
 table(*rows)
 
 # %% [markdown]
-# You may also read that a delay of 20 ms ruined a policy. You can compute how much such a delay matters. The phase lag
-# of section 2 is proportional to the frequency of the swing:
+# Another sentence without a source: *"A policy fell from 94 to 35 % because of 20 ms of delay."* No data are known.
+# (Chapter 8 measures a delay on an arm.) But you can compute the phase lag of section 2. Compare it with the 90
+# degrees there:
 
 # %% tags=["hide-code"]
 table(
-    ("frequency of the swing", "phase lag from 20 ms of delay"),
+    ("frequency at which the arm swings", "phase lag from 20 ms of delay"),
     *(
         (f"{f:g} Hz", f"{np.degrees(cost(0.020, 0.0, bandwidth=f).phase):.1f} degrees")
         for f in (1.0, 5.0, 20.0)
@@ -883,30 +926,36 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# No pose is left to look at, and no path to check. But an image still goes in and motor commands still come out. The
-# age between them follows the formula of section 1, with one stage before the joint loop. The robot executes a chunk
-# until the next one arrives, so the interval of this stage is the time between two observations. Zhao and others (RSS
-# 2023) introduced such chunks. Where two chunks overlap, they average the actions for the same moment.
+# An image still goes in, and motor commands still come out. The age of a command follows the formula of section 1,
+# with one stage before the joint loop. The robot executes a chunk until the next one arrives, so the interval of this
+# stage is the time between two observations. Each action was chosen for its own moment. So its age does harm only if
+# something happens that the policy did not foresee.
 #
-# For how many seconds must the actions of a chunk last? At least until the next chunk arrives, one interval later. If
-# the first action is meant for the moment of the observation, the actions for the first 80 ms are too late when the
-# chunk arrives, and the robot skips them. Then the chunk must last one interval plus 80 ms. After a chunk that is too
-# short, the robot has no action until the next one arrives.
+# <details><summary>For how many seconds must the actions of a chunk last?</summary>
 #
-# The formula also applies to a **digital twin**, a simulation that runs beside the robot and follows its joint states.
-# It reads them as control does, so its data have an age, too.
+# At least until the next chunk arrives, one interval later. If the first action is meant for the moment of the
+# observation, the actions for the first 80 ms are too late when the chunk arrives, and the robot skips them. Then the
+# chunk must last one interval plus 80 ms. After a chunk that is too short, the robot has no action until the next one
+# arrives. Zhao and others (RSS 2023) introduced chunks. Where two of them overlap, they average the actions for the
+# same moment.
+#
+# </details>
+#
+# The formula also applies to a **digital twin**, here a simulation that runs beside the robot and follows its joint
+# states. It reads them as control does, so its data have an age, too.
 #
 # ## 10 · Interview
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *"I built X, which made Y possible. I tested it by simulation Z and ran it on W."* This is a good
-# frame if you put a number behind Y and Z, and behind W if it ran, and can defend it: what was measured, compared with
-# what, and how often. Say also what your work did *not* do, before somebody asks.
+# frame if each of Y and Z has a number that you can defend: what was measured, compared with what, and how often. W
+# needs such a number, too, once your work has run on a robot. Say also what your work did *not* do, before somebody
+# asks.
 #
 # </div>
 #
-# This chapter in that frame, with its own numbers:
+# This chapter in that frame, as you could say it after you have solved exercise 2:
 
 # %% tags=["hide-code"]
 table(
@@ -921,9 +970,9 @@ table(
     ),
     (
         "Z",
-        "An event simulation with random phases gave "
-        f"{figure('chain_age', 'simulated_ms'):.1f} ms where the model "
-        f"predicts {figure('chain_age', 'mean_ms'):.1f} ms.",
+        f"I simulated the changed chain {len(ages)} times, event by event, with random phases. The "
+        f"mean age was {simulated:.1f} ± {spread:.1f} ms (standard error over the runs). "
+        f"The model predicts {1000 * age(chain).mean:.1f} ms.",
     ),
     (
         "W",
@@ -933,8 +982,8 @@ table(
 )
 
 # %% [markdown]
-# Now answer these questions aloud. Then open the one-minute answer, the full answer, and the follow-up questions. The
-# three groups belong to a short first interview (*screen*), to a senior, and to a leading (*staff*) engineer.
+# Now answer these questions aloud. Then open the one-minute answer. The questions stand in three groups: for a short
+# first interview (*screen*), for a senior engineer, and for a *staff* engineer, who leads others.
 
 # %%
 interview("role")

@@ -99,7 +99,8 @@ def test_faster_loops_have_wider_edges_and_rates_follow_the_sliders():
 
 def test_tries_cost_what_arithmetic_says():
     run = Experiment(development.MODEL, tries=3.0, seconds=10.0, reset=20.0, robots=2, step=4.0)
-    real, computed, a_day, here, broken = development.days(run.controls)
+    real, computed, a_day, here, broken, alone = development.days(run.controls)
     assert real == pytest.approx(1000 * 30 / 2 / 86_400) and a_day == pytest.approx(5760)
     assert computed == pytest.approx(1000 * 5000 * 4e-6 / 2 / 86_400)
     assert here == pytest.approx(86_400 / 0.01) and broken == pytest.approx(2.0)
+    assert alone == pytest.approx(5000 * 4e-6)

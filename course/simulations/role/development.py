@@ -19,7 +19,7 @@ CONTROLS = Record(
     reset=slider("and its reset", 20.0, 0.0, 120.0, 5.0, "s", 0),
     robots=slider("Robots", 1, 1, 20, 1),
     breaks=slider("Damage in 1000 tries", 2.0, 0.0, 20.0, 0.5, decimals=1),
-    step=slider("A step costs", 4.0, 1.0, 1000.0, 1.0, "µs", 0),
+    step=slider("A step costs", 100.0, 1.0, 1000.0, 1.0, "µs", 0),
     rate=slider("Steps a second", 500.0, 100.0, 2000.0, 100.0, "Hz", 0),
     cores=slider("Cores", 2, 1, 64, 1),
 )
@@ -28,12 +28,16 @@ STATE = Record(time=Field(0.0, unit="s"), mark=Field((0.0, 0.0)))
 
 @register_jitable
 def days(controls):
-    """Return days on the robots and on the computer, tries a day of both, damages on the robots."""
+    """Return what the tries take and break.
+
+    Days on the robots and on the computer, tries a day of both, damages on the robots, and the
+    seconds in which one core computes a try.
+    """
     # Robots and cores work in parallel; resets take time on the robots only, in simulation they are
     # free.
     real = (controls["seconds"] + controls["reset"]) / controls["robots"]
-    steps = controls["seconds"] * controls["rate"]
-    computed = steps * controls["step"] * 1e-6 / controls["cores"]
+    alone = controls["seconds"] * controls["rate"] * controls["step"] * 1e-6
+    computed = alone / controls["cores"]
     tries = 10.0 ** controls["tries"]
     return (
         tries * real / 86_400.0,
@@ -41,6 +45,7 @@ def days(controls):
         86_400.0 / real,
         86_400.0 / computed,
         tries * controls["breaks"] / 1000.0,
+        alone,
     )
 
 
@@ -63,14 +68,16 @@ _X, _Y, _HEAD, _ROBOT, _COMPUTED = word(
     "on the robot",
     "in simulation",
 )
-_REAL, _SIM, _A_DAY, _STEPS, _BROKEN, _DAYS, _WEEK = word(
+_REAL, _SIM, _A_DAY, _STEPS, _BROKEN, _ALONE, _DAYS, _WEEK, _SECONDS = word(
     "on the robot",
     "in simulation",
     "tries a day, robot",
     "tries a day, simulated",
     "damages expected",
+    "a try on one core",
     " days",
     "a week",
+    " s",
 )
 _AREA, _VIEW = (1.0, 8.3, 0.75, 4.45), (1.0, 7.0, -6.0, 6.0)
 
@@ -84,7 +91,7 @@ def drag(controls, state, x, y):
 
 def frame(pen, state, controls):
     """Draw both lines over the number of tries, and the chosen number."""
-    real, computed, a_day, here, broken = days(controls)
+    real, computed, a_day, here, broken, alone = days(controls)
     draw.area(pen, _AREA, _VIEW)
     draw.axes(pen, _X, _Y, _HEAD, 6, 6)
     # Days are proportional to tries, so on logarithmic axes both lines have slope 1 through the
@@ -109,22 +116,23 @@ def frame(pen, state, controls):
         )
     # One week, as a line to compare with.
     draw.segment(pen, 1.0, math.log10(7.0), 7.0, math.log10(7.0), draw.GREY, 1.2, 1.0, 5.0, 4.0)
-    draw.text(pen, 6.9, math.log10(7.0), _WEEK, draw.GREY, 12.0, draw.RIGHT, draw.BOTTOM)
+    draw.text(pen, 1.1, math.log10(7.0), _WEEK, draw.GREY, 12.0, draw.LEFT, draw.BOTTOM)
     draw.spot(pen, state["mark"][0], state["mark"][1], 0.04, draw.NONE, draw.GREY, 1.0)
     draw.window(pen)
     draw.reading(pen, _REAL, real, 2, _DAYS)
     draw.reading(pen, _SIM, computed, 4, _DAYS)
     draw.reading(pen, _A_DAY, a_day, 0)
     draw.reading(pen, _STEPS, here, 0)
+    draw.reading(pen, _ALONE, alone, 3, _SECONDS)
     draw.reading(pen, _BROKEN, broken, 1)
 
 
 PRESETS = {
     "Ten thousand grasps": Preset(
         {},
-        "One robot that is reset by hand, and on two cores a MuJoCo scene with a single body. Move "
-        "the cost of a step to that of your scene: with contacts and cameras a step costs a "
-        "hundred times as much.",
+        "One robot that is reset by hand, and two cores. The cost of a step is a guess for an arm "
+        "that touches things. Measure it in your own scene: a single body needs a few "
+        "microseconds, and rendered images can take milliseconds.",
     ),
     "A million, with cameras": Preset(
         {"tries": 6.0, "step": 1000.0, "cores": 16},
@@ -142,6 +150,7 @@ READOUTS = {
     "in simulation": "Time that the same number of tries takes in the simulation.",
     "tries a day, robot": "Tries that one day on the real robot allows.",
     "tries a day, simulated": "Tries that one day of computing allows.",
+    "a try on one core": "Time in which one core computes all steps of a try.",
     "damages expected": "Expected damages of the robot, for the number of tries at the dots.",
 }
 

@@ -369,8 +369,8 @@ PAPER = draw.Paper(TITLE, word, colour)
 # What each number below the picture means.
 READOUTS = {
     "age of the command": (
-        "Age of the measurement behind the command that acts right now: from the camera's "
-        "exposure to the motor."
+        "Age of the measurement behind the command that is in force now: the time since the "
+        "capture of its image."
     ),
     "least predicted": (
         "Smallest age of a command according to the formula: every stage finds its input fresh."
