@@ -312,6 +312,35 @@ def objects_for_gate(
     return math.ceil(trials_for_gate(gate_share, true_share) * counted / each - 1e-9)
 
 
+def pairs_not_worse(margin: float, disagree: float, power: float = 0.8) -> int:
+    """Return paired runs that show a new version to be at most `margin` worse, one-sided at 5 %.
+
+    Non-inferiority, with the normal approximation. The power holds for two versions that are
+    equally good.
+
+    Args:
+        margin: loss of the success rate that is still accepted.
+        disagree: share of the pairs in which only one of the two versions succeeds.
+        power: probability that two equal versions pass.
+    """
+    from statistics import NormalDist
+
+    quantiles = sum(NormalDist().inv_cdf(q) for q in (0.95, finite("power", power, 0.5, 1 - 1e-9)))
+    spread = math.sqrt(finite("disagree", disagree, 0.0, 1.0))
+    return max(1, math.ceil((quantiles * spread / positive("margin", margin)) ** 2))
+
+
+def faultless_trials(failing_share: float) -> int:
+    """Return trials without a failure that show fewer to fail than this, one-sided at 5 %."""
+    share = finite("failing_share", failing_share, 1e-9, 1.0 - 1e-9)
+    return math.ceil(math.log(0.05) / math.log(1.0 - share))
+
+
+def times_more(powers: float) -> float:
+    """Return the factor that so many powers of ten are."""
+    return 10.0 ** finite("powers", powers)
+
+
 def most_unseen(trials: int) -> float:
     """Return the largest share that may still fail after no failure, one-sided at 5 %."""
     return 1.0 - 0.05 ** (1.0 / count("trials", trials, 1))

@@ -11,7 +11,8 @@ or `oracle`, the curves of that style; `pick`, the cheapest of their points with
 tolerance; `min` or `max` of a column; `y@0.5` (or `low@`, `high@`), the column where x is that;
 `x@0.5`, where y first passes that, and `x@low=0.5` or `x@high=0.5`, where an end of its band does.
 
-Behind the colon stands a format of Python, or `time` for seconds, two digits, in a unit that fits.
+Behind the colon stands a format of Python; or `time` for seconds, two digits, in a unit that fits;
+or `points` for a share in percentage points, two digits and no unit.
 """
 
 import re
@@ -40,6 +41,8 @@ def filled(text: str, figure: Figure) -> str:
 
 
 def _formatted(result: float | str, how: str) -> str:
+    if how == "points" and not isinstance(result, str):
+        return f"{float(f'{100.0 * result:.2g}'):g}"
     if how != "time" or isinstance(result, str):
         return format(result, how)
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):

@@ -162,10 +162,10 @@ def reading() -> Table:
     return Table("Reading", ("What", "Link", "It says", "Chapter: section here"), tuple(rows))
 
 
-def lessons() -> Table:
-    """Return related lessons, and what each adds."""
+def not_taught() -> Table:
+    """Return topics that the course does not teach, and what each is about."""
     rows = tuple((entry["title"], entry["adds"]) for entry in data("reading")["lesson"])
-    return Table("Related lessons", ("Topic", "What it is about"), rows)
+    return Table("Topics that this course does not teach", ("Topic", "What it is about"), rows)
 
 
 def page() -> str:
@@ -210,7 +210,7 @@ TABLES: tuple[Callable[[], Table], ...] = (
     functools.partial(cheat_sheet, plain=True),
     classical_or_learned,
     reading,
-    lessons,
+    not_taught,
 )
 
 

@@ -13,10 +13,10 @@ from course.simulations import simulation
 simulation("interview")
 
 # %% [markdown]
-# Start here: answer the question aloud while the blue bar runs out. Then click *Reveal*, compare, and rate how well you
-# knew it. Section 1 explains whether the policy passes, and section 9 how many trials to ask for. A fold in section 4
-# explains the curve and the bars (orange: below 90 %). A **policy** is the part of a robot's program that chooses its
-# actions.
+# Start here: answer the question aloud while the blue bar runs out. Then click *Reveal*, compare, and rate yourself.
+# Sections 1 and 9 explain the answer, a fold in section 4 the curve and the bars (orange: below 90 %). A **policy** is
+# the part of a robot's program that chooses its actions. A **gate** is a success rate that a policy has to reach before
+# it may go on.
 
 # %%
 predict("hundred_runs")
@@ -31,7 +31,7 @@ predict("hundred_runs")
 # Interviews for robotics jobs often have four rounds and a last question. The picture shows where each is on this page.
 # On the phone you explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you
 # design a system. In the coding round you write twenty lines, and a program tests them. In the debugging round you find
-# out why a program fails. The last question is broad. An example: would you learn a component or write it?
+# out why a program fails. The last question is broad: would you learn a component or write it?
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -72,9 +72,9 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# The code of this course has computed the measured and derived numbers in the answers of this page. You can compute
-# them again with `python -m course.derivations 12`. Four answers in section 9 are invented stories about a person's own
-# work. Replace them with yours. These commands run in a terminal:
+# The code of this course has computed the measured and derived numbers in the model answers. You can compute them again
+# with `python -m course.derivations 12`. Four answers in section 9 are invented stories about a person's own work.
+# Replace them with yours. These commands run in a terminal:
 #
 # | Command | What it does |
 # |---|---|
@@ -96,10 +96,10 @@ badges(12)
 # thirty seconds. It says what the thing is, and gives one equation and a measured number. It ends with the limit: the
 # point where the method stops working.
 #
-# The table has eight subjects, one from each of eight chapters, with their equations. Below it, each has a text of
-# thirty seconds. Speak about the subject first, then open its text and compare. Each text ends with a measured task,
-# the computing time of our method and of an established library, and a limit. The times are from one machine and one
-# task, so they don't rank the methods in general.
+# The table has eight subjects, one from each of eight chapters. Below it, each has a text of thirty seconds. Speak
+# about the subject first, then open its text and compare. Each text ends with a measured task, the computing time of
+# our method and of an established library, and a limit. The times are from one machine and one task, so they don't rank
+# the methods in general.
 
 # %% tags=["hide-code"]
 sheet = tables.cheat_sheet()
@@ -158,18 +158,18 @@ plt.show()
 # if the observed rate lies within two of these standard deviations of $p$. The values that you keep are the interval.
 # For 70 successes in 100 trials it goes from 60 % to 78 %.
 #
-# Robot teams use such counts to test a **gate**: a true success rate that a policy has to reach before it may go on,
-# for example from the simulator to the robot. Judge the following claim about a gate. On such cards, choose *Only under
-# a condition* if the claim is false as it stands, but becomes true when you add a condition.
+# Robot teams use such counts to test whether the true rate of a policy reaches a gate, for example before it may go
+# from the simulator to the robot. Judge the following claim. On such cards, choose *Only under a condition* if the
+# claim is false as it stands, but becomes true when you add a condition.
 
 # %%
 show("hundred_trials")
 
 # %% [markdown]
-# A policy whose true rate is exactly 70 % reaches 70 successes in 100 trials about half of the time. So careful teams
-# demand more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate passes in
-# at most one of twenty tests. The chart is for the simple rule "at least 70 % of the trials": how likely is a policy to
-# pass, depending on its true rate?
+# A policy whose true rate is exactly 70 % reaches 70 or more successes in 100 trials about half of the time. So careful
+# teams demand more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate
+# passes in at most one of twenty tests. The chart is for the simple rule "at least 70 % of the trials": how likely is a
+# policy to pass, depending on its true rate?
 
 # %% tags=["hide-code"]
 rate = np.linspace(0.4, 1.0, 121)
@@ -189,21 +189,21 @@ print(f"a policy whose true rate is 70 % reaches them with probability {chance:.
 # %% [markdown]
 # A perfect test would be a step at 0.7. More trials make the curve steeper, but it never becomes a step. So first
 # decide which two rates you have to tell apart, for example 70 % and 80 %, and then choose the number of trials. The
-# **power** of a test is the probability that it detects a difference that really exists. If the power was low, "the
-# test found no difference" means little.
+# **power** of a test is the probability that it detects a difference of a given size. If the power was low for the
+# difference that matters, "the test found no difference" means little.
 #
-# The policy in the first panel of this page reached 78 of 100, so it just passes the one-sided test. A **two-sided
-# test**, also at 5 %, looks for deviations in both directions, with 2.5 % for each. Wilson's interval is two-sided. For
-# 78 of 100 it begins at 69 %. So a true rate of 70 % is still compatible with this count, and the policy does not pass
-# the two-sided test.
+# The policy in the first panel reached 78 of 100, so it just passes the one-sided test. A **two-sided test**, also at 5
+# %, looks for deviations in both directions, with 2.5 % for each. Wilson's interval is two-sided. For 78 of 100 it
+# begins at 69 %, below the gate. So at the stricter level of 2.5 %, this policy does not pass. Fix the level before the
+# first trial.
 #
 # ### What does an accelerometer measure?
 #
 # An accelerometer contains a small mass on a spring, inside a housing. It measures the force of the spring on the mass,
 # divided by the mass. Gravity gives the mass and the housing the same acceleration, so in free fall the spring is not
-# deformed. Any other force, such as that of a table, acts on the housing only. The spring has to pass it on to the
-# mass, and this deforms the spring. The reading is the **specific force** $f = a - g$, in the axes of the sensor. Here
-# $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector.
+# deformed. Any other force, such as that of a table, acts on the housing only. The mass stays with the housing only
+# because the spring pushes it, and this deforms the spring. The reading is the **specific force** $f = a - g$, in the
+# axes of the sensor. Here $a$ is the acceleration of the point at which the sensor sits, and $g$ the gravity vector.
 
 # %%
 show("imu_reads_acceleration")
@@ -283,11 +283,13 @@ show("hold_is_half_a_sample")
 # 0.5 rad of phase.
 #
 # But the staircase also contains higher frequencies, which the samples cannot tell from the motion itself. How much of
-# them passes depends on the inertia and friction of the joint, so we computed the exact phase for many joints. It
-# differs from this rule by at most 0.015 rad. At 3 rad per sample it differs by up to 0.9 rad: too much.
+# them passes depends on the inertia and friction of the joint, so we computed the exact lag for many joints. At 1 rad
+# per sample it differs from half a sample by at most 0.015 rad, whatever the inertia and friction. At 3 rad per sample
+# it differs by up to 0.9 rad: too much.
 #
-# So a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands. Computing and the bus add their own delays. A
-# late command pushes when the joint has already moved on. With a high gain this makes the joint oscillate.
+# So for motions up to 1 rad per sample, a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands. Computing and
+# the bus add their own delays. A late command pushes when the joint has already moved on. With a high gain this makes
+# the joint oscillate.
 
 # %%
 more_claims("stiff_is_position")
@@ -296,21 +298,19 @@ more_claims("stiff_is_position")
 # ## 2 · Concept: the back of the envelope
 #
 # "How many picks per hour can this cell do?" The interviewer wants to see a short calculation whose inputs you state
-# aloud, so that both of you can see which input matters most.
+# aloud.
 #
 # The **cycle time** of a picking cell is the time from one part to the next. It has three parts: the motion, gripping
-# and releasing, and the computing during which the arm stands still. For the motion you need one formula. The arm moves
-# from rest to rest over a distance $D$, with the acceleration $a$ and the top speed $v$. If it reaches $v$, the curve
-# of its speed over time is a trapezoid, otherwise a triangle. The area under the curve is the distance $D$. From this
-# follows the time $T$:
+# and releasing, and the computing during which the arm stands still. The arm moves from rest to rest over a distance
+# $D$, with the acceleration $a$ and the top speed $v$. If it reaches $v$, the curve of its speed over time is a
+# trapezoid, otherwise a triangle. The area under the curve is the distance $D$. From this follows the time $T$:
 #
 # $$T = \frac{D}{v} + \frac{v}{a} \quad\text{if}\; D \ge \frac{v^2}{a}, \qquad T = 2\sqrt{\frac{D}{a}}
 # \quad\text{otherwise} .$$
 #
 # **A worked example.** A move of 0.6 m with 1 m/s and 2 m/s² is a trapezoid, because $v^2/a$ is 0.5 m. It takes 0.6 +
 # 0.5 = 1.1 s. Four such moves, 0.6 s of gripping and 0.17 s of computing make a cycle of 4.4 + 0.6 + 0.17 = 5.17 s.
-# Planning takes 0.1 s of the computing. The left panel of the picture also shows a shorter move, whose curve is a
-# triangle.
+# Planning takes 0.1 s of the computing. The left panel also shows a shorter move: a triangle.
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(
@@ -370,9 +370,9 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 #
 # The table has six numbers about an arm that you should be able to estimate aloud. The **stopping distance** is the
 # distance that a robot travels from the moment at which its sensor could notice the reason to stop until it stands
-# still. So it includes the distance during the reaction time. The **effective mass** is the mass that you would feel if
-# a given point of the arm hit you in a given direction. It is usually smaller than the mass of the arm, because not all
-# links have to change their speed for the tip to stop.
+# still. The **effective mass** is the mass that you would feel if a given point of the arm hit you in a given
+# direction. It is often smaller than the mass of the arm, because not all links have to change their speed for the tip
+# to stop. But geared motors and stretched postures can make it larger.
 #
 # The position error is the sum of two kinds of errors. A systematic error is the same in each pick: here, the part lies
 # on a moving belt, and moves by $vt$ while its image is processed. Random errors differ between picks, with the
@@ -414,7 +414,10 @@ LABELS = {
     "cycle": ("Time of one pick and place", "moves + gripping + waiting"),
     "computing_share": ("Share of computing in that time", "waiting / cycle"),
     "finger_error": ("Position error at the fingertip", POSITION),
-    "grip_force": ("Force of each finger that lifts a part", r"$S\,m(g + a)/(n\mu)$"),
+    "grip_force": (
+        "Force of each finger that lifts a part",
+        r"$S\,m(g + a)/(n\mu)$<br>a points upward",
+    ),
     "stopping": ("Stopping distance of the arm", r"$vt + v^2/(2a)$"),
     "contact_clamped": ("Peak force on something that cannot move", r"$v\sqrt{km}$"),
 }
@@ -449,8 +452,8 @@ for name, given in one.given().items():
 # ### Stop when you feel ten newtons
 #
 # A force threshold is an obvious first idea for safe contact. Take an arm with an effective mass of 4 kg. It arrives
-# with 0.25 m/s and meets something with a stiffness of 25,000 N/m. Its brake acts with a force of 100 N, beginning 8 ms
-# after the sensor reads 10 N.
+# with 0.25 m/s and meets a stiffness of 25,000 N/m. Its brake acts with a force of 100 N, beginning 8 ms after the
+# sensor reads 10 N.
 
 # %%
 predict("ten_newtons")
@@ -542,12 +545,13 @@ Markdown(designs.read("among_people").markdown(figure))
 # %% [markdown]
 # A small program can grade a written answer by the rubric. It looks for key words, for a number with a unit close to
 # them, and for a condition that would change the decision. It cannot judge whether a number is correct: check that
-# yourself. Here it grades a first sentence about the second design, the simulation of a fleet of robots:
+# yourself. Here it grades a first sentence about the second design, the fleet:
 
 # %% tags=["nbval-ignore-output"]
-mine = "I would ask first which failures the nightly simulation has to find."
+mine = "I would ask first which decision depends on the simulation: may a release go out?"
 result = designs.levels(fleet, mine)
 print(f"score: {designs.score(fleet, result):.0%} of the points")
+print("mentioned:", *(name for name, grade in result.items() if grade != "missing"))
 print(f"the weakest point asks for: {designs.weakest(fleet, result).asks}")
 
 # %% [markdown]
@@ -568,8 +572,8 @@ print(f"the weakest point asks for: {designs.weakest(fleet, result).asks}")
 # You start one of them in a terminal, for example with `drills start rrt`. Section 9 has code and a test for each.
 #
 # So that you still know the answers on the day of the interview, review them with flashcards. This panel shows the
-# cards of chapter 12 that are due today. (On the first day, all are due.) Answer, click *Reveal*, and rate yourself
-# honestly: *again*, *hard*, *good* or *easy*. The panel stores the rating and computes the day of the next review:
+# cards of chapter 12 that are due today. Answer, click *Reveal*, and rate yourself honestly: *again*, *hard*, *good* or
+# *easy*. The panel stores the rating and computes the day of the next review:
 
 # %% tags=["nbval-ignore-output"]
 from drills.interview.panel import flashcards
@@ -581,8 +585,8 @@ predict("when_again")
 
 # %% [markdown]
 # **Spaced repetition** shows a card again when the predicted probability that you still know it has fallen to a chosen
-# value, here 90 %. Each success makes the next gap longer. After a failure the next gap is short again. This schedule
-# is made for remembering over months, not for an interview in a week.
+# value, here 90 %. Each success makes the next gap longer, and a failure makes it short again. This schedule is made
+# for remembering over months, not for an interview in a week.
 #
 # <details><summary>The numbers and bars in the first panel of this page</summary>
 #
@@ -649,8 +653,8 @@ case.show()
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
 # 8. The integral term of the drive is too strong, so that the damping is too weak to stop the oscillation.
 #
-# Each of the six cases has eight causes. Its list of possible causes (a fold of the case) offers seven of them and
-# `none_of_these`. Here the list has `none_of_these` instead of number 8.
+# Each of the six cases has eight causes. Its fold of possible causes offers seven of them and `none_of_these`. Here
+# number 8 is missing from the fold.
 
 # %%
 predict("first_probe")
@@ -703,7 +707,7 @@ show("growing_energy")
 # The next five cases are yours. Each shows its symptom, its program and its probes with their prices in minutes.
 # <span class="kernel-only">Call `diagnose` with another seed to get another cause.</span>
 # <span class="kernel-only">Run a probe with `case.probe("name")`; end with `case.conclude("cause", "repair")`.</span>
-# <span class="kernel-only">The verdict names the excluded causes, the effect of the quick fix and the answer.</span>
+# <span class="kernel-only">The verdict names the excluded causes, the effect of a common fix and the answer.</span>
 
 # %%
 diagnose("policy", seed=1).show()
@@ -723,12 +727,15 @@ diagnose("sure", seed=1).show()
 # %% [markdown]
 # Which probes are worth their time? Eight causes make 28 pairs. A probe tells two causes apart if its results for them
 # differ by more than the noise of the result. The chart shows the share of pairs that each probe tells apart, and its
-# price in minutes. Blue are the probes of the model answer. This answer always takes next the probe that tells the most
-# pairs apart per minute. A pair counts half for each earlier probe that told it apart. So a grey probe with a long bar
-# is expensive, or earlier probes have done most of its work.
+# price in minutes.
 #
-# The example above began with two probes that are easy to predict by hand, instead of with `double_mass`. `log_brake`
-# tells few pairs apart, but it can confirm the cause that is left.
+# Blue are the probes of the model answer. This answer always takes next the probe that tells the most pairs apart per
+# minute. Each probe that has already told a pair apart halves the weight of this pair. The list is long enough to
+# exclude seven of the eight causes, whichever one is true. A grey probe with a long bar is expensive, or earlier probes
+# have done most of its work.
+#
+# The example above began with two probes that are easy to predict by hand. `log_brake` tells few pairs apart, but it
+# can confirm the cause that is left.
 
 # %% tags=["hide-code"]
 import textwrap
@@ -770,20 +777,20 @@ more_claims("error_by_its_shape", "complete_planners")
 # ## 6 · Debug: a museum of public bugs
 #
 # How do you test code when nobody knows the correct output? You test a property that the output must have. An
-# **invariant** is a property that every correct result has, whatever the code does inside. Three examples: a unit
-# quaternion has the length one, the momentum of a free body stays the same, and the contact forces under a body at rest
-# add up to its weight.
+# **invariant** is a property that every correct result has, whatever the code does inside. Three examples: a quaternion
+# that stores a rotation keeps the length one, the momentum of a body without forces stays the same, and the contact
+# forces under a body at rest add up to its weight.
 
 # %%
 predict("round_trip")
 
 # %% [markdown]
 # Each bug in this museum was in public open-source code and is documented in a public thread. The course has a minimal
-# version of each bug, next to a correct version. Two examples show why an obvious test misses the bug.
+# version of each bug, next to a correct version. Two examples show why an obvious test misses it.
 #
-# **A free fall that slows down (number 4 of the table below).** One physics engine damps every motion by default. The
-# deceleration is 0.04 times the sum of the speed and its square (in SI units). Drop a body, and compare its speed with
-# the gravitational acceleration times the time:
+# **A free fall that slows down (number 4 below).** PyBullet damps every motion by default. The deceleration is 0.04
+# times the sum of the speed and its square (in SI units). Drop a body, and compare its speed with the gravitational
+# acceleration times the time:
 
 # %% tags=["hide-code"]
 seconds = np.linspace(0.0, 5.0, 21)
@@ -796,8 +803,8 @@ axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# The obvious test drops a light and a heavy body and checks that they fall alike. They do fall alike, but both too
-# slowly. The invariant "speed equals gravitational acceleration times time" reveals the damping at once.
+# The obvious test drops a light and a heavy body and checks that they fall alike. They do, but both too slowly. The
+# invariant "speed equals gravitational acceleration times time" reveals the damping at once.
 #
 # **A rotation that mirrors (8).** A function returns a rotation matrix $R$, and the obvious test checks that $R^\top R$
 # is the identity. A mirror passes as well. The determinant shows the difference: it is +1 for a rotation and -1 for a
@@ -840,11 +847,11 @@ LABELS = (
 )
 PROPERTIES = (
     "at rest, the contact forces add up to the weight (relative)",
-    "the mirrored input causes the mirrored motion",
+    "a symmetric robot: from the mirrored state, the mirrored input causes the mirrored motion",
     "the error of the energy shrinks with the step (ratio)",
     "speed = gravitational acceleration × time (relative)",
     "writing back what was read changes nothing",
-    "the angular momentum of a free body is constant (relative)",
+    "the angular momentum of a body without torque is constant (relative)",
     "the acceleration is the time derivative of the velocity (relative)",
     "$R^\\top R$ is the identity, the determinant is +1",
     "a path that counts as solved ends at the goal",
@@ -865,9 +872,9 @@ for place, one in enumerate(museum.EXHIBITS, 1):
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# Each invariant is a function of the module `course.interview.invariants`. You can test your own implementation with
-# it, in two lines of a unit test. Choose the tolerance and the time step with care, or you get a **false alarm**: the
-# check rejects a correct implementation.
+# Each invariant is a function of the module `course.interview.invariants`. You can test your own code with it, in a
+# unit test. Choose the tolerance and the time step with care, or you get a **false alarm**: the check rejects a correct
+# implementation.
 #
 # <details><summary>Four invariants of the module that the table doesn't use</summary>
 #
@@ -898,19 +905,17 @@ predict("learned_or_not")
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
 # With the normal noise, the network and four starts were both right in all hundred pictures (Wilson's interval begins
-# at 96 %), the network in less than half of the time. So the crossover is at most the time of four starts: we did not
-# measure two or three. Between the network's time and the crossover, take the network. Above, we saw no difference, and
-# four starts need no training.
+# at 96 %). The network needed less than half of the computing time. So the crossover is at most the time of four
+# starts: we did not measure two or three. Between the network's time and the crossover, take the network. With more
+# time than that we saw no difference, and four starts need no training.
 #
-# The right panel is about the poses that begin with the network's guess. Each has a true error of its rotation
-# (horizontal) and a *see-through share* (vertical): at this share of the part's pixels, the camera sees something
-# farther away than the estimated part. Above the dotted line, the pose is refuted.
+# The right panel is about the poses that begin with the network's guess. Each has an error of its rotation ("turn" in
+# the picture) and a *see-through share*: at this share of the part's pixels, the camera sees something farther away
+# than the estimated part. Above the dotted line, the pose is refuted.
 #
 # The green points belong to a mirror image of the part. The network has never seen it, and no rotation of the model
 # fits it. (Their error is the angle to the rotation of the mirrored part.) All of these rotations are wrong, and the
 # check refutes most of them. It lets all orange poses pass, also the wrong ones: their errors are too small.
-#
-# The fold-out below the table has four more components.
 
 # %% tags=["hide-code"]
 both = tables.classical_or_learned()
@@ -927,14 +932,15 @@ Markdown(
 
 # %% [markdown]
 # Our measurements allow you to say: on data like those of its training, a learned component can win. In planning it
-# needed fewer collision checks, but computing time for the network. In perception it needed less time. It also beat
-# classical methods whose model was wrong or incomplete. Outside of its training data it lost in planning, and its error
-# grew in control. For the mirrored part it returned a wrong pose without a warning.
+# needed fewer collision checks, not counting its computing time and the image of the world that it needs. In perception
+# it needed less time than four starts. It also beat fixed models that were wrong or incomplete, but not an adaptive
+# law. Outside of its training data it lost in planning, and its error grew in control. For the mirrored part it
+# returned a wrong pose without a warning.
 #
 # So fit the classical model to measured data first: in our test with one simulated arm, the learned model never beat
 # the complete equations with fitted parameters.
 #
-# Here is what to read:
+# What to read:
 
 # %%
 tables.reading()
@@ -943,7 +949,7 @@ tables.reading()
 # Topics that this course does not teach:
 
 # %%
-tables.lessons()
+tables.not_taught()
 
 # %% [markdown]
 # ## 8 · Exercises

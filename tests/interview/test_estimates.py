@@ -258,6 +258,36 @@ def test_nothing_seen_is_a_bound_and_no_zero() -> None:
     assert np.mean(quiet > 8.0) == pytest.approx(0.9, abs=3e-3)
 
 
+def test_shifts_without_a_call_show_nine_of_ten() -> None:
+    n = e.faultless_trials(0.1)
+    assert 0.9**n <= 0.05 < 0.9 ** (n - 1)
+    # The answers say: three times in four with ninety-nine quiet shifts of a hundred.
+    assert n == e.ESTIMATES["quiet_shifts"].value() and 0.99**n == pytest.approx(0.75, abs=0.01)
+    # And with a mean of one shift between calls, most shifts have one.
+    assert math.exp(-1.0) < 0.5
+
+
+def test_pairs_stop_a_release_that_is_worse_and_pass_an_equal_one() -> None:
+    """The difference of paired runs: +1, -1 or 0, against its own spread."""
+    margin, disagree, n = 0.03, 0.1, e.pairs_not_worse(0.03, 0.1)
+    rng = np.random.default_rng(14)
+
+    def passes(loss: float) -> float:
+        shares = [0.5 * (disagree - loss), 0.5 * (disagree + loss), 1.0 - disagree]
+        won, lost, _ = rng.multinomial(n, shares, 100_000).T
+        mean = (won - lost) / n
+        spread = np.sqrt(((won + lost) / n - mean**2) / n)
+        return float(np.mean(mean - 1.6449 * spread > -margin))
+
+    assert passes(0.0) == pytest.approx(0.8, abs=0.02)
+    assert passes(margin) == pytest.approx(0.05, abs=0.01)
+    assert n < e.ESTIMATES["night_workers"].given()["scenarios"]
+
+
+def test_powers_of_ten_are_times() -> None:
+    assert e.times_more(2.0) == pytest.approx(100.0)
+
+
 def test_a_difference_that_is_detectable_is_detected_four_times_in_five() -> None:
     n, p = 320, 0.9
     spread = math.sqrt(p * (1 - p) / n)

@@ -96,6 +96,11 @@ def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, step
     assert fields.chart(f"made/{steps}") == result
 
 
+def test_a_share_is_shown_in_percentage_points() -> None:
+    assert fields.filled("{a.b:points}", lambda *_: 0.0466) == "4.7"
+    assert fields.filled("{a.b:points}", lambda *_: 0.08) == "8"
+
+
 @pytest.mark.parametrize(
     ("field", "text"),
     [

@@ -379,9 +379,9 @@ def error_by_its_shape(result):
 
 
 @claim(
-    "In a planar arm whose angles are each measured against the link before, the position of a "
-    "joint is that of the joint before, plus a link vector whose direction is the sum of the "
-    "angles so far.",
+    "Each joint angle of a planar arm is measured against the previous link. Then the direction of "
+    "a link is the sum of all angles up to it, and each joint lies one such link vector after the "
+    "previous joint.",
     "The tip of three links is at the height {formula}, and a product of transforms agrees to "
     "{digits:.0f} digits. If the angles are absolute, measured against the ground, sum the link "
     "vectors, but not the angles.",

@@ -203,14 +203,15 @@ def hooke(cause: str, seed: int) -> float:
 SCENARIO = Scenario(
     name="explodes",
     title="It explodes after about a thousand steps",
-    prompt="A slide, which is a small carriage, moves on a rail between two elastic stops. A "
-    "weak drive pulls it to the middle. A brake and friction should damp the small motion that it "
-    "has at the start. Instead the motion grows, and after about a thousand steps the slide is "
-    "lost: it has left its range. Some probes change one thing and return the time ratio: the "
-    "time until the slide is lost, divided by the time without the change. Each of these "
-    "probes stops its run after about three times the time of the unchanged run. So if the slide "
-    "survives, the time ratio is about three. You can read the program, but not the parameters "
-    "of the machine; you can only run the probes below. What is the cause, and what do you change?",
+    prompt="A slide, which is a small carriage, moves on a rail between two elastic stops. A weak "
+    "drive pulls it to the middle. The slide starts at rest, a little off the middle, and a brake "
+    "and friction should damp its motion. Instead the motion grows, and after about a "
+    "thousand steps the slide is lost: it has left its range. Some probes change one thing "
+    "and return the time ratio: the time until the slide is lost, divided by the time without "
+    "the change. Each of these probes stops its run after about three times the time of the "
+    "unchanged run. So if the slide survives, the time ratio is about three. You can read the "
+    "program, but not the parameters of the machine; you can only run the probes below. What "
+    "is the cause, and what do you change?",
     symptom_words="lost after",
     unit="steps",
     symptom=symptom,

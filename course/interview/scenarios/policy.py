@@ -332,7 +332,7 @@ SCENARIO = Scenario(
         Probe(
             "replay_early",
             "difference between the angles of robot and model in the first 80 ms when both get the "
-            "torques of a press on the model",
+            "torques that were recorded during a press on the model",
             "mrad",
             15,
             replayed(0, 20),
@@ -348,8 +348,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "replay_positions",
-            "how much more torque than on the model a slow servo needs to move the arm to the same "
-            "position deep in a key",
+            "torque of a slow servo that moves the arm deep into a key, minus the torque that the "
+            "model needs there",
             "N m",
             20,
             positions,
