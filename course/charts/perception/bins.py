@@ -33,6 +33,7 @@ CURES: dict[str, dict[str, Any]] = {
     "3 sigma, 0.2 pi (eps/v)^2": {"sigmas": 3.0, "least": 0.2},
     "3 sigma, 0.2 pi ..., 5 images": {"sigmas": 3.0, "least": 0.2, "shots": 5},
     "3 sigma, components of pixels": {"sigmas": 3.0, "least": 0.2, "pixels": True},
+    "components, 0.5 m": {"sigmas": 3.0, "least": 0.2, "pixels": True, "z": 0.5},
     "components, 5 images, 0.5 m": {
         "sigmas": 3.0,
         "least": 0.2,
