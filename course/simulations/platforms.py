@@ -301,8 +301,8 @@ PRESETS = {
         {}, "One scheme at one step: the four paths lie on each other, and so does their error. "
         "Halve the step. Then switch the fair settings off."),
     "Default damping": Preset(
-        {"fair": False, "card": "PyBullet"}, "As shipped, PyBullet damps links although the model "
-        "has no damping: its path leaves the others. A smaller step doesn't help."),
+        {"fair": False, "card": "PyBullet"}, "As shipped, PyBullet damps the links, holds the "
+        "joints with motors and computes other inertias. A smaller step doesn't help."),
     "Pyramid steers": Preset(
         {"scene": "braking block", "fair": False, "card": "MuJoCo"}, "A block is launched between "
         "two axes. With a friction pyramid it stops too far away, in another direction."),

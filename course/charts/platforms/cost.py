@@ -84,7 +84,8 @@ def platform_scaling(
                     y,
                     label,
                     size=5.0,
-                    note=f"{name}: {label} over MuJoCo: {message}; exponent at the end {last:.2f}",
+                    note=f"{name}: {label} over MuJoCo: {message}; at the end {label} "
+                    f"grows as n^{last:.2f}",
                 )
             )
         panel.notes.append(
@@ -92,7 +93,7 @@ def platform_scaling(
         )
         yield panel
     panel = Panel(
-        "Python's share, one call a step",
+        "Overhead of one call for each step",
         "links of a chain",
         "share of the step",
         scale="log x",
@@ -106,14 +107,16 @@ def platform_scaling(
         if engine.loop:
             share = np.maximum(1.0 - each[:, 1] / each[:, 0], 0.0)
             words = f"{label}, chain of n links: time saved by 100 steps in one call"
+            name, style = label, "-"
         else:
             # It has no loop: what a call costs is a step of a world in which there is nothing.
             (empty, steps) = step_costs([(engine, _nothing(), 100)], dt, repeats)[0]
             share = np.minimum(empty.best / steps / each[:, 1], 1.0)
             words = f"{label}, chain of n links: an empty world's step as a share"
+            name, style = f"{label}, an empty step", "--"
         message = ", ".join(f"n={n}: {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
         panel.series.append(
-            Series(label, links, share, label, size=5.0, note=f"{words}: {message}")
+            Series(name, links, share, label, style, size=5.0, note=f"{words}: {message}")
         )
     yield panel
 

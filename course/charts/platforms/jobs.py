@@ -25,7 +25,8 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
     in the air as well.
 
     Beside them are the share of faulty models that it rejects or warns about, whether `make lab`
-    installs it, and the rows that some job needs and nobody measured here.
+    installs it, which of them have no physics on a GPU, and the rows that some job needs and
+    nobody measured here.
 
     Args:
         rows: of `platforms_table`; None for the stored ones.
@@ -49,12 +50,20 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
         mine["share of faults reported"] = Fact(honesty(verdicts))
         mine["installed by make lab"] = Fact(name in ENGINES[:2], source="this course")
         mine.update(dict.fromkeys(UNMEASURED, UNKNOWN))
+        if name in NO_GPU:
+            mine[WORLDS.row] = Fact(False, source=NO_GPU[name])
     return result
 
 
 WORLDS, CAMERAS = Need("thousands of worlds on a GPU"), Need("photorealistic cameras")
 CERTIFICATE, ELEMENTS = Need("certificate of the contact model"), Need("finite elements")
 UNMEASURED = tuple(need.row for need in (WORLDS, CAMERAS, CERTIFICATE, ELEMENTS))
+# MuJoCo has two versions for GPUs, MJX and MuJoCo Warp; nobody measured them here.
+NO_GPU = {
+    "own code": "this course",
+    "Drake": "pydrake 1.51: none of its names speaks of a GPU, CUDA or OpenCL",
+    "PyBullet": "the claim bullet_on_gpu",
+}
 HELD = [Need("grasp error", 1e-3, "at most")]
 TOUCHING = [
     *HELD,
@@ -75,7 +84,8 @@ JOBS: Mapping[str, tuple[list[Need], str]] = {
 }  # fmt: skip
 DOCUMENTED = {
     CAMERAS.row: "Isaac Sim renders by tracing paths of light, on an NVIDIA GPU (its manual, 2026)",
-    CERTIFICATE.row: "Drake can prove that states of a *model* are safe (its manual, 2026)",
+    CERTIFICATE.row: "Drake has tools with which you can prove that states of a *model* are safe "
+    "(its manual, 2026)",
     ELEMENTS.row: "SOFA, an engine for soft bodies, has them (its README, 2024); "
     "PhysX has soft bodies, too (Isaac Lab's manual, 2026)",
 }
@@ -91,7 +101,7 @@ def decide(job: str, rows: Rows | None = None, paths: Rows | None = None) -> tup
     if result.pick is None:
         row = next(row for row in result.deciding if row in DOCUMENTED)
         return "not measured here", f"{row}: not measured for any of the four. {DOCUMENTED[row]}"
-    why = "the facts that decide: " + ", ".join(result.deciding)
+    why = "decided by: " + ", ".join(result.deciding)
     if result.turn:
         why += f". {result.turn}"
     return result.pick, why

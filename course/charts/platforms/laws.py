@@ -81,8 +81,10 @@ def platform_braking(
     }
     for label, name, engine, settings in known(rows):
         y = [1.0 - stop(engine, 0.0, dt, settings).distance / FULL for dt in steps]
+        beyond = max(y) < 0.0
         message = ", ".join(
-            f"{100 * s:.2f} % at {1e3 * dt:g} ms" for s, dt in zip(y, steps, strict=True)
+            f"{100 * abs(s) if beyond else 100 * s:.2f} % at {1e3 * dt:g} ms"
+            for s, dt in zip(y, steps, strict=True)
         )
         panel.series.append(
             Series(
@@ -92,7 +94,7 @@ def platform_braking(
                 name,
                 ":" if "sap" in label else "-",
                 size=4.0,
-                note=f"{label}: short by {message}",
+                note=f"{label}: {'too far' if beyond else 'short'} by {message}",
             )
         )
     yield panel

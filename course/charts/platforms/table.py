@@ -414,15 +414,14 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
         return sum(row[0] == reader and row[2] in kinds and row[3] in verdicts for row in rows)
 
     panels = []
-    lost = "lost or crashed"
+    reported = ("refused or warned", ("refused", "warned"))
+    # A silent repair counts: what runs then isn't the model in the file.
+    silent = ("swallowed, repaired or crashed", ("swallowed", "repaired", "crashed"))
+    kept, lost = ("kept", ("kept",)), ("lost or crashed", ("swallowed", "crashed"))
     for title, kinds, parts in (
-        (
-            "Models that cannot exist",
-            ("impossible",),
-            ("refused or warned", "swallowed or crashed"),
-        ),
-        ("Files that break the format", ("broken",), ("refused or warned", "swallowed or crashed")),
-        ("Features", ("feature",), ("kept", lost)),
+        ("Models that cannot exist", ("impossible",), (reported, silent)),
+        ("Files that break the format", ("broken",), (reported, silent)),
+        ("Features", ("feature",), (kept, lost)),
     ):
         of = sum(model.kind in kinds for model in MODELS)
         panel = Panel(
@@ -431,9 +430,7 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
             xlim=(0, of + 0.5),
             footer=machine(0.0, libraries=(*LIBRARIES, "pin")),
         )
-        for label in parts:
-            # Words of the legend to the verdicts that they count.
-            verdicts = label.replace(lost, "swallowed or crashed").split(" or ")
+        for label, verdicts in parts:
             number = [count(reader, kinds, verdicts) for reader in requested]
             panel.series.append(Series(label, number, requested, style="bar"))
         panels.append(panel)

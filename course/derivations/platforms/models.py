@@ -117,11 +117,10 @@ def limit_is_a_wall(result):
 
 
 @claim(
-    "MuJoCo's actuators put their control on the joint as a torque unless one asks for something "
-    "else.",
-    "`motor` does and so does a bare `general`: {ctrl:.1f} gave {torque:.1f} N m. A `position` "
-    "makes it an angle, on a spring of {kp:.0f} N m/rad by default; and no joint has an actuator "
-    "that the file doesn't name.",
+    "By default, MuJoCo applies the command of an actuator to a hinge as a torque in newton metres.",
+    "`motor` does, and so does a plain `general`: a command of {ctrl:.1f} gave {torque:.1f} N m, "
+    "with the default gear of 1. With `position`, the command is an angle, and the default spring "
+    "has {kp:.0f} N m/rad. A joint has only the actuators that the file names.",
     source="MuJoCo 4.0 manual, 2026, XML reference, actuator/general, motor, position",
 )
 def motor_is_torque(result):

@@ -223,9 +223,9 @@ def rk4_and_contact(result):
 
 
 @claim(
-    "Build the world again in the same process and run it on one thread as before: in every run "
-    "that we tried, each bit of the state was the same.",
-    "It was in all four engines, also after a saved state was restored: in {n:.0f} runs the "
+    "On one thread, a newly built world repeats the run of an equal one bit by bit, in each of the "
+    "four engines.",
+    "It did in every run that we tried, also after a saved state was restored: in {n:.0f} runs the "
     "largest difference was {most:.0f}. Other machines, versions or numbers of threads may round "
     "differently.",
     needs=("Drake", "PyBullet"),

@@ -185,7 +185,7 @@ def pyramid_box(result):
 
 
 @claim(
-    "A part that creeps out of a simulated grip needs more friction.",
+    "A part that creeps out of a simulated grip needs a larger coefficient of friction.",
     "Not while it sticks: a block on a gentle slope slides in MuJoCo, whose cone is elliptic "
     "here, at {formula}, {speed:.0f} um/s here with the coefficient {low:.1f} and with "
     "{high:.1f}. An impratio of {ratio:.0f} divides it by {stiff:.2f}.",
