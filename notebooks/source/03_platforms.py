@@ -740,8 +740,8 @@ print_figures(
 # Here are seven jobs with their needs. Most are limits on the numbers of the two charts, with fair settings and at 1
 # ms; another step can change a pick. Engines that meet all needs are ranked by one cost. Two more facts are not in
 # the charts: the share of faulty models that an engine rejects or warns about (*faults reported*, section 7), and
-# whether `make lab` installs it. (RL is reinforcement learning; a certificate is a proof of safety; PhysX is the
-# engine of NVIDIA's Isaac Sim.)
+# whether `make lab` installs it. (RL is reinforcement learning, a certificate a proof of safety, PhysX the engine of
+# Isaac Sim.)
 
 # %%
 facts = jobs.facts()
@@ -760,13 +760,13 @@ rows = [
 table(("Job", "Needs", "Pick", "Why"), rows)
 
 # %% [markdown]
-# Three jobs have an answer, each time MuJoCo. We tuned its contacts most (section 1). But with fair settings it is
-# also the cheapest wherever bodies touch, so it stays the pick unless it misses a limit. (*RL training, for speed*
-# compares a single world on a CPU.)
+# Three jobs have an answer, each time MuJoCo. We tuned its contacts most (section 1). But it is also the cheapest
+# wherever bodies touch, so it stays the pick unless it misses a limit. (*RL training, for speed* compares a single
+# world on a CPU.)
 #
-# For *Manipulation research*, a tighter limit on the largest error of *brake* would rule out MuJoCo, because its
-# block hops. Then the cheapest that passes is Drake. But change the settings before the engine: with its default
-# `solref`, MuJoCo's largest error in *brake* is below 1 mm (section 1), and it still meets the other two needs.
+# For *Manipulation research*, a tighter limit on the largest error of *brake* would rule out MuJoCo: its block hops.
+# Then the cheapest that passes is Drake. But change the settings before the engine: with its default `solref`,
+# MuJoCo's largest error in *brake* is below 1 mm (section 1), and it still meets the other needs.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -1191,7 +1191,7 @@ print_figures(
 # Will a scene with ten times the bodies cost ten times as much? The **scaling exponent** answers this: it is the slope
 # of cost against size on logarithmic axes. With exponent 1, twice the bodies cost twice the time; with 2, four times.
 #
-# ![Cost of a step against the size of chain, tower and field, and the overhead of a call](../docs/charts/platform_scaling.png)
+# ![Cost of a step against the size of chain, tower and field, and a call's overhead](../docs/charts/platform_scaling.png)
 #
 # The first two printed lines give PyBullet's cost divided by MuJoCo's, for $n$ cubes. They end with the exponent of
 # PyBullet's own cost, over the three largest $n$:

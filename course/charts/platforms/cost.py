@@ -84,8 +84,8 @@ def platform_scaling(
                     y,
                     label,
                     size=5.0,
-                    note=f"{name}: {label} over MuJoCo: {message}; at the end {label} "
-                    f"grows as n^{last:.2f}",
+                    note=f"{name}: {label} over MuJoCo: {message}; at the end {label}'s "
+                    f"cost grows as n^{last:.2f}",
                 )
             )
         panel.notes.append(
