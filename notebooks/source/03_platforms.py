@@ -1191,7 +1191,7 @@ print_figures(
 # Will a scene with ten times the bodies cost ten times as much? The **scaling exponent** answers this: it is the slope
 # of cost against size on logarithmic axes. With exponent 1, twice the bodies cost twice the time; with 2, four times.
 #
-# ![Cost of a step against the size of chain, tower and field, and a call's overhead](../docs/charts/platform_scaling.png)
+# ![Cost of a step against the size of chain, tower and field, and of a call](../docs/charts/platform_scaling.png)
 #
 # The first two printed lines give PyBullet's cost divided by MuJoCo's, for $n$ cubes. They end with the exponent of
 # PyBullet's own cost, over the three largest $n$:

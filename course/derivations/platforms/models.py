@@ -117,7 +117,8 @@ def limit_is_a_wall(result):
 
 
 @claim(
-    "By default, MuJoCo applies the command of an actuator to a hinge as a torque in newton metres.",
+    "By default, MuJoCo applies the command of an actuator to a hinge as a torque in newton "
+    "metres.",
     "`motor` does, and so does a plain `general`: a command of {ctrl:.1f} gave {torque:.1f} N m, "
     "with the default gear of 1. With `position`, the command is an angle, and the default spring "
     "has {kp:.0f} N m/rad. A joint has only the actuators that the file names.",
