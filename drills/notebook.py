@@ -272,7 +272,7 @@ class RobotButton(Shown):
 
 
 _ROBOT_TEXT = {
-    8: "Put it into your robot. This chapter adds no part to your robot. It adds the flag --twin: "
+    8: "This chapter adds no part to your robot. It adds the flag --twin: "
     "with it, the arm that your robot drives differs from its model by a gap of 0.25. (This arm is "
     "not the MuJoCo twin of section 3.) The button plays your robot with the exact arm and with "
     "that one.",

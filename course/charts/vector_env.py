@@ -62,16 +62,17 @@ CONTENDERS = {
     CLOSED: Contender(ArmReachVector, "closed form"),
     BATCH: Contender(MujocoArmReachVector, "mujoco.batch, RK4"),
     # Gymnasium's loop has one thread: this one is compared with it by what it does, not by cores.
-    BATCH_ALONE: Contender(lambda n: MujocoArmReachVector(n, threads=1), extra=True),
+    BATCH_ALONE: Contender(lambda n: MujocoArmReachVector(n, threads=1), "mujoco.batch"),
     f"ProcessVectorEnv, MuJoCo, {WORKERS} workers": Contender(_workers, "processes"),
     # As fast as Gymnasium's loop, on which it would lie.
     "VectorizedEnv, MuJoCo": Contender(
         lambda n: VectorizedEnv(MujocoArmReach, n), "loop", extra=True
     ),
     SYNC: Contender(lambda n: sync_vector_env(MujocoArmReach, n), "Gymnasium, loop", style="--"),
-    # A process each: beyond 256 most machines run out of patience before memory.
+    # A process each: beyond 256 most machines run out of patience before memory. The third panel
+    # draws it, too.
     ASYNC: Contender(
-        lambda n: async_vector_env(MujocoArmReach, n), "Gymnasium, processes", 256, "--"
+        lambda n: async_vector_env(MujocoArmReach, n), "Gymnasium, processes", 256, "--", extra=True
     ),
     SYNC_CLOSED: Contender(
         lambda n: sync_vector_env(ArmReach, n), "Gymnasium, loop, closed form", style=":"

@@ -5,9 +5,9 @@
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
 # exercises {exercise minutes} minutes.
 #
-# A two-link arm reaches for a point. A PID controller drives each joint. It has three gains for each joint, six in all.
-# These six gains are the arm's **policy**: they decide how it reacts to what it measures. Its **success rate** is the
-# share of reaches that succeed: the hand stays within 2 cm of the target for the whole last 0.1 s.
+# A two-link arm reaches for a point. A PID controller drives each joint. Its six gains, three for each joint, are the
+# arm's **policy**: they decide how it reacts to what it measures. Its **success rate** is the share of reaches that
+# succeed: the hand stays within 2 cm of the target for the whole last 0.1 s.
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -57,21 +57,21 @@ predict("mend_the_delay")
 simulation("arms")
 
 # %% [markdown]
-# The left arm is the simulated arm on which the gains were tuned. The right arm plays the real one. It is simulated
-# too, so we know its true parameters. The first slider, *gap*, sets how much load, friction, motor and encoder differ:
-# at 1 as much as in the first picture, at 0 not at all. The delay of the commands has its own slider. *DR Range* sets
-# how widely the simulated arms varied while the gains were tuned (section 3).
+# The left arm is the simulated arm on which the gains were tuned. The right arm plays the real one; it is simulated
+# too, so we know its true parameters. The **reality gap** is the mismatch between simulator and robot. Its slider
+# (*gap*) sets how much load, friction, motor and encoder differ: at 1 as much as in the first picture, at 0 not at all.
+# It starts at 0.3. The delay of the commands has its own slider. *DR Range* sets how widely the simulated arms varied
+# while the gains were tuned (section 3).
 #
-# Under the arms, *longest stable delay* is the delay beyond which a joint of the right arm begins to oscillate while
-# its other joint is locked (section 1). *Delay to spare* is this limit minus the present delay. The moving arm has less
-# to spare, because both its joints are free. *Costliest difference* would cost the most successes if it were the only
-# difference.
+# Under the arms, *longest stable delay* is the delay beyond which the right arm begins to oscillate (section 1).
+# *Costliest difference* is the one that would cost the most successes if it were alone, at the present settings.
 #
 # <details><summary>The other numbers, and the buttons</summary>
 #
-# Each button is a preset: a prepared setting. *This reach* reports how the reach that you see ended. *Longest stable
-# delay* is computed for each joint with the other joint locked; the smaller value counts. *Gain margin* is the factor
-# by which you can raise all gains before a joint becomes unstable.
+# Each button is a preset: a prepared setting. *This reach* reports how the reach that you see ended. *Delay to spare*
+# is the longest stable delay minus the present one. *Longest stable delay* is computed for each joint with the other
+# joint locked; the smaller value counts. The moving arm has less to spare, because both its joints are free. *Gain
+# margin* is the factor by which you can raise all gains before a joint becomes unstable.
 #
 # </details>
 #
@@ -175,7 +175,7 @@ def diagram(size, boxes, arrows=(), colour="#e8eaf6"):
 #
 # ### Measuring what is lost
 #
-# The **reality gap** is the difference between how well a controller works in its simulator and on the robot.
+# We measure the reality gap by the success that a controller loses.
 #
 # The task is the reach in the first drawing, an **episode** of 0.9 s. Start and target are sampled at random, and every
 # controller gets the same ones.
@@ -198,19 +198,20 @@ axis = diagram(
 plt.show()
 
 # %% [markdown]
-# A success rate from few trials is uncertain, so each one gets a 95 % confidence interval. We use Wilson's interval,
-# which stays usable when nearly all trials succeed or nearly all fail.
+# A success rate from few trials is uncertain, so each one gets a 95 % confidence interval. Wilson's interval stays
+# usable when nearly all trials succeed or nearly all fail.
 #
 # ### Five differences, one at a time
 #
 # The real arm differs from the simulator in load (a payload, and heavier links), friction, motor, encoder and delay.
-# Which of these matter? We take the simulator's arm and give it *one* of the differences at full size. Then we run
-# gains that were tuned without this difference.
+# Which of these matter? We take the simulator's arm and give it *one* of the differences, as large as at gap 1 (the
+# delay: 10 ms). Then we run gains that were tuned without this difference.
 #
 # Feedback corrects the error that it *measures*. Dry friction (a resistance of constant size) takes a fixed amount off
-# the torque. A weaker motor takes off a fixed share. In both cases the measured error grows a little, and the PID law
-# answers with more torque. A heavy load slows down every response of the arm. A delay makes feedback act on an old
-# measurement. And feedback can't see a constant offset of the encoder: the true angle stays wrong by this offset.
+# the torque. The motor that is 20 % weaker delivers 80 % of each commanded torque. In both cases the measured error
+# grows a little, and the PID law commands more torque. (But the weaker motor's largest torque is smaller, too.) A heavy
+# load slows down every response of the arm. A delay makes feedback act on an old measurement. And feedback can't see a
+# constant offset of the encoder: the true angle stays wrong by this offset.
 #
 # One difference can also make another one cost more, or less. Take the motor: how often does a light arm need its full
 # torque, and how often a heavy one?
@@ -240,12 +241,12 @@ plt.show()
 table(*rows)
 
 # %% [markdown]
-# Load and delay cost success. The other three cost little alone. The green squares are gains that were tuned on
-# the arm on which they run. They recover most of what was lost.
+# Load and delay cost success. The other three cost little alone. Gains that were tuned on the arm on which they run
+# (green squares) recover most of what was lost.
 #
-# The next table puts several differences into one arm. The line above it compares three searches, because each search
-# finds other gains. Their success differs by more than the intervals, which count only the luck of the trials. Both
-# tables use the first search. The last column counts the searches in which the losses together exceed their sum.
+# The next table puts several differences into one arm. The line above it compares three searches: each finds other
+# gains, and their success differs by more than the intervals, which count only the luck of the trials. Both tables use
+# the first search. The last column counts the searches in which the losses together exceed their sum.
 
 # %% tags=["hide-code"]
 head = ("arm", "differences", "costliest alone", "separate losses, added", "lost together")
@@ -278,9 +279,9 @@ table(*rows)
 # is the pair of load and motor: a heavy arm needs the torque that the weaker motor lacks. The other two pairs, and all
 # five at gap 0.5, cost a little less than their sums.
 #
-# The last two rows (gap 0.3, 20 ms) show the opposite. There the delay alone makes almost every reach fail (column
-# *costliest alone*). Load and delay *together* cost much less than that: the load slows down the loop, and a slower
-# loop tolerates a later command. So losses measured one at a time don't tell you what the differences cost together.
+# The last two rows (gap 0.3, 20 ms) show the opposite. There the delay alone makes almost every reach fail. Load and
+# delay *together* cost much less than that: the load slows down the loop, and a slower loop tolerates a later command.
+# So losses measured one at a time don't tell you what the differences cost together.
 #
 # <details><summary>On a real robot you start from symptoms: a table</summary>
 #
@@ -307,10 +308,11 @@ table(*rows)
 # a moment ago. With small gains little happens in that time. With large gains the joint overshoots, the next late
 # correction overshoots further, and the loop oscillates.
 #
-# The **delay margin** is the delay at which a loop becomes unstable. Chapter 6 derives it: $\tau_\text{max} =
-# \varphi_m/\omega_c$. The crossover frequency $\omega_c$ says how fast the loop reacts. The phase margin $\varphi_m$ is
-# an angle: if a delay shifts an oscillation at $\omega_c$ by this angle, the loop becomes unstable. Here higher gains
-# raise $\omega_c$, so they shorten the delay margin.
+# The **delay margin** is the smallest delay that makes a loop unstable. Chapter 6 derives it:
+# $\tau_\text{max} = \varphi_m/\omega_c$. The crossover frequency $\omega_c$ says how fast the loop reacts. The phase
+# margin $\varphi_m$ is an angle: if a delay shifts an oscillation at $\omega_c$ by this angle, the loop becomes
+# unstable. Here higher gains raise $\omega_c$, and the phase margin doesn't make up for it. So they shorten the delay
+# margin.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 2.2), layout="constrained")
@@ -326,16 +328,17 @@ _ = axis.set_title("the same reach and gains at three delays", fontsize=9)
 plt.show()
 
 # %% [markdown]
-# These gains were tuned without delay. At 0 ms the hand overshoots once and settles. With the two delays the first
-# swing is about three times as large, and the hand doesn't settle within the 0.9 s.
+# These gains were tuned without delay, where the hand overshoots once and settles. At the two delays it swings much
+# farther and doesn't settle within the 0.9 s.
 
 # %%
 predict("gains_and_a_late_command")
 
 # %% [markdown]
-# In the left panel below, one factor multiplies all gains. The circles show the delay at which half of the reaches
-# fail; in the blue area 10 to 90 % fail. The other two curves are computed delay margins, as if the motors had no
-# torque limit. Squares: joint 1 is locked. Diamonds: both joints are free, the elbow bent by 1.6 rad.
+# In the left panel below, one factor multiplies all gains (those tuned without delay). The circles show the delay at
+# which half of the reaches fail; in the blue area 10 to 90 % fail. The other two curves are computed delay margins, as
+# if the motors had no torque limit. Squares: joint 1 is locked. Diamonds: both joints are free, the elbow bent by 1.6
+# rad.
 #
 # <details><summary>Why a free joint 1 shortens the limit</summary>
 #
@@ -344,10 +347,10 @@ predict("gains_and_a_late_command")
 #
 # </details>
 #
-# The right panel shows success over the delay. The gains *no range* were tuned on one arm, the gains *range 1* on many
-# different arms whose delay lies between 0 and 30 ms (section 3). For *MuJoCo* the arm runs in the physics engine
-# MuJoCo, not in the course's own model. The coloured areas are 95 % intervals. The vertical lines are the delay margins
-# of joint 2 with joint 1 locked.
+# The right panel shows success over the delay, for gains tuned on one arm (*no range*) and on many arms whose delay
+# lies between 0 and 30 ms (*range 1*, section 3). For *MuJoCo* the arm runs in that physics engine, not in the course's
+# own model. The coloured areas are 95 % intervals. The vertical lines are the delay margins of joint 2 with joint 1
+# locked; the moving arm tolerates less.
 #
 # ![Delay at which reaches fail, against the gains, and success against the delay](../docs/charts/late_commands.png)
 
@@ -370,8 +373,8 @@ curves(
 
 # %% [markdown]
 # In each row the success rate falls slowly at first and then collapses. In a simulator without delay and noise, higher
-# gains reach the target sooner and cost nothing, so the search raises the gains. The gains *range 1* were tuned with
-# delays. They are lower (the two lines above the table), so they tolerate a later command.
+# gains reach the target sooner and cost little, so the search raises the gains. The gains *range 1* were tuned with
+# delays. They are lower (lines above the table), so they tolerate a later command.
 #
 # At both ends of the left panel it isn't the delay margin that decides. With much lower gains the arm is too slow to
 # arrive in time. With high gains reaches succeed at delays beyond both computed margins: the motors' torque limit stops
@@ -401,8 +404,8 @@ show("late_command")
 #
 # ### The regression that interviewers ask for
 #
-# The equations of motion of an arm are nonlinear in the angles. But they are *linear* in the inertias and in the
-# coefficients of viscous friction:
+# The equations of motion of an arm are nonlinear in the angles. But they are *linear* in the inertial parameters (here
+# $a$, $b$, $d$) and in the coefficients of viscous friction:
 #
 # $$\boxed{\;\tau = Y(q, \dot q, \ddot q)\,\theta\;}$$
 #
@@ -451,13 +454,13 @@ _ = axes[0].set_ylabel("two rows for each sample in time")
 plt.show()
 
 # %% [markdown]
-# In the drawing red is positive and blue negative. Each column is scaled by its own largest value, so compare only the
-# patterns. If one column were a weighted sum of others, the log couldn't separate their parameters.
+# In the drawing red is positive and blue negative. Each column has its own scale, so compare only the patterns. If one
+# column were a weighted sum of others, the log couldn't separate their parameters.
 #
-# The difficulty is $\ddot q$. An encoder measures angles. Differentiating twice multiplies the noise by about $1/\Delta
-# t^2$, where $\Delta t$ is the time between samples. With samples every 2 ms, 1 mrad of noise becomes accelerations
-# with an error of hundreds of rad/s². Least squares assumes that only $\tau$ is noisy. If $Y$ is noisy too, the
-# estimate is biased: it stays wrong, however long the log is.
+# The difficulty is $\ddot q$. An encoder measures angles. Differentiating twice multiplies the noise by
+# $\sqrt6/\Delta t^2$, where $\Delta t$ is the time between samples. With samples every 2 ms, 1 mrad of noise becomes
+# accelerations with an error of hundreds of rad/s². Least squares assumes that only $\tau$ is noisy. If $Y$ is noisy
+# too, the estimate is biased: it stays wrong, however long the log is.
 #
 # There are three remedies:
 #
@@ -527,11 +530,12 @@ table(
 # How accurate can any method be? Suppose that every sample has independent normal noise of standard deviation $\sigma$.
 # The **Fisher information** $F$ measures how much the whole log reveals about the parameters. No method that is right
 # on average (unbiased) can have a smaller covariance than $F^{-1}$. This is the **Cramér-Rao bound**. So the variance
-# of each parameter's estimate is at least its diagonal entry of $F^{-1}$. ($\succeq$ says the same of every weighted
-# sum of the estimates.)
+# of each parameter's estimate is at least its diagonal entry of $F^{-1}$:
 #
 # $$F = \frac{1}{\sigma^2}\,J^\mathsf{T}J, \qquad \operatorname{cov}\hat\theta \;\succeq\; F^{-1}
 # = \sigma^2\,(J^\mathsf{T}J)^{-1} .$$
+#
+# The sign $\succeq$ says that the same is true of every weighted sum of the parameters.
 #
 # <details><summary>An example with one parameter</summary>
 #
@@ -541,9 +545,9 @@ table(
 #
 # </details>
 #
-# `fit` reports $\sigma^2(J^\mathsf{T}J)^{-1}$ as the covariance of its estimate. It takes $\sigma$ from the residual.
-# Does the method reach the bound? We record 60 logs that differ only in the noise and fit each of them. Then we compare
-# the scatter of the fits with the ellipse that the bound predicts from one log:
+# `fit` reports $\sigma^2(J^\mathsf{T}J)^{-1}$ as the covariance of its estimate, with $\sigma$ from the residual. Does
+# it reach the bound? We fit 60 logs that differ only in the noise, and compare the scatter of the fits with the ellipse
+# that the bound predicts from one log:
 
 # %% tags=["show-code"]
 J = result.slope.reshape(-1, 5)
@@ -568,15 +572,18 @@ print("standard deviation of 60 fits over the bound:")
 print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio, strict=True)))
 
 # %% [markdown]
-# A ratio near one means that no unbiased method can do noticeably better on this log. To learn more, you need a longer
-# log, a better sensor, better torques, or knowledge from elsewhere, such as a weighed payload.
+# A ratio near one means that no unbiased method can do noticeably better on this log.
 #
-# The next picture shows two common complications. Signals of different kinds, such as angles and speeds, need weights:
-# wrong weights increase the scatter of the fits (left panel). And a controller that runs during the log reacts to the
-# sensor's noise. This biases least squares, but not output error, as long as the sensor's noise is the only
-# disturbance. (Disturbing torques can reverse this: see the fold.) The other panels show it for a joint with the
-# inertia $I$, where least squares finds $1/I$. A longer log doesn't remove its error (middle), and a higher gain of the
-# controller increases it (right).
+# Two complications are common. Signals of different kinds, such as angles and speeds, need weights: wrong weights
+# increase the scatter of the fits (left panel below).
+#
+# The other is a controller that runs during the log. In the other panels least squares finds $1/I$ of a joint with the
+# inertia $I$: the slope of the measured acceleration over the torque. Without feedback the sensor's noise is only in
+# the acceleration and does no harm. With feedback the torque contains the same noise, and $1/I$ comes out too large.
+#
+# A longer log doesn't remove this bias (middle). With a higher gain it first grows; when most of the torque is noise,
+# it shrinks again (right). Output error stays right if the sensor's noise is the only disturbance, and so does an
+# *instrument*, a method that uses the planned torque. (Disturbing torques can reverse this: see the fold.)
 #
 # <details><summary>Logs of several signals, and logs under a running controller: a run of each</summary>
 #
@@ -652,7 +659,7 @@ _ = axes[2].plot(gains, laws, color=RED)
 for gain in (0.0, 2.0, 5.0, 10.0, 16.0, 24.0, 32.0, 40.0):
     for name, value in estimates(replace(loop, gain=gain), 1000, 60, rng).items():
         _ = axes[2].plot(gain, 100 * value.mean(), looks[name][1], color=looks[name][0], ms=5)
-_ = axes[2].set(xlabel="gain [N m s/rad]", ylabel="error of 1/I [%]", title="a higher gain")
+_ = axes[2].set(xlabel="gain [N m s/rad]", ylabel="error of 1/I [%]", title="the controller's gain")
 plt.show()
 
 # %%
@@ -662,19 +669,18 @@ more_claims("signals_of_different_kinds", "feedback_and_regression")
 # ### What a log can tell: excitation and base parameters
 #
 # A parameter is **identifiable** if changing it always changes the log, even if you change the other parameters at the
-# same time. That depends on two things: on the robot's structure, and on the torques.
+# same time. This depends on the robot's structure and on the torques.
 #
 # First the structure. Six physical numbers describe our arm: for each link the mass $m$ and the inertia $I$ about its
 # centre of mass, and the two frictions. No motion of a horizontal arm can separate $m_1$ from $I_1$. Link 1 only turns
 # about joint 1, so only its inertia about that joint matters: $I_1 + \tfrac14 l_1^2 m_1$. Raise $m_1$ and lower $I_1$
 # so that this sum stays the same: then every motion stays the same. A change of parameters that no log reveals is a
-# **null direction**. The columns of $J$ are then no longer independent ($J$ loses rank), and the Cramér-Rao bound along
-# this direction is infinite.
+# **null direction**. Then $J$ loses rank, and the Cramér-Rao bound along this direction is infinite.
 #
-# The remedy is to fit only the combinations that matter. These are called **base parameters**: a smallest set of
-# combinations that determines every motion. Our $a, b, d, c_1, c_2$ are the base parameters of the six numbers. Now
-# take the $J$ of the six numbers. Its singular value decomposition has one singular value above zero for each base
-# parameter, if the log excites them all. The singular vectors of the zero values are the null directions.
+# The remedy is to fit only the **base parameters**: a smallest set of combinations that determines every motion. Our
+# $a, b, d, c_1, c_2$ are the base parameters of the six numbers. Now take the $J$ of the six numbers. Its singular
+# value decomposition has one singular value above zero for each base parameter, if the log excites them all. The
+# singular vectors of the zero values are the null directions.
 
 # %% tags=["hide-code"]
 free = dict.fromkeys(logs.six(), (1e-4, 10.0))
@@ -696,20 +702,20 @@ plt.show()
 print(f"six parameters, rank {report.rank}: {'; '.join(report.null)}")
 
 # %% [markdown]
-# The star is the true arm. The dashed line is the null direction through it. Everywhere on this line the residual is as
-# small as at the star, so a fit may return any point of the line.
+# The dashed line is the null direction through the true arm (star). Everywhere on it the residual is as small as at the
+# star, so a fit may return any of its points.
 #
 # Now the torques. **Excitation** means torques under which every base parameter changes the log in its own way. An arm
 # whose second joint never turns reveals nothing about $c_2$. The standard choice is a sum of sines on all joints at
 # once.
 #
 # You can compute $F$ in simulation, so you can compare plans *before* you record anything. A common summary is the
-# **condition number** of $J$: multiply each column by its parameter's value, and divide the largest singular value by
-# the smallest one. A large value warns of a nearly null direction.
+# **condition number** of $J$, each column multiplied by its parameter's value: the largest singular value over the
+# smallest one. A large value warns of a nearly null direction.
 #
-# What counts in the end is the **standard error**: the standard deviation of an estimate, about half of the 95 %
-# half-width. The table shows it for the worst parameter. In the last two columns all plans are scaled to the rms torque
-# (the root of the mean square) of the two sines.
+# What counts in the end is the **standard error**: the standard deviation of an estimate, about half of the half-width.
+# The table shows it for the worst parameter. In the last two columns all plans are scaled to the rms torque (the root
+# of the mean square) of the two sines.
 
 # %% tags=["hide-code"]
 plans = {name: logs.record(name) for name in ("two sines", "steps", "one slow joint")}
@@ -740,20 +746,20 @@ for name in plans:
 table(*rows)
 
 # %% [markdown]
-# The slow joint has a smaller condition number than the steps and yet a larger error, because its torques are small. A
-# ratio can't show that. At equal rms torque the slow joint beats the steps. But scaling a plan up moves the
-# joints farther (last column), so check it against the robot's joint and speed limits.
+# The slow joint has a smaller condition number than the steps and yet a larger error, because its torques are small; a
+# ratio can't show that. At equal rms torque it beats the steps. But a larger plan moves the joints farther (last
+# column): check it against the robot's joint and speed limits.
 #
 # ### When the fit misleads you
 #
 # An error bar assumes that the model is right, and that the noise of each sample is independent of the others. If the
-# robot has an effect that the model lacks, the fitted parameters absorb this effect as well as they can. They are then
+# robot has an effect that the model lacks, the fitted parameters absorb this effect as well as they can. Then they are
 # wrong, and their error bars are still small.
 #
 # If the model explains everything except sensor noise, the residual is **white**: no sample is correlated with any
-# earlier one. The test of Ljung and Box (1978) measures this. It correlates the residual with copies of itself that are
-# shifted by one sample, by two, by three, and so on. It adds up the squares of these correlations, and returns the
-# probability that pure noise gives such a large sum. Below 1 % we say *not white*.
+# earlier one. The test of Ljung and Box (1978) measures this. It correlates the residual with copies of itself, shifted
+# by one sample, two, three, and so on. It adds up the squares of these correlations and returns the probability that
+# pure noise gives such a large sum. Below 1 % we say *not white*.
 #
 # A second test is **validation**: let the fitted model predict another log, which you didn't fit. If the model is
 # right, the prediction differs from that log only by the sensor's noise.
@@ -811,9 +817,8 @@ show("believed_error_bar")
 # %% [markdown]
 # ### A log that is shifted by one sample
 #
-# Sometimes the model is right, and the recording program is wrong. A loop reads the encoder, computes a command, and
-# writes both into a row. Suppose that row 2 holds the angle that was true at row 1, and so on. Then every angle is one
-# sample old:
+# Sometimes the model is right, and the recording program is wrong. Suppose that row 2 holds the angle that was true at
+# row 1, and so on. Then every angle is one sample old:
 #
 # | row | command in the row | angle in a correct log | angle in a shifted log |
 # |---|---|---|---|
@@ -821,8 +826,8 @@ show("believed_error_bar")
 # | 2 | $u_2$ | $q_2$ | $q_1$ |
 # | 3 | $u_3$ | $q_3$ | $q_2$ |
 #
-# At 2 ms per sample, a joint with a speed of 1 rad/s moves by 2 mrad in that time. That is twice the sensor's noise
-# here. But the fit can choose parameters with which the simulated motion is a little later, too.
+# At 2 ms per sample, a joint at 1 rad/s moves by 2 mrad in that time, twice the sensor's noise here. But with other
+# parameters the simulated motion can be a little later, too.
 
 # %%
 predict("one_step_late")
@@ -848,15 +853,15 @@ print(
 )
 
 # %% [markdown]
-# The whiteness test notices the shift, and the last printed line measures it. The lag is the slope of the fit's
-# residual against minus the speed, after you remove from the speed what the parameters can imitate (fold).
+# The whiteness test notices the shift, and the last printed line measures it. An angle that is late by a lag is wrong
+# by minus the lag times the speed. So plot the residual against minus the speed: the slope is the lag. The fit has
+# hidden a part of it in its parameters; the printed value is corrected for that (fold).
 #
-# <details><summary>How to measure the lag</summary>
+# <details><summary>The correction for what the fit has hidden</summary>
 #
-# An angle that is late by $\delta$ is wrong by $-\delta\,\dot q$. So if you plot the residual against *minus* the
-# speed, the slope is the lag. One correction is needed, because the fit has hidden a part of this error in its
-# parameters. Parameters can only add columns of $J$ to the simulated angles. So subtract from the speed the sum of
-# columns of $J$ that is closest to it (by least squares), and use what remains of the speed.
+# An angle that is late by $\delta$ is wrong by $-\delta\,\dot q$. By changing parameters the fit
+# can only add columns of $J$ to the simulated angles, so it can hide only that part of the error. Subtract from the
+# speed the sum of columns of $J$ that is closest to it (by least squares), and use what remains for the slope.
 #
 # </details>
 
@@ -876,14 +881,13 @@ more_claims("one_sample_late")
 #
 # ### Domain randomisation
 #
-# Perhaps you can't record a log, because the robot isn't built yet. Then you can tune for many possible robots.
+# If you can't record a log, because the robot isn't built yet, you can tune for many possible robots.
 # **Domain randomisation** (DR) samples new simulator parameters for every episode, so that the gains can't rely on any
 # one value.
 #
-# The *range* sets how far the parameters may differ from the simulator's. At range 1 each parameter except
-# the delay differs by at most as much as at gap 1. Masses, motor, viscous friction and encoder offset vary in both
-# directions, payload, dry friction and noise only upward from zero. The delay lies between 0 and 30 ms at range 1, and
-# between 0 and 12 ms at range 0.4.
+# The *range* sets how far the parameters may differ from the simulator's. At range 1 each parameter except the delay
+# differs by at most as much as at gap 1. Payload, dry friction and noise vary only upward from zero, the others in both
+# directions. The delay lies between 0 and 30 ms at range 1 (0 and 12 ms at range 0.4).
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6, 2.5), layout="constrained")
@@ -911,9 +915,9 @@ figure_.legend(fontsize=8, loc="outside right upper")
 plt.show()
 
 # %% [markdown]
-# The picture shows two of the parameters. One set of gains now has to serve all these arms. It can't be strong for a
-# heavy arm and gentle for a light one. But it can be cautious: low gains tolerate a longer delay. In return they take
-# longer to reach the target. So besides success we also measure the time that the hand spends inside the target.
+# The picture shows two of the parameters. One set of gains now has to serve all these arms. It can be cautious: low
+# gains tolerate a longer delay. In return they take longer to reach the target. So besides success we also measure the
+# time that the hand spends inside the target.
 
 # %%
 predict("what_a_range_costs")
@@ -943,20 +947,22 @@ curves(
 # costs, and little of what the load costs at large gaps.
 #
 # The third row is **the other approach**: find the real arm's parameters and tune on them. We used the exact
-# parameters, so this row is the best that identification could reach. Up to gap 0.5 range 1 succeeds about as often,
-# and it needs no log. At large gaps the true parameters are far better.
-# But this is the hardest case for randomisation: at gap 1 the real arm is at a corner of range 1, with every parameter
-# except the delay at an end, and hardly any sample falls there.
+# parameters, so this row shows what perfect identification gives, up to the luck of a search. Up to gap 0.5 range 1
+# succeeds about as often, and it needs no log. At large gaps the true parameters are far better. But this is the
+# hardest case for randomisation: at gap 1 the real arm is at a corner of range 1, with every parameter except the delay
+# at an end, and hardly any sample falls there.
 #
-# <details><summary>The rest of the chart, and why the success at gap 1 has other values in other tables</summary>
+# In the right panel wider ranges help on every arm but the simulator's own, most of all up to range 0.4. (One of them
+# is the robot of the next heading.) *True, range 0.4* on the left adds a range around the true parameters; it gains
+# nothing. Compare only rates of one table or chart: others use other searches and other tasks.
 #
-# The right panel varies the range instead (with one more robot, from the next section). In the left panel, the areas
-# around *no range* and both ranges reach from the worst to the best of three searches. The other areas in the chart are
-# 95 % intervals. *True, range 0.4* adds a range around the true parameters and gains nothing.
+# <details><summary>The areas in the chart, and why the success at gap 1 has other values in other tables</summary>
+#
+# In the left panel, the areas around *no range* and both ranges reach from the worst to the best of three searches. The
+# other areas in the chart are 95 % intervals.
 #
 # The searches and the tasks differ. Section 1 uses the first of three searches. The table above shows the mean of these
-# three on other tasks, section 9 on other tasks again. The corrections below use the mean of two more searches. So
-# compare only rates of one table.
+# three on other tasks, section 9 on other tasks again. The corrections below use the mean of two more searches.
 #
 # </details>
 
@@ -966,10 +972,9 @@ more_claims("measured_or_randomised")
 # %% [markdown]
 # ### A robot that the simulator can't represent
 #
-# So far the real arm was our own arm with other parameters. Real robots also have effects for which our simulator has
-# no parameter. The chapter's **twin** is another model of the arm, built in MuJoCo, with three such effects:
-# **backlash** (free play between the teeth of the gears), the inertia of the motors' rotors, and friction that first
-# gives way a little like a spring (presliding).
+# Real robots also have effects for which our simulator has no parameter. The chapter's **twin** is another model of the
+# arm, built in MuJoCo, with three such effects: **backlash** (free play between the teeth of the gears), the inertia of
+# the motors' rotors, and friction that first gives way a little like a spring (presliding).
 #
 # No parameters make our simpler arm move exactly like the twin: nothing in it can imitate the backlash. But a
 # controller doesn't need true parameters. It needs a model that moves like the robot in the motions of the task.
@@ -990,22 +995,18 @@ curves("robot_time", 0, "success after robot time [s] of", {"identified from a l
 curves("robot_time", 0, "success after robot time [s] of", {"fine-tuned": "fine-tuned"})
 
 # %% [markdown]
-# One log of less than a second lifts the success far above every range (the three lowest dotted lines). A longer log,
-# or a range around the identified values, changes it by less than the confidence intervals. Fine-tuning ends at a
-# similar rate, after far more robot time. (The top line, *adaptive law*, is no fair rival: its settings were chosen by
-# trials on the twin that the chart doesn't count.)
+# One log of less than a second lifts the success far above every range (three lowest lines). Longer logs, or
+# a range around the identified values, make no clear difference: the intervals overlap. Fine-tuning ends at a similar
+# rate, after far more robot time.
 #
-# <details><summary>Chapter 6's adaptive controller on this arm</summary>
-# Chapter 6's adaptive controller corrects its model while it moves. It is at the top of the chart (*adaptive law*). But
-# most of its advantage over the plain gains remains when adaptation is switched off: its control law is better suited
-# to the task. And its settings were chosen by trying them on the twin, a time that the chart doesn't count.
-#
-# </details>
+# The top line, *adaptive law*, is chapter 6's adaptive controller. *Its law, not adapting* is the same law with its
+# estimate frozen: most of its lead over the ranges comes from the law, not from adapting. Neither is a fair rival:
+# their settings were chosen by trials on the twin that the chart doesn't count.
 #
 # ### When each approach wins
 #
-# Now let the arm be a different one in every episode, as when a robot picks up boxes of unknown weight. We tune gains
-# in four ways and test all of them on 1,000 sampled arms.
+# Now let the arm differ in every episode, as when a robot picks up boxes of unknown weight. We tune gains in four ways
+# and test them on 1,000 sampled arms.
 
 # %% tags=["hide-code"]
 spread = sim_to_real.around(real(0.6, 0.012), 0.6)
@@ -1043,14 +1044,12 @@ table(*rows)
 #
 # ### Adapting during the episode
 #
-# A person who lifts a box notices its weight and adjusts. A controller can do so, too, if it estimates the arm while it
-# moves. Here one joint swings a load in the vertical plane. Load (0 to 2 kg) and friction differ in every episode,
-# torques arrive 10 ms late, and the encoder is noisy.
+# A controller can also estimate the arm while it moves. Here one joint swings a load in the vertical plane. Load (0 to
+# 2 kg) and friction differ in every episode, torques arrive 10 ms late, and the encoder is noisy.
 #
-# All methods use one control law, a variant of the law of Slotine
-# and Li (1987). It works with an *estimate* of the arm. It computes the torque with which the estimated arm would
-# follow the motion. Then it adds feedback. The original law has constant feedback gains; ours multiplies them by the
-# estimated inertia.
+# All methods use one control law, a variant of the law of Slotine and Li (1987). It computes the torque with which an
+# *estimate* of the arm would follow the motion, and adds feedback. The original law has constant feedback gains; ours
+# multiplies them by the estimated inertia.
 
 # %%
 predict("which_arm_shakes")
@@ -1065,8 +1064,8 @@ predict("which_arm_shakes")
 # - The **teacher** receives the parameters of the true arm. Only a simulator knows them, so this is called **privileged
 #   information**.
 # - The **student** is a small network. It computes the estimate from the last 0.4 s of angle, speed and torque. It was
-#   trained to output the true parameters, mostly in episodes that it controlled itself. This is the idea of **rapid
-#   motor adaptation** (RMA; Kumar and others, 2021).
+#   trained to output the true parameters, mostly in episodes that it controlled itself. This is a simpler form of
+#   **rapid motor adaptation** (RMA; Kumar and others, 2021), whose student estimates a learned code of the parameters.
 #
 # *Best gains in hindsight* tries every gain set of the search on each test arm and picks the best for that arm. No
 # single gain set of the search can beat this. A method with a better estimate of the arm can. The *error* of an arm is
@@ -1088,19 +1087,20 @@ table(*rows, *re.findall(pattern, read("varying_arms")))
 
 # %% [markdown]
 # On the median arm the teacher is about as good as the best gains in hindsight. It is better on the arms that fixed
-# gains serve badly: compare the column *9 of 10 arms below*. The student comes close on the median arm, and less close
-# on the others. The next table belongs to the second panel. It varies the load, also beyond the 2 kg of the training:
+# gains serve badly (column *9 of 10 arms below*). The student comes close on the median arm, and less close on the
+# others. The next table (second panel) varies the load, also beyond the 2 kg of the training:
 
 # %% tags=["hide-code"]
-names = ("randomised gains", "adaptive law", "student with history", "teacher")
-names += ("best gains in hindsight",)
+names = ("one tuned gain set", "randomised gains", "adaptive law", "student with history")
+names += ("teacher", "best gains in hindsight")
 curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name for name in names})
 
 # %% [markdown]
 # Without load, still inside the range of the training, only the teacher works well. All methods that estimate or assume
 # the load have large errors, the adaptive law too, probably because their feedback is too strong for so light an arm.
 # On heavy arms the student works a little beyond the heaviest load of its training, then fails. The adaptive law still
-# works there, because it keeps correcting the error that it observes. (Last panel: the answer to the question.)
+# works there, because it keeps correcting the error that it observes. From 1.5 kg on the best gains in hindsight beat
+# the teacher: they are picked for each arm, and the teacher has one gain set for all.
 #
 # <details><summary>The first, the third and the last panel</summary>
 #
@@ -1121,14 +1121,14 @@ more_claims("best_fixed_gains")
 # ### Correcting one parameter can hurt
 #
 # The usual advice is a loop: find a difference, correct it in the simulator, and tune again. Does the success rise each
-# time? At gap 1 the load costs most, and correcting it first does help: in the left panel below it is the highest of
-# the dots with one correction. But suppose that you begin with the delay, because it is the easiest to measure. Each
-# row of the table corrects one more parameter and tunes again:
+# time? At gap 1 the load costs most, and correcting it first does help (the dot *load first* in the left panel below).
+# But suppose that you begin with the delay, because it is the easiest to measure. Each row of the table corrects one
+# more parameter and tunes again:
 
 # %% tags=["hide-code"]
 text = read("mending")
 pattern = r"row \d, (?:([^;:]+); )?([^:]+):\s+([\d.]+) \[([\d.]+), ([\d.]+)\]"
-rows = [("symptom in the log", "corrected in addition", "success", "interval of the trials")]
+rows = [("symptom", "corrected in addition", "success", "interval of the trials")]
 for symptom, part, rate, low, high in re.findall(pattern, text):
     rows.append((symptom or "-", part if symptom else "nothing yet", rate, f"{low} to {high}"))
 tuned_on = {"nothing": "range", "delay": "delay", "load": "load", "all": "known"}
@@ -1140,12 +1140,11 @@ table(*rows)
 # %% [markdown]
 # ![All partly corrected simulators, and the value of correcting each parameter](../docs/charts/mending.png)
 #
-# The left panel shows all 32 combinations of corrections. Each rate is the mean of two searches. The interval in the
-# table counts only the trials, but another search would change a rate as well (section 1). So read only the large
-# steps.
+# The left panel shows all 32 combinations of corrections. Each rate is the mean of two searches, and another search
+# would change it (section 1). So read only the large steps.
 #
 # The first correction, of the delay, makes the robot *worse*. Gains that were tuned without load and without delay are
-# high (see above the table). The real arm is heavy and needs high gains. It also tolerates them in spite of the delay,
+# high (above the table). The real arm is heavy and needs high gains. It also tolerates them in spite of the delay,
 # because its inertia slows down the loop.
 #
 # With the delay corrected, but not the load, the search lowers the gains, as it should for a *light* arm with delay.
@@ -1195,7 +1194,8 @@ table(*rows)
 # of correcting all (up to rounding).
 #
 # The practical rule: *correct together everything that your logs reveal, and treat it as one change.* Keep this change
-# if the confidence interval of the *difference* in success on the robot lies above zero.  Where a change needs new
+# if the confidence interval of the *difference* in success on the robot lies above zero. If it contains zero, run more
+# trials, or keep the measured values in the simulator and the old policy on the robot. Where a change needs new
 # training, compare the means of several trainings.
 
 # %%
@@ -1205,8 +1205,7 @@ show("mended_parameter")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** A policy is tuned to all errors of its simulator together. If you remove one error, the others may
-# cost more. So measure progress by the success rate with its confidence interval. A more accurate parameter is no proof
-# of progress.
+# cost more. So measure progress by the success rate with its confidence interval, not by the accuracy of a parameter.
 #
 # </div>
 #
@@ -1229,8 +1228,8 @@ plt.show()
 # How many trials do you need to tell two policies apart? That depends on the **level** of the test, the probability
 # that equally good policies look different (usually 5 %), and on its **power**, the probability that a real difference
 # is detected (usually 80 %). Let $p$ be the mean of the two success rates and $d$ their difference. Then each policy
-# needs about $n = 2p(1-p)z^2/d^2$ trials. For the usual level and power, $z$ = 1.96 + 0.84. These are two quantiles of
-# the normal distribution, one for the level and one for the power.
+# needs about $n = 2p(1-p)z^2/d^2$ trials. For the usual level and power, $z$ = 1.96 + 0.84 (two quantiles of the normal
+# distribution).
 #
 # <details><summary>From level and power to a number of trials</summary>
 #
@@ -1241,9 +1240,9 @@ plt.show()
 #
 # </details>
 #
-# You can save trials by running both policies on the *same* tasks. Such trials are **paired**. Tasks that both policies
-# win, or both lose, don't show which policy is better. Only the tasks on which they disagree count. In the table, those
-# are the two cells $b$ and $c$, and McNemar's test compares these two numbers:
+# You can save trials by running both policies on the *same* tasks. Such trials are **paired**. Only the tasks on which
+# the policies disagree show which one is better. Their numbers are the two cells $b$ and $c$ of the table, which
+# McNemar's test compares:
 #
 # | | new policy wins | new policy loses |
 # |---|---|---|
@@ -1259,8 +1258,8 @@ print("and on 75 % of the tasks both succeed")
 # %% [markdown]
 # ### Reward shaping: does it change the best policy?
 #
-# Many robot policies are trained on a reward, not on success. Which rewards are safe? We leave the arm and use small
-# worlds in which the best policy can be computed exactly.
+# Many robot policies are trained on a reward. Which rewards are safe? We use small worlds in which the best policy can
+# be computed exactly.
 #
 # A Markov decision process has states $s$ and actions $a$. An action leads to a next state $s'$ and pays a reward $R(s,
 # a, s')$. A reward $t$ steps ahead is multiplied by $\gamma^t$, where the discount $\gamma$ is below one. $Q(s, a)$ is
@@ -1296,9 +1295,12 @@ axis.axis("off")
 plt.show()
 
 # %% [markdown]
-# Now write it down: first the discounted sum of what shaping adds over three steps, if the first state has the
-# potential `a` and the last one `b`; then the shaped value of an action whose unshaped value is `Q`, in a state with
-# the potential `phi`, if nothing ends. <span class="kernel-only">Change the text in quotation marks.</span>
+# Now write it down, in two formulas. <span class="kernel-only">Change the text in quotation marks.</span>
+#
+# 1. Three steps lead from a state with the potential `p0` to one with the potential `p3`. What is the discounted sum of
+#    all that shaping adds?
+# 2. In a task that never ends, an action has the value `Q` without shaping, in a state with the potential `phi`. What
+#    is its value with shaping?
 #
 # <details><summary>Hint 1</summary>Write the three added terms under each other, with their discounts, and look for
 # what
@@ -1310,7 +1312,7 @@ plt.show()
 # doesn't change.</details>
 
 # %%
-answer("telescoped_sum", "b - a")
+answer("telescoped_sum", "p3 - p0")
 
 # %%
 answer("q_of_shaped", "Q")
@@ -1346,12 +1348,12 @@ for name, n in changed.items():
     print(f"potential {name:<24} best policy changed in {n:2d} of 100 processes")
 
 # %% [markdown]
-# <details><summary>What about a time limit?</summary>
+# At a time limit, a learner that *bootstraps* adds its own estimate $V$ of what would follow (with shaping). For it
+# nothing has ended, so $\Phi$ of the last state stays. For a learner that counts the limit as an end, $\Phi$ must be
+# zero there:
 #
-# It depends on what the learner does when the clock stops. A learner that *bootstraps*
-# adds the discounted estimated value of the last state to the last reward, because the task would have continued. For
-# this learner nothing has ended, and the potential of the last state stays. A learner that does *not* bootstrap treats
-# the last state as worth nothing. For it the clock is an end, so the potential of the last state must be zero.
+# <details><summary>What Gymnasium reports</summary>
+#
 # Gymnasium's interface reports two flags for this: `terminated` (the task is over) and `truncated` (the clock stopped).
 #
 # </details>
@@ -1397,15 +1399,16 @@ plt.show()
 show("two_routes")
 
 # %% [markdown]
-# Shaping preserves the best policy. But it can speed up or slow down *learning* a great deal. **Tabular Q-learning**
-# stores one estimate of $Q$ for each state and action and corrects it after every step. For it, shaping with $\Phi$ has
-# the same effect as starting with $Q = \Phi$ (Wiewiora 2003).
+# A difference of potentials preserves the best policy. But it can speed up or slow down *learning* a great deal.
+# **Tabular Q-learning** stores one estimate of $Q$ for each state and action and corrects it after every step. For it,
+# shaping with $\Phi$ has the same effect as starting with $Q = \Phi$, if its exploration depends only on differences of
+# $Q$ (Wiewiora 2003).
 #
-# The left chart below compares seven potentials in a grid
-# of ten by ten cells (largest distance: 18). The goal pays 1 and all other steps 0, with $\gamma$ = 0.95. The bars
-# count the steps until the learned path is a shortest one. It is tested every 20 steps only, so the shortest bars are
-# upper limits. By far the fastest are the potentials that rise towards the goal and lie between 0 and the true value
-# $V$. Minus the distance is the slowest. (With another reward it can be good: see the fold.)
+# The chart below compares seven potentials in a grid of ten by ten cells (largest distance: 18). The goal pays 1 and
+# all other steps 0, with $\gamma$ = 0.95. The bars count the steps until the learned path is a shortest one. It is
+# tested every 20 steps only, so the shortest bars are upper limits. By far the fastest are the potentials that rise
+# towards the goal and lie between 0 and the true value
+# $V$. Minus the distance is the slowest.
 #
 # <details><summary>Which potentials help, and why minus the distance starts too low</summary>
 #
@@ -1417,8 +1420,8 @@ show("two_routes")
 #
 # </details>
 #
-# It isn't enough to lie between 0 and $V$. The goal is in the lower right corner, and the potential in the second line
-# below falls to zero at the middle, on the way to it. So each step into the right half costs something:
+# It isn't enough to lie between 0 and $V$: a potential that falls on the way to the goal, in the lower right corner,
+# makes learning slower:
 
 # %% tags=["hide-code"]
 world = grid(10)
@@ -1431,9 +1434,7 @@ for name, phi in (("0 everywhere", 0.0 * left), ("V in the left half, 0 in the r
     print(f"potential {name:<35} median of 15 runs: {np.median(taken):6,.0f} steps")
 
 # %% [markdown]
-# ![Steps of learning by potential, and the share of the bound that is reached](../docs/charts/shaping_speed.png)
-#
-# (Section 4 refers to the right panel.)
+# ![Steps of learning by potential](../docs/charts/shaping_speed.png)
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1448,7 +1449,7 @@ more_claims("shaping_keeps_the_best", "time_is_an_end")
 # %% [markdown]
 # ## 4 · Design: a pipeline that loops back
 #
-# A transfer project is a loop. Each test on the robot produces new logs, and they go back into identification.
+# A transfer project is a loop: the logs of each test on the robot go back into identification.
 
 # %% tags=["hide-code"]
 steps = (
@@ -1472,8 +1473,7 @@ _ = axis.set(ylim=(-1.1, 0.5))
 plt.show()
 
 # %% [markdown]
-# The red arrow carries three things: the torques that were sent, the angles that came back, and time stamps of both on
-# *one* clock.
+# The red arrow carries the torques that were sent, the angles that came back, and time stamps of both on *one* clock.
 #
 # <details><summary>The chapter's code follows this loop: what each component takes, returns and rejects</summary>
 #
@@ -1496,13 +1496,13 @@ plt.show()
 # ### A design exercise: the hand that turned a cube
 #
 # In 2018 and 2019 OpenAI trained a five-fingered hand in simulation only, first to turn a block, then to manipulate a
-# Rubik's cube. Thousands of simulated copies of the hand (*environments*) ran in parallel.
+# Rubik's cube. Thousands of simulated hands (*environments*) ran in parallel.
 
 # %%
 predict("thirteen_thousand_years")
 
 # %% [markdown]
-# Now you are the architect: the hand holds an object with its fingertips and turns it to a given orientation.
+# Now you are the architect: the hand turns an object in its palm to a given orientation.
 #
 # | | requirement |
 # |---|---|
@@ -1527,8 +1527,8 @@ for question, words in mine.items():
     print("written " if len(words.split()) > 12 else "   open ", question)
 
 # %% [markdown]
-# In simulation you know the true state, on the robot you don't. An **asymmetric actor-critic** uses this. The critic is
-# a network that estimates values and is needed only in training. It receives the full simulator state. The actor is the
+# In simulation you know the true state, on the robot you don't. An **asymmetric actor-critic** uses this. The critic, a
+# network that estimates values, is needed only in training and receives the full simulator state. The actor is the
 # policy that goes to the robot. It receives only what the robot can measure.
 
 # %% tags=["hide-code"]
@@ -1617,38 +1617,38 @@ plt.show()
 #
 # </details>
 #
-# The result for the cube rests on few trials. With sensors inside the cube, 6 of 10 trials completed half a scramble
-# and 2 all of it. With cameras alone, 0 of 10 completed all of it. So the intervals of the true rates are wide:
+# The result for the cube rests on few trials: ten with sensors inside the cube, ten with cameras alone.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(5, 1.5), layout="constrained")
-for k in (6, 2, 0):
+solved = {6: "sensors, half", 2: "sensors, all", 0: "cameras, all"}
+for k, what in solved.items():
     low, high = wilson(k, 10)
-    print(f"{k} of 10: the true rate is between {low:.2f} and {high:.2f} (95 % interval)")
+    print(f"{what} of a scramble: {k} of 10; the true rate is between {low:.2f} and {high:.2f}")
     _ = axis.plot([low, high], [k, k], lw=6, color="#9fa8da")
     _ = axis.plot(k / 10, k, "o", color="#1a237e")
 _ = axis.set(xlim=(0, 1), xlabel="true success rate, 95 % interval", yticks=(0, 2, 6), ylim=(-1, 7))
-_ = axis.set_yticklabels(["0 of 10", "2 of 10", "6 of 10"])
+_ = axis.set_yticklabels([f"{solved[k]}: {k} of 10" for k in (0, 2, 6)])
 plt.show()
 
 # %% [markdown]
 # ### World models
 #
 # A **world model** predicts what comes next, $s' = f(s, a)$. A physics engine is a written one, a neural network can be
-# a learned one. A written model with a wrong term stays wrong, however long the log is. A learned model needs data, and
-# it is unreliable for motions that are not in its data.
+# a learned one. A written model with a wrong term stays wrong, however long the log is. A learned one is unreliable for
+# motions that are not in its data.
 #
-# Should you learn one when an effect is missing? We try only one simple learned model on the twin, linear in
-# fifty features of recent angles and torques. So this is no verdict on learned models in general. The model competes
-# with our arm's equations, fitted with friction and delay (*our arm*) and without them:
+# We try one simple learned model on the twin, linear in fifty features of recent angles and torques; this is no verdict
+# on learned models in general. It competes with our arm's equations, fitted with friction and delay (*our arm*) and
+# without them:
 #
 # ![Error of predicted motions against the length of the log](../docs/charts/learned_model.png)
 #
 # With 1 or 3 s of log the learned model runs away (the triangles at the upper edge). With 10 s or more it beats the
-# equations without friction and delay. But the equations with friction and delay are better than both, with one second
-# of data. *Our
-# arm* doesn't improve after 3 s, its error even rises. It lacks some of the twin's effects, and each point averages
-# only two logs. A common third approach, which we didn't test, keeps the equations and learns only what they miss.
+# equations without friction and delay. But the equations with friction and delay are better with one second of data
+# than the others with any log here. *Our arm* doesn't improve after 3 s, its error even rises. It lacks some of the
+# twin's effects, and each point averages only two logs. A common third approach, which we didn't test, keeps the
+# equations and learns only what they miss.
 #
 # ### A learned actuator
 #
@@ -1659,19 +1659,18 @@ plt.show()
 #
 # ![Torque error of three actuator models, and time](../docs/charts/actuator_models.png)
 #
-# The *ideal drive* in the chart produces the commanded torque at once. *Lag and friction* is a formula with delay, lag
-# and dry friction, fitted to the same recording as the network. The network has the smallest median error in every row.
-# But the formula lacks the voltage limit and the larger friction at rest. With both it might be as good; we didn't test
-# that.
+# The *ideal drive* produces the commanded torque at once. *Lag and friction* is a formula with delay, lag and dry
+# friction, fitted to the same recording as the network. The network has the smallest median error in every row. But the
+# formula lacks the voltage limit and the larger friction at rest; with both it might be as good.
 #
 # The network's own error grows where the recording has no data: several times on faster motions. At half the supply
-# voltage its median stays, but its largest errors (the right end of the bar) grow a lot. So record the motions
-# and voltages that the policy will meet.
+# voltage its median stays, but the error that nine of ten runs stay below (the right end of the bar) grows a lot. So
+# record the motions and voltages that the policy will meet.
 #
 # <details><summary>The rows of the chart, and the right panel</summary>
 #
 # Targets that move faster multiply the errors of both models. The right panel shows the price in computing time, for
-# networks with 2 to 64 units in a layer.
+# networks with 2 to 64 units in a layer. It uses other recordings, so its errors differ from those on the left.
 #
 # </details>
 #
@@ -1686,15 +1685,14 @@ plt.show()
 #
 # **Domain adaptation** is the general problem: learn in a source domain and work in a target domain. Theory offers a
 # **transfer bound**, a limit on how much the value of a policy can differ between two worlds. Let both worlds pay the
-# same rewards, between 0 and a constant $R$, which don't depend on the next state. Take any state, any action and any
-# set of next states. The probability of reaching this set differs between the worlds by at most $\epsilon$ (the *total
+# same rewards, between 0 and $R$, which don't depend on the next state. Suppose that for any state, any action and any
+# set of next states, the probability of reaching this set differs between the worlds by at most $\epsilon$ (the *total
 # variation*). Then the values $V$ and $V'$ of a policy in the two worlds satisfy
 #
 # $$|V - V'| \le \frac{\gamma\,\epsilon\,R}{(1-\gamma)^2} .$$
 #
-# The worlds differ again at every step; that is why the denominator is squared. The picture shows a process with two
-# states. Its values differ by almost as much as the bound allows, if $\epsilon$ is much smaller than $1-\gamma$ (right
-# panel of section 3's chart on shaping).
+# The worlds differ again at every step; that is why the denominator is squared. The values of the process in the
+# drawing differ by almost as much as the bound allows, if $\epsilon$ is much smaller than $1-\gamma$ (chart).
 #
 # <details><summary>How to derive it, and a chain that comes close to it</summary>
 #
@@ -1717,6 +1715,8 @@ axis = diagram(
 plt.show()
 
 # %% [markdown]
+# ![Share of the bound that the process in the drawing reaches](../docs/charts/bound_reached.png)
+#
 # <details><summary>When the bound says nothing</summary>
 #
 # If the two worlds never reach the same next state, $\epsilon$ is 1. With $\gamma$ above one half the bound is then
@@ -1747,13 +1747,13 @@ plt.show()
 #
 # ### Common mistakes in randomisation code
 #
-# A typical randomiser multiplies some of the model's parameters by random factors, samples others directly, and calls
-# MuJoCo's function `mj_setConst`, which computes derived constants again:
+# A typical randomiser scales or samples the model's parameters and calls MuJoCo's function `mj_setConst`, which
+# computes derived constants again:
 #
 # ```python
-# model.body_mass *= rng.uniform(0.8, 1.2, model.nbody)            # other masses
-# model.geom_friction[:, 0] = rng.uniform(0.5, 1.5, model.ngeom)   # other friction
-# model.dof_damping *= rng.uniform(0.5, 2.0, model.nv)             # other damping
+# model.body_mass *= rng.uniform(0.8, 1.2, model.nbody)            # new masses
+# model.geom_friction[:, 0] = rng.uniform(0.5, 1.5, model.ngeom)   # new friction
+# model.dof_damping *= rng.uniform(0.5, 2.0, model.nv)             # new damping
 # mujoco.mj_setConst(model, data)                                  # derived constants
 # waiting = deque([rest] * k, maxlen=k)                            # a delay of k steps
 # ```
@@ -1775,8 +1775,8 @@ plt.show()
 show("set_const_inertia")
 
 # %% [markdown]
-# How long does an entry wait in such a queue? In the drawing, the queue starts filled with commands to rest (-). Each
-# step first appends the new action on the left. Then it reads and uses the oldest one, on the right.
+# How long does an entry wait in such a queue? In the drawing, the queue is first filled with commands to rest (-). Each
+# step appends the new action on the left, then uses the oldest one, on the right.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(6.5, 1.8), layout="constrained")
@@ -1798,10 +1798,12 @@ show("queue_of_k")
 
 # %% [markdown]
 # In the exercise `randomize` you write a correct version. Training at scale also needs a vectorised environment: a
-# class that steps many copies of a task and resets those whose episode has ended (exercise `vector_env`). Computing all
-# copies in one array (*ArmReachVector*, *MujocoArmReachVector*) is faster than a loop over the copies
-# (*SyncVectorEnv*), even on one thread. Several processes (*ProcessVectorEnv*) help little on this machine, because it
-# has only two cores, and only where one step is expensive (third panel of the chart).
+# class that steps many copies of a task and resets those whose episode has ended (exercise `vector_env`).
+#
+# In the first panel below, computing all copies in one array (*ArmReachVector*; with MuJoCo *mujoco.batch*) is faster
+# than a loop over the copies (*SyncVectorEnv*), even on one thread. The second panel adds the accuracy: with
+# Runge-Kutta one substep is enough, Euler needs many. Several processes (*ProcessVectorEnv*) help little on this
+# machine, because it has only two cores, and only where one step is expensive (third panel; *VectorizedEnv* is a loop).
 #
 # <details><summary>The traps of a vectorised environment are at the ends of episodes</summary>
 #
@@ -1813,11 +1815,11 @@ show("queue_of_k")
 # ![Steps per second by number of environments, accuracy, and when processes pay](../docs/charts/vector_env.png)
 #
 # <details><summary>How to read the chart</summary>
-# The first panel counts environment steps per second. *MujocoArmReachVector* uses two threads and all loops use one.
-# Processes pay if processors are free and one step is expensive, or if each process steps many environments. The dotted
-# line in the third panel marks where the measured curves cross. To its right the gain is small, and at the right end it
-# is gone. *AsyncVectorEnv*, with a process for each environment, never beat the loop here. The second panel plots the
-# accuracy.
+# The first panel counts environment steps per second. *MujocoArmReachVector* uses two threads, all loops use one, and
+# *mujoco.batch on one thread* is drawn for a fair comparison with them. Processes pay if processors are free and one
+# step is expensive, or if each process steps many environments. The dotted line in the third panel marks where the
+# measured curves cross. To its right the gain is small, and at the right end it is gone. *AsyncVectorEnv*, with a
+# process for each environment, never beat the loop here.
 #
 # </details>
 
@@ -1844,8 +1846,7 @@ more_claims(
 # ### The core of the chapter in code
 #
 # One function copies chosen parameters from the real arm into the simulator. `PARTS` names the fields of each part:
-# *load* is `mass` and `payload`. `KINDS` groups parts: *dynamics* is load, friction and motor. `one_of` rejects unknown
-# names, and `nominal` returns the simulator's arm.
+# *load* is `mass` and `payload`. `KINDS` groups parts: *dynamics* is load, friction and motor.
 
 # %% tags=["hide-code"]
 Markdown(f"```python\n{inspect.getsource(transfer.mended)}```")
@@ -1874,8 +1875,7 @@ for attempt in (
 #
 # 1. *Gap and range*: what does randomisation cost on the left?
 # 2. *Delay beyond the margin*: at which delay does the arm begin to fail? Compare it with *longest stable delay*.
-# 3. *Cancelling errors* (gap 0.3, 20 ms): load and delay partly cancel (section 1). What happens on
-#    the right when you reduce the gap to zero?
+# 3. *Cancelling errors*: load and delay partly cancel. What happens on the right when you reduce the gap to zero?
 # 4. *Mended delay alone* (only the delay corrected): then correct the load as well.
 
 # %%
@@ -1884,10 +1884,9 @@ simulation("arms", "Cancelling errors")
 # %% [markdown]
 # ## 6 · Speed and accuracy of identification
 #
-# Here the methods of section 2 estimate the same five parameters from the same logs, together with MuJoCo's own tool,
-# `mujoco.sysid`. The left panel plots the error against the sensor noise, the right panel against computing time, for
-# logs of 0.5, 1, 2 and 4 s. The circle marks the fastest result that is clearly below 1 %. It is the integral form,
-# which also needs no starting guess.
+# Here the methods of section 2 and MuJoCo's own tool, `mujoco.sysid`, estimate the same five parameters from the same
+# logs (right panel: of 0.5, 1, 2 and 4 s). The circle marks the fastest result that is clearly below 1 %: the integral
+# form, which also needs no starting guess.
 #
 # ![Error of the parameters against noise, and against time, by method](../docs/charts/what_finds_the_numbers.png)
 #
@@ -1908,11 +1907,12 @@ simulation("arms", "Cancelling errors")
 # </details>
 #
 # The two filtered regressions differ in the length of their filter: a short filter passes noise, a long one distorts
-# the motion. Output error is the most accurate, because its error approaches the Cramér-Rao bound. It also works where
-# the model is not linear in its parameters, for example when it contains a delay.
+# the motion, even without noise. (The integral form filters only the speeds, so its floor is lower.) Output error is
+# the most accurate, because its error approaches the Cramér-Rao bound. It also works where the model is not linear in
+# its parameters, for example when it contains a delay.
 #
-# `mujoco.sysid` solves the same least-squares problem. So both programs should return almost the same parameters from
-# the same log.
+# `mujoco.sysid` solves the same least-squares problem, so it should return almost the same parameters. It needs more
+# time, but it fits any MuJoCo model; ours is compiled for this arm.
 
 # %%
 show("same_as_mujoco")
@@ -1922,15 +1922,14 @@ show("same_as_mujoco")
 #
 # ### How large must a model error be before the residual reveals it?
 #
-# How sensitive is the whiteness test? In the picture a missing effect grows from left to right. The curves show the
-# true error and the half-width that the fit claims. In the grey area the whiteness test raises the alarm in more than
-# half of eight logs:
+# In the picture a missing effect grows from left to right. The curves show the true error and the half-width that the
+# fit claims. In the grey area the whiteness test raises the alarm in more than half of eight logs:
 #
 # ![True error, claimed error and alarm against the size of the missing effect](../docs/charts/believed_error_bars.png)
 #
 # The true error exceeds the claimed one *before* the alarm sounds. In between you believe a wrong error bar. The remedy
 # is a second log with other torques. Fit each log by itself. If the fits differ by clearly more than their half-widths
-# explain, a term is missing.
+# explain, a term is missing or a recording is wrong.
 #
 # <details><summary>How large a difference may be</summary>
 #
@@ -1941,9 +1940,9 @@ show("same_as_mujoco")
 #
 # ### Break it: one gripper, several faults
 #
-# A gripper hangs from a frame that moves it up and down. It lowers two fingers around a box, closes, and lifts. The
-# fingers press with a fixed force, and a servo (a position controller) moves the frame. Force and servo were tuned in a
-# model without errors. Which errors of the model make the lift fail?
+# A gripper hangs from a frame, which a servo (a position controller) moves up and down. It lowers two fingers around a
+# box, closes them with a fixed force, and lifts. Force and servo were tuned in a model without errors. Which errors of
+# the model make the lift fail?
 #
 # Each finger presses with the force $F$. Dry friction with the coefficient $\mu$ then lets it carry at most $\mu F$
 # upward (Coulomb's law). The two fingers together carry the weight and accelerate the box. So the required force is
@@ -2022,7 +2021,8 @@ table(*rows)
 
 # %% [markdown]
 # Each row counts 20 lifts. The boxes lie up to 15 mm off and weigh up to 5 % more or less. The camera's error adds to
-# that, so at 20 mm some lifts fail.
+# that, so at 20 mm some lifts fail. In the camera's chart below the box lies exactly in the middle, so the limits are
+# sharp.
 #
 # <details><summary>Several common predictions are wrong here, and why</summary>
 #
@@ -2033,10 +2033,10 @@ table(*rows)
 #
 # </details>
 #
-# The charts below vary each fault beyond its limit. The first one plots the force divided by the force that the box
-# needs. Below ratio 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out. Don't
-# transfer this upper limit to a real gripper: soft simulated contacts let a finger sink millimetres into the box (last
-# panel).
+# The charts below vary each fault beyond its limit. The first one divides the force by the force that the box needs:
+# below 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out. Don't transfer
+# this upper limit to a real gripper: soft simulated contacts let a finger sink millimetres into the box (last panel).
+# This may also be why the success falls, rises and falls again at long steps (third panel, fold).
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -2068,13 +2068,17 @@ by a factor of {1 + omega_dt**2:.0f} with explicit Euler, and of {radius**2:.0f}
 more_claims("large_step_at_contact", "camera_off")
 
 # %% [markdown]
-# Do the losses add up? Each switch gives the two-link arm a fault, and each dot is a combination of switches. On the
-# dashed line a combination costs the sum of its separate losses. (*Control step*: the time between two commands.)
+# Do the losses of several faults add up? Each switch gives the two-link arm a fault, and each dot is a combination of
+# switches. On the dashed line a combination costs the sum of its separate losses. (*Control step*: the time between two
+# commands.)
 
 # %%
 simulation("faults")
 
 # %% [markdown]
+# Mostly they nearly add up, or a little less is lost. The exception is the long control step with the camera's error:
+# without friction to damp the arm, these two lose far more than their sum (the dots far above the line).
+#
 # <details><summary>Which pairs interact, and what exactly the switches change</summary>
 #
 # The switches set the control step to 20 ms instead of 10 ms, add dry friction to both joints, make both links 10 %
@@ -2084,8 +2088,8 @@ simulation("faults")
 #
 # The long step and the camera's error reinforce each other: the camera uses up the target's tolerance, and the
 # oscillation that the long step causes then leaves the target. Friction makes up for a long step, because it damps that
-# oscillation, and it makes up for the higher gains of a search without randomisation. The mass interacts with none of
-# the others noticeably.
+# oscillation, and it makes up for the higher gains of a search without randomisation. In pairs the mass interacts with
+# none of the others noticeably; with the long step *and* the camera's error it makes up for a part of their loss.
 #
 # </details>
 
@@ -2100,14 +2104,14 @@ more_claims("losses_add", "feedback_and_offset")
 # **Interview question.** *Your policy succeeds in 95 % of its episodes in simulation, and in 20 % on the real robot.
 # Describe how you find out why.*
 #
-# Answer aloud. The model answer and its follow-up questions are in section 10.
+# Answer aloud. The answer and the follow-up questions are in section 10.
 #
 # </div>
 #
 # The most useful tool is a replay. Record commands, angles and time stamps on the robot. Set the simulator to the
-# logged state, send it the same commands for a few tenths of a second, and restart it from the log. A
-# long replay of torques drifts even with the right parameters, because small errors of the start grow. Then
-# look where the two motions begin to differ:
+# logged state, send it the same commands for a few tenths of a second, and restart it from the log. (A longer replay
+# drifts even with the right parameters, because small errors of the start grow.) Where do the two motions begin to
+# differ?
 
 # %% tags=["hide-code"]
 axis = diagram(
@@ -2144,9 +2148,8 @@ plt.show()
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *It works in simulation and fails on the robot.* Replay the recorded commands first, as in the
-# drawing. Then replay the *policy* in the simulator with the delay you found, and see whether it now fails as the robot
-# does.
+# **Debugging tip.** *It works in simulation and fails on the robot.* Replay the recorded commands first. Then replay
+# the *policy* in the simulator with the delay you found, and see whether it now fails as the robot does.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -2183,7 +2186,7 @@ plt.show()
 # **limit cycle**, an oscillation of steady amplitude.
 #
 # We watch a joint without dry friction under a PD controller for 20 s. The play is 4, 10 or 40 mrad; at 40 mrad we also
-# divide the gains by 2, 10 and 30. So there are six runs with each encoder.
+# divide the gains by 2, 10 and 30: six runs with each encoder.
 
 # %% tags=["hide-code"]
 axis = diagram(
@@ -2408,8 +2411,8 @@ your_robot(8)
 # %% [markdown]
 # ## 9 · Frontier: ranges and models that are found automatically
 #
-# Choosing randomisation ranges by hand is guesswork. Published methods find the ranges from the policy's success or
-# from real logs. Others replace parts of the simulator by scans of the real scene or by learned models.
+# Published methods find the ranges from the policy's success or from real logs. Others
+# replace parts of the simulator by scans of the real scene or by learned models.
 #
 # <details><summary>Six works, and what their common summaries get wrong</summary>
 #
@@ -2439,9 +2442,8 @@ your_robot(8)
 #
 # We run automatic domain randomisation on the arm. It begins at the simulator's parameters. In some episodes one
 # parameter is set exactly to an end of its range, and the result goes into the buffer of that end. When the buffer is
-# full, its success rate is compared with two thresholds. At or above the upper one (90 %) the end moves outward, at or
-# below the lower one (80 %) inward. If the rate is between the thresholds, the end stays. Until the buffers are full
-# again, the gains are tuned further on the present ranges.
+# full, its success rate decides: at 90 % or more the end moves outward, at 80 % or less inward, between them it stays.
+# Until the buffers are full again, the gains are tuned further on the present ranges.
 
 # %% tags=["hide-code"]
 rounds, buffer, move = 60, 128, 0.1
@@ -2514,11 +2516,10 @@ table(*rows)
 #
 # </details>
 #
-# The ranges tell you what *this task* tolerates after training. They don't tell you where the robot is, because nothing
-# in the method has observed it. In this run the automatic ranges do better at gap 1 than both ranges that we chose by
-# hand. One reason may be effort: their gains were tuned for longer. New gains, tuned from scratch on the same ranges,
-# keep only a part of the advantage. At the smaller gaps range 1 is best, but its lead is hardly larger than the
-# differences between searches (printed above the table).
+# The ranges tell you what *this task* tolerates after training. They don't tell you where the robot is: the method
+# never observes it. At gap 1 the automatic ranges do better here than both ranges that we chose by hand. One reason may
+# be effort: their gains were tuned for longer. New gains, tuned from scratch on the same ranges, keep only a part of
+# the advantage. At the smaller gaps the lead of range 1 is hardly larger than the differences between searches.
 #
 # ## 10 · Interview
 #

@@ -106,9 +106,14 @@ def shaping_speed(
     n: int = 10,
     seeds: int = 15,
     at_most: int = 300_000,
-    epss: Sequence[float] = (0.1, 0.03, 0.01, 1e-3),
 ) -> Iterator[Panel]:
-    """Chart a potential's effect on learning in a grid, and how near a chain comes to the bound."""
+    """Chart the effect of a potential on learning in a grid.
+
+    Args:
+        n: cells of a side.
+        seeds: runs of a potential.
+        at_most: steps of a run.
+    """
     walk, far = grid(n), 2.0 * (n - 1)
     remaining = far - (np.arange(n * n) // n + np.arange(n * n) % n)
     phis = {
@@ -137,6 +142,15 @@ def shaping_speed(
     words = [f"{s:,.0f}" for s in steps]
     panel.series.append(Series("", steps, list(phis), style="bar", tags=words, note=message))
     yield panel
+
+
+@chart
+def bound_reached(epss: Sequence[float] = (0.1, 0.03, 0.01, 1e-3)) -> Iterator[Panel]:
+    """Chart how near a chain of two states comes to the transfer bound.
+
+    Args:
+        epss: probabilities of leaving the good state.
+    """
     panel = Panel(
         "Share of the bound that a chain reaches",
         "epsilon",

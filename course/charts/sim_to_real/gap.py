@@ -209,7 +209,7 @@ FINDINGS = (
     "stops short of the target; friction:",
     "less torque than commanded; motor:",
     "fitted mass too large; load:",
-    "rests beside the target; encoder:",
+    "rests beside the target, seen from outside; encoder:",
 )
 
 
@@ -233,7 +233,11 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
         "number of parameters corrected",
         "success on the real arm, gap 1",
     )
-    panel.series.append(Series("", [len(some) for some in value], list(value.values()), style=""))
+    # The text speaks of this dot.
+    tags = ["load first" if some == {"load"} else "" for some in value]
+    panel.series.append(
+        Series("", [len(some) for some in value], list(value.values()), style="", tags=tags)
+    )
     trace = [frozenset(ORDER[:k]) for k in range(len(ORDER) + 1)]
     y, count = np.array([value[some] for some in trace]), n * seeds
     panel.series.append(Series("delay first", range(len(y)), y, tags=["", *ORDER]))

@@ -90,7 +90,7 @@ def varying_arms(
     panel = Panel(
         "Tracking error and computing time",
         "error, median and 10 to 90 % [mrad]",
-        "one period of law and arm [ns]",
+        "computing time of a control period [ns]",
         scale="log x",
     )
     for name, parts in within.items():

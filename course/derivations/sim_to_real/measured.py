@@ -102,7 +102,7 @@ def mended_parameter(result):
     "these apart; with {n:.0f} only {power:.0%} do.",
     ask=(
         "Two success rates about p differ by d; z is the sum of the quantiles of level and power. "
-        "How many trials with each?",
+        "How many trials with each policy?",
         "n = 2*z^2*p*(1 - p)/d^2",
         {
             "z^2*p*(1 - p)/d^2": "Both rates are uncertain.",

@@ -8,8 +8,8 @@ from course.derivations import Symbol, claim
 
 SYMBOLS = {
     "gamma": Symbol("discount", 0.1, 0.99),
-    "a": Symbol("potential of the first state"),
-    "b": Symbol("potential of the last state"),
+    "p0": Symbol("potential of the first state"),
+    "p3": Symbol("potential of the last state"),
     "Q": Symbol("value of an action, unshaped"),
     "phi": Symbol("potential of its state"),
     "c": Symbol("penalty of a step"),
@@ -35,13 +35,13 @@ def drawn(rng, ends=0, states=6):
     "only through its start, its end and its length.",
     ask=(
         "Shaping adds gamma phi(s') - phi(s) to the reward of a step from s to s'. The first state "
-        "has the potential a, the state after the third step b. What is the discounted sum of the "
-        "added rewards?",
-        "gamma^3*b - a",
+        "has the potential p0, the state after the third step p3. What is the discounted sum of "
+        "all that shaping adds?",
+        "gamma^3*p3 - p0",
         {
-            "b - a": "That is without discount.",
-            "gamma^2*b - a": "The third step is discounted by gamma^2, its potential once more.",
-            "gamma^3*(b - a)": "The first potential is not discounted.",
+            "p3 - p0": "That is without discount.",
+            "gamma^2*p3 - p0": "The third step is discounted by gamma^2, its potential once more.",
+            "gamma^3*(p3 - p0)": "The first potential is not discounted.",
         },
     ),
 )
@@ -50,8 +50,8 @@ def telescoped_sum(result):
 
     from course.sim_to_real import shaped
 
-    gamma, a, b = sympy.symbols("gamma a b", positive=True)
-    result.formula = gamma**3 * b - a
+    gamma, p0, p3 = sympy.symbols("gamma p0 p3", positive=True)
+    result.formula = gamma**3 * p3 - p0
     p = sympy.symbols("p0:12")
     terms = [gamma**k * (gamma * p[k + 1] - p[k]) for k in range(11)]
     cancels = [sympy.expand(sum(terms[:n]) - (gamma**n * p[n] - p[0])) == 0 for n in range(1, 12)]
@@ -59,7 +59,7 @@ def telescoped_sum(result):
     extra = (shaped(free, phi).reward - free.reward)[:, 0]
     path = result.rng.integers(0, 6, 12)
     paid = np.cumsum([0.95**k * extra[path[k], path[k + 1]] for k in range(11)])
-    three = float(result.formula.subs({gamma: 0.95, a: phi[path[0]], b: phi[path[3]]}))
+    three = float(result.formula.subs({gamma: 0.95, p0: phi[path[0]], p3: phi[path[3]]}))
     result.measure("paid", paid[-1], 1e-9)
     result.statement = "Eleven steps through a drawn process, summed."
     result.statement_holds(abs(paid[2] - three) < 1e-12)
@@ -192,8 +192,8 @@ def two_routes(result):
     "sum telescopes to minus the potential of the state in which the action is taken. This is the "
     "same for all actions, so the best one stays.",
     ask=(
-        "Rewards are shaped with gamma phi(s') - phi(s), and nothing ends. What is the new value "
-        "of an action with the value Q, in a state with the potential phi?",
+        "Rewards are shaped with gamma phi(s') - phi(s), in a task that never ends. What is the "
+        "new value of an action with the value Q, in a state with the potential phi?",
         "Q - phi",
         {
             "Q - phi + gamma*phi": "The next state is another one, and its potential cancels.",
