@@ -57,9 +57,9 @@ def contracts(record: Record, agreed: Settings, truth: bool = True) -> list[Brok
     ages = np.array([p.arrived - p.captured for p in pictures])
     # Half a period of tolerance beyond the agreed latency.
     if ages.size and ages.max() > late + period // 2:
-        result.append(Broken("age", "pictures are older than was agreed"))
+        result.append(Broken("age", "frames are older than was agreed"))
     if np.diff(arrived, prepend=late).max() > 3 * period:
-        result.append(Broken("age", "pictures do not arrive"))
+        result.append(Broken("age", "frames do not arrive"))
     # Contracts of perception: the stated covariance, and with the truth known the errors
     # themselves.
     if len(pictures) > 1:

@@ -173,8 +173,11 @@ class Settings:
         for name in self.ideal:
             one_of("ideal", name, STAGES)
         if microseconds(self.control) < microseconds(self.physics):
-            allowed = f"at least the physics step, {self.physics:g} s: of several commands in a "
-            raise invalid("control", self.control, allowed + "step only the last would act")
+            allowed = (
+                f"a period of at least the physics step, {self.physics:g} s (of several commands "
+                "in one step only the last would act)"
+            )
+            raise invalid("control", self.control, allowed)
 
 
 # A run asks for the same worlds again and again.

@@ -38,8 +38,8 @@ STAGES = chapter.STAGES
 # What can break at an interface, as words; the first is for none.
 CONTRACTS = (
     "none",
-    "pictures are older than was agreed",
-    "pictures do not arrive",
+    "frames are older than was agreed",
+    "frames do not arrive",
     "it is less exact than was agreed",
     "errors do not agree with the bias",
     "errors do not agree with the covariance",
@@ -398,12 +398,12 @@ _SCENE_TITLE, _PARTS_TITLE, _TIME, _FAR, _MM, _LIMIT, _DT = word(
     "physics dt [ms]",
 )
 _TRUE, _SEEN, _BELIEVED, _PATH, _WANTED = word(
-    "target", "pictures", "estimate", "tree, path", "reference"
+    "target", "frames", "estimate", "tree, path", "reference"
 )
 _NOW, _GOOD, _AGE, _CHECKS, _STABLE, _ROSE, _END, _FIX, _CURE = word(
     "tip to target",
     "successes [%]",
-    "age of a picture",
+    "latency of a frame",
     "collision checks",
     "largest stable dt",
     "energy from nowhere",
@@ -423,7 +423,7 @@ _NOBODY, _DEAR, _NOTHING, _MILLI, _MS, _BAND, _UP_TO, _CLOSE, _PERCENT, _PLANS =
     " %",
     ", plans: ",
 )
-_RUNS_LEFT, _TRYING = word(" runs to go", "being tried")
+_RUNS_LEFT, _TRYING, _COLON = word(" runs to go", "being tried", ": ")
 _COLOUR = (draw.BLUE, draw.GREEN, draw.ORANGE, draw.PURPLE, draw.RED)
 _SCENE, _VIEW = (0.1, 4.4, 0.35, 4.65), (-0.65, 0.95, -0.5, 1.1)
 _CHART, _SIGNED = (5.2, 8.85, 3.05, 4.5), (5.2, 6.9, 0.75, 2.25)
@@ -511,17 +511,26 @@ def frame(pen, state, controls):
     draw.segment(pen, 0.0, 2.0, SECONDS, 2.0, draw.GREEN, 1.5, 1.0, 4.0, 3.0)
     times = np.linspace(0.0, SECONDS, SHOWN + 1)
     draw.curve(pen, times[: now + 1], 100.0 * np.hypot(off_x, off_y), draw.INK, 2.0)
-    # What each ideal stage would take away from the error, as arrows from the same origin.
-    draw.chart(pen, _SIGNED, (-17.0, 17.0, -15.0, 15.0), _MM, 0, _PARTS_TITLE, 4, 4)
+    # What each ideal stage would take away from the error, as arrows from the same origin. The
+    # scale doubles until the longest arrow fits.
+    high = 15.0
+    while high < 1e3 * np.abs(report[PARTS:]).max() and high < 1e4:
+        high *= 2.0
+    across = high * 17.0 / 15.0
+    draw.chart(pen, _SIGNED, (-across, across, -high, high), _MM, 0, _PARTS_TITLE, 4, 4)
     for k in range(len(STAGES)):
         x, y = 1e3 * report[PARTS + 2 * k], 1e3 * report[PARTS + 2 * k + 1]
-        if math.hypot(x, y) > 0.3:
-            draw.arrow(pen, 0.0, 0.0, x, y, _COLOUR[k], 2.5, 8.0)
+        if math.hypot(x, y) > 0.02 * high:
+            # Thinner from arrow to arrow: two that point the same way are both visible.
+            draw.arrow(pen, 0.0, 0.0, x, y, _COLOUR[k], 5.5 - 0.9 * k, 8.0)
     # The physics step against the largest stable one.
     draw.gauge(pen, _GAUGE, 20.0, controls["dt"], draw.GREY, _DT, 1e3 * report[LIMIT], _LIMIT)
     draw.window(pen)
     for k in range(len(STAGES)):
         draw.key(pen, 7.2, 2.25 - 0.2 * k, _STAGE + k, _COLOUR[k], 3.0)
+        draw.words(pen, _COLON)
+        part = 1e3 * math.hypot(report[PARTS + 2 * k], report[PARTS + 2 * k + 1])
+        draw.number(pen, part, 0, _MILLI)
     if report[BROKEN] > 0.0:
         draw.text(pen, 0.2, 0.52, _FIX, draw.INK, 13.0)
         draw.words(pen, _CONTRACT + int(report[BROKEN]))
@@ -596,9 +605,9 @@ PRESETS = {
         "The bias of perception points ahead and the lag points back, so the tip ends closer to "
         "the target than either error alone would allow."),
     "Stale camera": Preset({"latency": 600.0, "speed": 0.06, "noise": 0.01}, "The estimate is "
-        "where the target was. A more accurate camera does not help; a faster one does."),
-    "A faster camera": Preset({"latency": 300.0, "speed": 0.06, "noise": 0.01}, "Half the age of "
-        "a stale picture, and still no counted seed succeeds: while a picture is on its way, the "
+        "where the target was. A more accurate camera does not help; a shorter latency does."),
+    "Half the latency": Preset({"latency": 300.0, "speed": 0.06, "noise": 0.01}, "Half the latency "
+        "of a stale camera, and still no counted seed succeeds: while an image is processed, the "
         "target moves by almost 2 cm."),
     "Plan from an old posture": Preset({"speed": 0.1, "check": 2000.0, "follows": True}, "A "
         "collision check takes 2 ms here, so a plan takes some tenths of a second. Meanwhile the "
@@ -619,7 +628,7 @@ PRESETS = {
 READOUTS = {
     "tip to target": "Distance between the arm's tip and the target now.",
     "successes [%]": "Successful runs among the seeds counted, with a 95 % confidence interval.",
-    "age of a picture": "Age of the newest camera image when the pipeline uses it.",
+    "latency of a frame": "Time from taking a camera image to its result.",
     "collision checks": "Collision checks of the planner in this run, and how many plans it made.",
     "largest stable dt": "Largest physics step that is stable in this posture.",
     "energy from nowhere": (

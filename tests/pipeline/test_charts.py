@@ -110,7 +110,7 @@ def test_the_narrow_proposal_deceives_and_the_wide_one_does_not():
 @pytest.mark.prove
 def test_our_own_motion_through_python_is_beside_the_library():
     """The same function, called as a library is: the same motion, and the price of the call."""
-    motion, _, times = charts.build("pipeline_speed", steps=(4e-3, 2e-3), seeds=1, widths=(160,))
+    motion, times = charts.build("pipeline_speed", steps=(4e-3, 2e-3), seeds=1, widths=(160,))
     (ours, called, theirs) = motion.series
     assert (ours.label, called.label, theirs.label) == ("ours", swaps.PYTHON, "MuJoCo moves")
     np.testing.assert_allclose(called.y, ours.y, rtol=1e-9)
@@ -121,10 +121,9 @@ def test_our_own_motion_through_python_is_beside_the_library():
 
 
 def test_both_physics_meet_and_ours_is_faster():
-    motion, observed, times = charts.stored("pipeline_speed")
+    motion, times = charts.stored("pipeline_speed")
     for series in motion.series:
         assert np.all(np.diff(series.y) < 0.0)
     assert 10.0 * motion["ours"].x[2] < motion["MuJoCo"].x[2]
-    assert max(observed["our camera"].y[-1], observed["MuJoCo's rays"].y[-1]) < 20.0
     (bars,) = times.series
     assert bars.x[0] > 100.0

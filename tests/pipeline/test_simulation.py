@@ -45,7 +45,7 @@ def test_the_arrows_and_the_rate_are_those_of_the_chapter():
         ("All stages", "none", None),
         ("Noise, no filter", "its path takes longer than there is time", "perceive"),
         ("Planner step to minimum", "no path", None),
-        ("Stale camera", "pictures are older than was agreed", "age"),
+        ("Stale camera", "frames are older than was agreed", "age"),
         ("All to extremes", "it is less exact than was agreed", None),
     ],
 )
@@ -158,7 +158,7 @@ def test_presets_between_the_extremes_show_what_their_notes_say():
     assert 0.012 / report[whole.LIMIT] == pytest.approx(1.2, abs=0.03)
     assert 0.01 < report[whole.GAINED] < 0.1
     assert whole.REASONS[int(report[whole.ENDED])] == "success"
-    experiment, report = outcome("A faster camera")
+    experiment, report = outcome("Half the latency")
     assert report[whole.SHARE] == 0.0 == outcome("Stale camera")[1][whole.SHARE]
     scenario, _ = whole.scenario_and_settings(tuple(experiment.state["values"].tolist()))
     assert 0.015 < report[whole.AGE] * np.hypot(*scenario.velocity) < 0.02

@@ -83,7 +83,10 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
         ],
     )
     panel = Panel(
-        "Where the arm itself becomes unstable", "Kd [N m s/rad]", "step [ms]", scale="log y"
+        "Largest stable step: simulation and formula",
+        "Kd [N m s/rad]",
+        "step [ms]",
+        scale="log y",
     )
     for bend in (0.0, 90.0, 170.0):
         q, kds = np.array([0.4, math.radians(bend)]), np.linspace(0.0, 16.0, tested)

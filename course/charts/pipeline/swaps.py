@@ -213,15 +213,13 @@ def pipeline_speed(
     steps: Sequence[float] = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4),
     seeds: int = 4,
     widths: Sequence[int] = (160, 320, 640),
-    rates: Sequence[float] = (0.2, 0.1, 0.05, 0.02),
 ) -> Iterator[Panel]:
-    """Chart error against real-time factor: physics by its step, perception by its image area.
+    """Chart error against time of the motion, and the speed of a run with and without images.
 
     Args:
         steps: of the physics [s].
         seeds: runs of each image size.
         widths: of an image [pixels].
-        rates: periods of the stand-in's images [s].
     """
     calm, ours = Settings(noise=0.0), Stages()
     panel = Panel(
@@ -265,66 +263,26 @@ def pipeline_speed(
         tags = tags[: len(x)]
         panel.series.append(Series(label, x, y, key, style, note=f"{label}: {message}", tags=tags))
     yield panel
-    panel = Panel(
-        "Final error",
-        "processor time of a run [ms]",
-        "rms error at the end [mm]",
-        scale="log",
-        lines=[("y", 20.0, "tolerance")],
-    )
     dear = replace(SEEN, frame=0.1)
     cast = {
         "our camera": Eye(bodies=False, height=1.0),
         "MuJoCo's rays": Eye(bodies=False, height=1.0, picture=libraries.picture),
     }
-    cases = {
-        name: [
-            (
-                dear,
-                Stages(
-                    perceive=replace(
-                        eye, camera=Camera.symmetric(w, 3 * w // 4, math.radians(62.0))
-                    )
-                ),
-            )
-            for w in widths
-        ]
-        for name, eye in cast.items()
-    } | {
-        f"two parameters, {1e3 * sigma:g} mm": [
-            (Settings(noise=sigma, frame=T), ours) for T in rates
-        ]
-        for sigma in (0.002, 0.05)
-    }
-    for name, row in cases.items():
-        x, y = [], []
-        for settings, stages in row:
-            pictured = stages is not ours
-            records, cost = timed(settings, stages, range(seeds if pictured else 10 * seeds))
-            x.append(1e3 * cost)
-            y.append(1e3 * math.sqrt(np.mean([r.distance**2 for r in records])))
-        message = ", ".join(f"{e:.2g} mm for {c:.3g} ms" for e, c in zip(y, x, strict=True))
-        # The ends of a curve are named: resolution of the images, or frame rate.
-        ends = [f"{w} px" for w in widths] if name in cast else [f"{1.0 / T:g} Hz" for T in rates]
-        # Curves of images lie on each other: one of them is enough.
-        tags = (
-            (ends[0], *[""] * (len(x) - 2), ends[-1])[: len(x)] if name != "MuJoCo's rays" else ()
-        )
-        panel.series.append(Series(name, x, y, tags=tags, note=f"{name}: {message}"))
-        quick[name] = 4.0 / (1e-3 * x[-1])
-    yield panel
-    names = {
-        "ours": "two parameters",
-        PYTHON: "our motion through Python",
-        "MuJoCo moves": "same, MuJoCo moves",
-        "our camera": f"our camera, {max(widths)} px",
-        "MuJoCo's rays": f"MuJoCo's rays, {max(widths)} px",
-    }
+    names = {"ours": "two parameters", PYTHON: "our motion through Python"}
+    names["MuJoCo moves"] = "MuJoCo's motion"
+    for name, eye in cast.items():
+        for w in widths:
+            camera = Camera.symmetric(w, 3 * w // 4, math.radians(62.0))
+            stages = Stages(perceive=replace(eye, camera=camera))
+            row = f"{name}, {w} px"
+            # Four simulated seconds over the processor time.
+            quick[row] = 4.0 / timed(dear, stages, range(seeds))[1]
+            names[row] = row
     panel = Panel(
         "Speed of a run",
         "simulated time / processor time",
         scale="log x",
-        xlim=(None, 3e3),
+        xlim=(None, 6e3),
         lines=[("x", 1.0, "real time")],
     )
     x = [quick[name] for name in names]

@@ -296,11 +296,11 @@ def root_sum_square(result):
 
 
 @claim(
-    "As long as the errors of the stages are small, the mean error of the pipeline is nearly the "
-    "vector sum of their mean errors.",
-    "The sum of the vectors agrees with the measured total to {gap:.2f} mm. The lengths of the"
-    " vectors add up to {lengths:.1f} mm, while the total is {whole:.1f} mm: lengths and "
-    "squares do not add up.",
+    "As long as all errors are small, and no stage has a dead band or is at a limit, the mean "
+    "error of the pipeline is nearly the vector sum of the mean errors of its stages.",
+    "In our example, the sum of the vectors agrees with the measured total to {gap:.2f} mm. The "
+    "lengths of the vectors add up to {lengths:.1f} mm, while the total is {whole:.1f} mm: lengths "
+    "and squares do not add up. With static friction or play, small errors need not add up at all.",
 )
 def signed_parts_add_up(result):
     made = cancelling()
@@ -395,13 +395,13 @@ def sag_without_kd(result):
 
 
 @claim(
-    "A comparison of two settings always needs the fewest runs if each gets fresh random numbers.",
+    "To compare two settings with the fewest runs, give each of them fresh random numbers.",
     "With the same seeds both face the same noise, and its common effect cancels in the "
     "difference. To detect the cost of a tenth more noise takes {saved:.0f} times fewer runs "
-    "that way, provided that each stage has its own random-number generator. If every second "
-    "frame is left out, the noise no longer matches, and the factor is {other:.1f}. If the "
-    "same noise helps one setting and harms the other, as with a bias of {bias_mm:.0f} mm "
-    "whose sign is flipped, common seeds take {lost:.1f} times as many runs.",
+    "that way, if the random numbers of both stay in step, as with a generator for each stage. "
+    "If every second frame is left out, the noise no longer matches, and the factor is "
+    "{other:.1f}. If the same noise helps one setting and harms the other, as with a bias of "
+    "{bias_mm:.0f} mm whose sign is flipped, common seeds take {lost:.1f} times as many runs.",
 )
 def same_seeds(result):
     from course.pipeline import Scenario, Settings, repair
