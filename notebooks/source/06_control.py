@@ -104,7 +104,7 @@ def print_figures(chart, *rows):
 #
 # The **set-point** $q_d$ is the angle that the joint should have, $q$ is the measured angle, and $e = q_d - q$ is the
 # error. The controller turns the error into a torque, the motor turns the joint, and the encoder measures the new
-# angle. This circle is the control loop. Its torque limit and its delay follow later in this section:
+# angle. This circle is the control loop. Its torque limit and delay follow later:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.9), layout="constrained")
@@ -235,7 +235,7 @@ predict("jammed")
 # The chart shows another joint, which is blocked for 2 s. A load pushes forwards, and the set-point is 0.25 rad. In
 # the right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed
 # the set-point. With conditional integration (blue), it leaves the limit at once. The joint still overshoots, as it
-# also does without a jam (first row in the fold). Lines are the exact solution, dots are from the simulator MuJoCo:
+# also does without a jam. Lines are the exact solution, dots are from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -722,14 +722,13 @@ show("computed_torque_law")
 
 # %% [markdown]
 # With diagonal gain matrices, every joint's error obeys its own linear equation, with the same poles in every pose.
-# **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give $s^2 + 20 s + 100 = 0$, that is two
-# poles at $-10\,/\mathrm{s}$.
+# **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give two poles at $-10\,/\mathrm{s}$.
 #
-# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the
-# torque for the state and the reference half a sample ahead. This is called **half-sample preview**, and section 6
-# shows how much it saves.
+# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the torque
+# for the state and the reference half a sample ahead. This is called **half-sample preview** (section 6 shows how much
+# it saves).
 #
-# The model can also be wrong, for instance because of an unknown payload. **Adaptive control** (Slotine and Li 1987)
+# The model can also be wrong, for instance because of a payload. **Adaptive control** (Slotine and Li 1987)
 # changes the model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is $Y\hat\theta$.
 # The matrix $Y$ is the **regressor** of chapter 4. It is computed from the measured $q$ and $\dot q$, and from a
 # reference velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative. So no measured acceleration is needed.
@@ -746,9 +745,15 @@ show("computed_torque_law")
 show("adaptive_finds_parameters")
 
 # %% [markdown]
-# The estimate reaches the true values only if, again and again during the motion, every other combination of
-# parameters would change the torques. This condition is called **persistent excitation**. With a large $\Gamma$, a
-# low sample rate or sensor noise, the estimate can grow without limit. So limit it to plausible values.
+# The estimate reaches the true values only if, again and again during the motion, every other combination of parameters
+# would change the torques. This is called **persistent excitation**. Noise can make the estimate drift, so limit it to
+# plausible values.
+#
+# Sampled, the update also has a limit. For one joint with exact rates and a constant regressor, it is stable while
+# $dt\,\Gamma Y^2 < K + b$. The left chart shows a run on each side of this limit (our joint, $K = 5$ N m s/rad). With
+# rates from differences, the limit is about a third lower (right, green):
+#
+# ![The limit of adaptation: runs on both sides, and sample times](../docs/charts/adaptation_limits.png)
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
@@ -1182,7 +1187,7 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 # $$K < \frac{b}{D + \tfrac12 dt}\, .$$
 #
 # **Worked example:** $b$ = 20 N s/m at 1 kHz allows $20/0.0005$ = 40,000 N/m. With a delay of 2 ms it is $20/0.0025$
-# = 8,000 N/m. Damping computed by the controller may help, but has the same delay.
+# = 8,000 N/m.
 
 # %%
 show("damping_is_safe")
@@ -1552,9 +1557,9 @@ simulation("joint", "Hunting")
 # torque and preview are compiled as a whole. All others, also those with the inverse dynamics of *Pinocchio* and
 # *MuJoCo* in half-sample preview, spend time in Python.
 #
-# LQR, MPC and MPPI correct the deviation from the planned motion. MPC meets no limit here, so its errors are those of
-# LQR. In the upper right panel, computed torque and half-sample preview coincide, and triangles are errors of MPPI
-# that are too large for the chart.
+# LQR, MPC and MPPI correct the deviation from the planned motion. MPC meets no limit, so its errors are LQR's. In the
+# upper right panel, computed torque and half-sample preview coincide, and triangles are errors of MPPI that are too
+# large for the chart.
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -2043,10 +2048,10 @@ your_robot(6)
 # %% [markdown]
 # ## 9 · Frontier: learned controllers
 #
-# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} +
-# \pi_\theta(x)$. Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state, the
-# angles and rates. Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019)
-# learns it with reinforcement learning, the subject of chapter 9. The example below fits it to data instead.
+# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
+# Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state. Residual policy
+# learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with reinforcement learning,
+# the subject of chapter 9. The example below fits it to data instead.
 #
 # But the torque that is missing for an unknown payload also depends on the acceleration. So in the example, $x$
 # contains the accelerations, too: when the controller runs, those that computed torque requests.

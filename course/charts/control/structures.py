@@ -15,6 +15,7 @@ from course.control.adaptive import (
     JointAdaptive,
     Run,
     adaptation_limit,
+    adapted,
     drift_rate,
     run_adaptive,
 )
@@ -362,3 +363,133 @@ def adaptive_cures(seconds: float = 20.0, seeds: int = 12) -> Iterator[Panel]:
         )
     yield drift
     yield price
+
+
+# --- both sides of the adaptive law's sampled limit -----------------------------------------------
+
+
+def adapting_speed(product: float, regressor: float, dt: float, samples: int = 4000) -> Array:
+    """Return s of a speed loop at rest under the adaptive law, from s = 1, shape (samples,).
+
+    The rate is exact and the regressor constant, as `adaptation_limit` assumes.
+
+    Args:
+        product: rate of adaptation times the regressor squared [N m/rad].
+        regressor: the torque per unit of the one parameter.
+        dt: sample time [s].
+        samples: of the run.
+    """
+    plant, Y = held(*joint_system(J, B), dt), np.array([[regressor]])
+    decay, push = plant.transition[1, 1], plant.now[1]
+    estimate, v, result = np.zeros(1), -1.0, np.empty(samples)
+    for k in range(samples):
+        s = -v
+        result[k] = s
+        torque = regressor * estimate[0] + DAMP * s
+        estimate = adapted(estimate, Y, np.array([s]), product / regressor**2, dt)
+        v = decay * v + push * torque
+    return result
+
+
+def adapting_joint(product: float, dt: float, samples: int = 4000) -> Array:
+    """Return the error of a whole joint whose law adapts the load alone, shape (samples,).
+
+    The rate is the difference of two angles, and s contains the angle's error as well.
+
+    Args:
+        product: rate of adaptation; the regressor of a load is 1 [N m/rad].
+        dt: sample time [s].
+        samples: of the run.
+    """
+    # A rate of adaptation of about zero leaves inertia and damping as they are.
+    law = JointAdaptive(SLOPE, DAMP, (1e-12, 1e-12, product))
+    run = run_adaptive(
+        Joint(J, B), law, np.zeros((3, samples)), dt, estimate=(J, B, 0.0), start=1e-6
+    )
+    return run.error[:, 0]
+
+
+def largest_adaptation(run: Callable[[float], Array], limit: float) -> float:
+    """Return the largest product with which a run settles, by bisection around a limit."""
+
+    def settles(product: float) -> bool:
+        size = np.abs(run(product))
+        quarter = size.size // 4
+        # A run that grows far also moves the other estimates, and may then come back.
+        far = np.max(size) > 1e6 * size[0]
+        return bool(not far and np.max(size[-quarter:]) < np.max(size[quarter : 2 * quarter]))
+
+    low, high = 0.1 * limit, 2.0 * limit
+    while high / low > 1.001:
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if settles(middle) else (low, middle)
+    return low
+
+
+@chart
+def adaptation_limits(points: int = 6, sides: tuple[float, float] = (1.1, 0.9)) -> Iterator[Panel]:
+    """Chart the largest rate of adaptation of a sampled law, computed and measured.
+
+    Args:
+        points: sample times.
+        sides: shares of the computed limit, one above and one below it.
+    """
+    limit = adaptation_limit(DAMP, B, SLOW)
+    panel = Panel(
+        "Settles below the limit, grows above it",
+        "time [s]",
+        "s [rad/s]",
+        notes=[f"limit at {1e3 * SLOW:g} ms: {limit:.0f} N m/rad"],
+    )
+    for share in sides:
+        s = adapting_speed(share * limit, 1.0, SLOW, 1500)
+        first, last = np.abs(s[:100]).max(), np.abs(s[-100:]).max()
+        panel.series.append(
+            Series(
+                f"{share:g} of the limit",
+                SLOW * np.arange(s.size),
+                s,
+                marker="",
+                note=f"{share:g} of the limit: s of {last:.2f} rad/s after "
+                f"{SLOW * s.size:g} s, {first:.2f} at first",
+            )
+        )
+    yield panel
+
+    times = np.geomspace(1e-3, 1e-2, points)
+    panel = Panel(
+        "The limit falls with the sample time",
+        "sample time [s]",
+        "largest stable Γ Y² [N m/rad]",
+        scale="log",
+        theory="(K + b) / dt",
+    )
+
+    def theory(dt: float) -> float:
+        return adaptation_limit(DAMP, B, dt)
+
+    for label, run, shown in (
+        ("exact rate, Y = 1", lambda dt: lambda x: adapting_speed(x, 1.0, dt), theory),
+        ("exact rate, Y = 3", lambda dt: lambda x: adapting_speed(x, 3.0, dt), None),
+        (
+            "rate from differences, with the angle",
+            lambda dt: lambda x: adapting_joint(x, dt),
+            None,
+        ),
+    ):
+        found = np.array([largest_adaptation(run(float(dt)), theory(float(dt))) for dt in times])
+        over = found / [theory(float(dt)) for dt in times]
+        panel.series.append(
+            Series(
+                label,
+                times,
+                found,
+                "",
+                "",
+                theory=shown,
+                hollow=label.endswith("3"),
+                note=f"{label}: measured limit {over.min():.3f} to {over.max():.3f} of the "
+                "computed one",
+            )
+        )
+    yield panel

@@ -8,9 +8,10 @@ from course.derivations import claim
 @claim(
     "Gains that are stable in the simulator at the robot's rate are stable on the robot.",
     "The simulator's step changes the hold. Semi-implicit Euler with n steps per sample dt "
-    "delays the torque by (1 - 1/n) dt/2, the robot by dt/2. At {rate_hz:.0f} Hz the robot's "
-    "largest P gain is {robot:.0f} N m/rad. MuJoCo gives {one:.0f} with one step per sample "
-    "and {ten:.0f} with ten. Both are the limits of its own update matrix, to {same:.0e}.",
+    "delays the torque by (1 - 1/n) dt/2, the robot by dt/2. At {rate_hz:.0f} Hz and without "
+    "other delays, the robot's largest P gain is {robot:.0f} N m/rad. MuJoCo gives {one:.0f} "
+    "with one step per sample and {ten:.0f} with ten. Both are the limits of its own update "
+    "matrix, to {same:.0e}.",
 )
 def simulator_hold(result):
     from course.charts.control import limits
