@@ -399,7 +399,7 @@ class Edge:
 _IMAGE, _STATE, _TORQUE = 640 * 480 * 2, 7 * 3 * 8, 7 * 8  # depth in mm; q, v, tau; torques
 STACK = (
     Edge("robot", "middleware", "depth image", 30.0, _IMAGE),
-    Edge("simulation", "middleware", "simulated image", 30.0, _IMAGE),
+    Edge("simulation", "middleware", "simulated image", 30.0, _IMAGE, 1, "none"),
     Edge("middleware", "perception", "depth image", 30.0, _IMAGE),
     Edge("middleware", "learning", "log of images", 30.0, _IMAGE, 100, "none"),
     Edge("perception", "planning", "poses and covariances", 30.0, (7 + 36) * 8),

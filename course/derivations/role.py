@@ -58,7 +58,8 @@ def _even(expression, over, width):
 
 
 @claim(
-    "A command is as old as the work behind it: add up the execution times of the stages.",
+    "Each stage runs on a clock of its own. Then the command in force is, on average, as old as "
+    "the sum of the execution times.",
     "That is the least possible age. Each stage with a clock of its own adds half a period on "
     "average: {formula} for two stages that read the newest value. With images at "
     "{camera_hz:.0f} Hz, {see_ms:.0f} ms for perception, a planner at {plan_hz:.0f} Hz that needs "
@@ -167,17 +168,16 @@ def polling_makes_fresh(result):
 
 
 @claim(
-    "A stage with one worker is in overload: its inputs come regularly, and it always needs the "
-    "same time, longer than their interval. If it takes the newest waiting input as soon as it is "
-    "free (rule queue), its newest result is younger on average than if it ignores the inputs that "
-    "come while it is busy (rule skip).",
-    "With queue, the input has already waited. If the planner of this chapter's chain "
+    "A stage in overload gives younger results, on average, if it starts as soon as it is free, "
+    "with the newest waiting input, than if it waits for the next fresh input. (The inputs are "
+    "regular, and the execution time is constant.)",
+    "The waiting input is already older (rule queue). If the planner of this chapter's chain "
     "always needs exactly {plan_ms:.0f} ms, the wait is {exact_wait_ms:.0f} ms on average, and the "
     "mean age of the "
     "command is {exact_ms:.0f} ms. If this time varies a little, the wait is half of the "
     "interval between poses, {wait_ms:.0f} ms, and the mean age is {free_ms:.0f} ms. In both cases "
-    "the planner keeps {free_cores:.1f} cores busy. It is better to skip, because the next "
-    "input is fresh: {skip_ms:.0f} ms "
+    "the planner keeps {free_cores:.1f} cores busy. It is better to wait (rule skip), because the "
+    "next input is fresh: {skip_ms:.0f} ms "
     "with {skip_cores:.1f} cores. At none of {ratios:.0f} ratios of the two times were the results "
     "older with skip. At some of them both rules give the same age.",
 )
@@ -367,7 +367,7 @@ def same_rate_in_step(result):
     "million and the answer comes after {held_s:.0f} s, {drift_us:.0f} microseconds come on top.",
     ask=(
         "One computer asks another for the time. The question takes d1, the answer d2, and the "
-        "estimate of the offset assumes that both take the same time. How far is it off?",
+        "estimate of the offset assumes that both take the same time. By how much is it too large?",
         "(d1 - d2)/2",
         {
             "(d1 + d2)/2": "That is the bound: half of the round trip.",
@@ -564,10 +564,11 @@ def losses_add_up(result):
 
 
 @claim(
-    "Jitter of the execution times does not change the mean age over all phases, if no result "
-    "overtakes another and each stage is always free when it has to start.",
+    "Jitter that leaves the mean execution times as they are does not change the mean age over all "
+    "phases, if no result overtakes another and each stage is always free when it has to start.",
     "A late result makes the data older for a moment, an early one makes them newer, and on "
-    "average both cancel. With jitter of {jitter:.0%} of each execution time the mean moved by at "
+    "average both cancel. (Delays without early results raise the mean execution time, and the "
+    "mean age by as much.) With jitter of {jitter:.0%} of each execution time the mean moved by at "
     "most {moved:.1%}. The least age and the bound move apart, by {wider_ms:.0f} ms on each side. "
     "If parallel workers can overtake one another, the mean age falls, because the newest result "
     "counts: by {fallen:.0%} with jitter of {wild:.0%}. Locked clocks keep one phase, and at some "

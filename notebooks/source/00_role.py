@@ -32,10 +32,10 @@ simulation("stack")
 # This course prepares for a role: an engineer who simulates robots, and who can say how far a simulated number can be
 # trusted.
 #
-# *Cards* ask questions. Some show a statement that you will often hear. You judge it: true, false, or true only under
-# a condition. (`python -m course.derivations 0` checks the statements.)
+# *Cards* ask questions. Some show a statement to judge: true, false, or true only under a condition. (`python -m
+# course.derivations 0` checks the statements.)
 #
-# Section 7 has these exercises:
+# Section 7 has a formula and these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
@@ -81,7 +81,7 @@ def table(*rows):
 #
 # The drawing at the top has six boxes of software and one for the robot. Click a box to read what goes in and out:
 #
-# * The **simulation** takes torques (turning forces) and returns images and **joint states**: the angles, speeds and
+# * The **simulation** takes torques (turning moments) and returns images and **joint states**: the angles, speeds and
 #   torques of the joints. It stands for the robot (chapters 1 to 4).
 # * The **middleware** carries messages from one program to another. (Poses and trajectories pass through it, too, but
 #   are drawn without it.) Each image has a **time stamp**, the moment of its capture. The camera sets it, or its
@@ -114,8 +114,8 @@ predict("never_late")
 # 18.4$ million bytes per second. A joint state of 7 joints has three numbers of 8 bytes for each joint, so $7 \cdot 3
 # \cdot 8 = 168$ bytes.
 #
-# The table lists the arrows with the largest bandwidth. Between the joint loop and a simulation there are no
-# deadlines, because a simulation can wait. A log has none either.
+# The table lists the arrows with the largest bandwidth. The arrows of the simulation have no deadlines, because this
+# simulation waits for its readers. A log has none either.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -130,7 +130,7 @@ table(
 # %% [markdown]
 # Nearly all bytes belong to images. Nearly all messages are joint states and torques. Only the arrows between the
 # joint loop and the robot have hard deadlines. So the joint loop runs with *real-time priority*: when it has to
-# start, other programs wait. Often it also has a *core* (one processor of the computer) to itself.
+# start, other programs wait (on Linux with a real-time kernel). Often it also has a processor *core* to itself.
 #
 # ### How old is a command?
 #
@@ -201,7 +201,7 @@ table(
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
-# by $0.3 \cdot 172.4 \approx 52$ mm. So the robot reaches for a place 52 mm behind the part.
+# by $0.3 \cdot 172.4 \approx 52$ mm. A robot that follows the part reaches 52 mm behind it.
 #
 # At worst, whole periods come on top instead of halves: $105.2 + 33.3 + 100 + 1 = 239.5$ ms. This is the *bound* in
 # the table. No age exceeds it if every stage starts on time and never needs longer than its $C$, no result is lost,
@@ -212,9 +212,8 @@ table(
 # rate exactly, so the phase changes slowly, and over some hours it takes all values. The 172.4 ms are the mean over
 # all phases.
 #
-# Programs on one computer usually share its clock, so their phase can stay the same. If planner and joint loop share
-# a clock, the mean moves by at most half a millisecond. If camera and planner share one, it moves much more (section
-# 6).
+# Programs on one computer usually share its clock, so their phase can stay the same. Then the mean depends on this
+# phase (section 6).
 #
 # <details><summary>Derive the least age, the mean and the bound</summary>
 #
@@ -234,7 +233,7 @@ table(
 #
 # Two stages meet at each arrow: the **producer**, which writes results, and the **reader**, which takes them. If the
 # data are too old, many people first make the reader *poll* more often: look more often for a new result. A newspaper
-# comes once a day and lies on the table. You look at it once an hour. Now you look twice an hour. Is it fresher then?
+# comes once a day. You look at it once an hour, then twice an hour. Is it fresher then?
 
 # %%
 show("polling_makes_fresh")
@@ -280,8 +279,8 @@ show("reaction_is_age")
 # **latency budget** divides this age among the boxes and arrows.
 #
 # Images and joint states reach the motors on two paths, and on each path the information has an age of its own. The
-# **critical path** is the one on which it becomes oldest, here the path from the camera. Time that you save on
-# another path does not make this oldest information younger.
+# **critical path** is the one on which it becomes oldest, here the path from the camera. Time saved on another path
+# does not make it younger.
 
 # %%
 predict("where_to_spend")
@@ -293,12 +292,14 @@ predict("where_to_spend")
 # * A stage that starts **on arrival** has no clock. Each new input starts it. So no input waits, as long as the stage
 #   is free when the input comes.
 # * A **pipelined** stage has several workers. One of them begins with a new sample before another has finished the
-#   last one. Results come more often; a single sample takes as long as before.
+#   last one. Results come more often; a single sample takes as long as before. For that, each worker needs hardware
+#   of its own: two that share a graphics card may slow each other down.
 #
-# A stage is in **overload** if it is started more often than it can finish. If poses start our planner, it is in
-# overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses that
-# come while it is busy, and starts with the next one that comes. With *queue* one pose waits, always the newest, and
-# the planner takes it as soon as it is free. Or the planner is *pipelined*: then it plans for every pose.
+# A stage is in **overload** if it is started more often than one worker can finish. If poses start our planner, it is
+# in overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses
+# that come while it is busy, and starts with the next one that comes. With *queue* there is room for one waiting
+# pose. A newer pose replaces it, and the planner takes the pose that waits as soon as it is free. Or the planner is
+# *pipelined*: then it plans for every pose.
 
 # %%
 show("start_when_free")
@@ -307,13 +308,20 @@ show("start_when_free")
 # **Utilisation** is the number of cores that a stage keeps busy: execution time divided by interval. Before any
 # change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
 #
-# The table lists what each change saves by the formula, and what it costs. With *skip* a pose does not wait, which
-# saves 16.7 ms. And a plan comes with every second pose, every 66.7 ms instead of every 100 ms. Half of this
-# difference is another 16.7 ms. With *queue* a plan comes every 60 ms, and a pose waits half of the interval between
-# poses, 16.7 ms on average. (That is right if the 60 ms vary a little.) *Pipelined*, no pose waits, and a plan comes
-# every 33.3 ms.
+# With *skip* a pose does not wait, which saves 16.7 ms. And a plan comes with every second pose, every 66.7 ms
+# instead of every 100 ms. Half of this difference is another 16.7 ms. (A plan that takes longer than 66.7 ms costs
+# one more pose.)
 #
-# The change that saves most per core comes first:
+# <details><summary>What <em>queue</em> and <em>pipelined</em> save</summary>
+#
+# With *queue* a plan comes every 60 ms, which saves 20 ms. A pose waits half of the interval between poses, 16.7 ms
+# on average, if the 60 ms vary a little: that is as long as before. *Pipelined*, no pose waits, which saves 16.7 ms,
+# and a plan comes every 33.3 ms, which saves 33.3 ms.
+#
+# </details>
+#
+# In the table the change that saves most per core comes first. Twice the rate of perception means a camera with 60
+# images per second:
 
 # %% tags=["hide-code"]
 options = spend(CHAIN)
@@ -336,8 +344,9 @@ table(
 #
 # In the time $A$ a part with the speed $v$ moves by $v A$. If its position is $A$ seconds old and you use it as it
 # came, you are wrong by this distance. If you know the age and the speed, you can **predict**: you add $v A$ to the
-# old position. Two errors remain. An error of the speed is multiplied by $A$: 1 cm/s becomes 1.7 mm. And if the part
-# accelerates by $a$, it moves by another $\tfrac12 a A^2$.
+# old position. Here the joint loop does this at each command. (A planner would predict for the moment of the grasp.)
+# Two errors remain. An error of the speed is multiplied by $A$: 1 cm/s becomes 1.7 mm. And if the part accelerates by
+# $a$, it moves by another $\tfrac12 a A^2$.
 #
 # To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the
 # prediction has an additional error. The **standard deviation** measures how much a value varies around its mean. The
@@ -348,9 +357,9 @@ table(
 # **phase lag** is $2\pi f A$. If the arm's speed is proportional to the error in the image, a correction that lags by
 # more than 90 degrees pushes the swing instead of braking it (chapter 6).
 #
-# The chart shows the errors at speeds up to 1 m/s, for a part that accelerates by 1 m/s² and whose speed is known
-# exactly at the capture. The table shows the errors at 0.3 m/s, and a phase lag. The first three errors shift all
-# positions in one direction. The fourth scatters around this shift:
+# The chart shows the errors at speeds up to 1 m/s, for a part on a belt that starts, with 1 m/s², and whose speed is
+# known exactly at the capture. The table shows the errors at 0.3 m/s, and a phase lag. The first three errors shift
+# all positions in one direction. The fourth scatters around this shift:
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -383,6 +392,8 @@ table(
 )
 
 # %% [markdown]
+# Prediction removes what grows with the speed. Without time stamps, some of that comes back.
+#
 # ### What the boxes are built with
 #
 # Free software exists for most boxes: ROS 2 as middleware, ros2_control for the joint loop, MoveIt for planning.
@@ -419,8 +430,8 @@ source(role.read, role.Trace.age, role.Trace.reaction)
 # %% [markdown]
 # A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds. A
 # stage in overload also has a rule. Here the planner starts on arrival, with the rule *skip*. The next cell compares
-# the formula of section 1, the **closed form**, with 300 simulated runs, each with random phases. (The function `age`
-# is the closed form. The method `age` belongs to a simulated run.)
+# the formula of section 1, the **closed form**, with 300 simulated runs with random phases. (The function `age` is
+# the closed form. The method `age` belongs to a simulated run.)
 
 # %% tags=["show-code"]
 chain = [
@@ -447,10 +458,10 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {simulated:.1f} ± 
 #
 # In the simulation at the top, a dot in a box belongs to an image on which this box works now. A dot on an arrow is
 # the newest result of the box where the arrow begins. On the arrow from control to the robot it is the command in
-# force.
+# force. Blue arrows belong to the selected box; wider arrows carry more messages per second.
 #
-# The bars come from about thirty seconds of a run. In this time the clocks run through all phases, because they drift
-# much faster than real ones. The switch *all clocks from one* stops the drift.
+# In the thirty seconds behind the bars the clocks run through all phases, because they drift much faster than real
+# ones. The switch *all clocks from one* stops the drift.
 #
 # Try the presets, and predict the bars before you look. In the preset *Deep queue* up to ten poses wait for the
 # planner:
@@ -463,8 +474,7 @@ predict("queue_of_ten")
 #
 # There are two ways to compute a mean age: the closed form and an event simulation, which jumps from one event to the
 # next. Here an event is the start or the result of a stage. We simulate this chapter's chain many times with random
-# phases. From each run we take the age at one random moment, so the ages are independent, and then their mean. (More
-# moments per run, as in section 3, would make the simulation cheaper.)
+# phases. From each run we take the age at one random moment, so the ages are independent, and then their mean.
 #
 # The *error* of such a mean is its distance from a reference: the mean over 8,192 runs whose phases are spread evenly
 # over all values. For 3, 10, 30, 100, 300 and 1,000 runs we compute the error nine times. A green point is the
@@ -477,13 +487,14 @@ predict("queue_of_ten")
 figures(read("age_precision"), "closed form", "1,000 runs", summary="Times and errors")
 
 # %% [markdown]
-# At the dotted line the error is 1 ms. How many runs does that take? One age has a standard deviation of 30.4 ms, and
-# the mean over $n$ runs has $30.4/\sqrt n$ ms. That is 1 ms at $30.4^2 \approx 920$ runs. (The median error is
-# smaller, about two thirds of it.)
+# How many runs does an error of 1 ms take? One age has a standard deviation of 30.4 ms, and the mean over $n$ runs
+# has $30.4/\sqrt n$ ms. That is 1 ms at $30.4^2 \approx 920$ runs. The chart shows the median error, about 0.67 of
+# the standard deviation. So the green line reaches 1 ms, the dotted line, at about $0.67^2 \cdot 920 \approx 410$
+# runs.
 #
-# The closed form needs only microseconds, but it gives the mean over all phases. Only the event simulation shows what
-# happens in *one particular* run. Use the formula to design, and the simulation wherever the assumptions of the
-# formula do not hold.
+# The closed form needs only microseconds, but it gives the mean over all phases. It cannot show what happens in *one
+# particular* run; the event simulation can. Use the formula to design, and the simulation wherever the assumptions of
+# the formula do not hold.
 #
 # ## 6 · Debug: where it fails
 #
@@ -512,7 +523,7 @@ show("same_rate_in_step")
 
 # %% [markdown]
 # The upper row of the chart shows locked and drifting clocks. The lower row belongs to *Queues* below. A camera takes
-# 30 images per second. The markers are the event simulation. The black lines are the theory.
+# 30 images per second. Markers and coloured lines are the event simulation. The thin black lines are the theory.
 #
 # ![Locked clocks, drifting clocks, queues, overload](../docs/charts/age_limits.png)
 
@@ -523,8 +534,7 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
 # The curve has three teeth because three images come in one period of the reader. A reader at 9.73 Hz is not locked,
 # even with the same quartz: its mean stays near half of the camera's period, marked $T/2$. Small waves remain,
-# because the phase takes only about twelve values in this run. With $n$ evenly spaced values the mean is within
-# $T/(2n)$ of $T/2$.
+# because the phase takes only about twelve values in this run.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
 # falls at once by one period, and rises again. This shape is a *sawtooth*.
@@ -535,11 +545,12 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 # They help only if the computers agree on the time. The difference between two such clocks at the same moment is
 # their **offset**. Suppose that the clock of the camera's computer is 5 ms ahead of the clock of the joint loop's
 # computer. Then every age that the joint loop logs is 5 ms too small, and at 0.3 m/s every prediction is wrong by
-# $0.3 \cdot 5 = 1.5$ mm. All ages are wrong by the same amount, so their spread looks as usual.
+# $0.3$ m/s $\cdot\ 5$ ms $= 1.5$ mm. All ages shift equally, so their spread does not show it.
 #
 # Look instead at the least age over several hours. If the execution times are constant and the clocks that start the
 # programs drift, this age comes close to the sum of the execution times. If it is smaller, suspect an offset or a
-# late stamp. If it is larger, it also contains what we did not count, such as the transport of messages.
+# late stamp. If it is larger, compare the clocks themselves: the transport of messages, which we did not count, looks
+# like an offset of the other sign.
 #
 # Computers set their clocks over the network. One computer sends a question at $t_0$, which arrives at another one at
 # $t_1$. The answer leaves at $t_2$ and arrives at $t_3$. The first computer's clock measures $t_0$ and $t_3$, the
@@ -560,9 +571,8 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 show("round_trip_sets_a_clock")
 
 # %% [markdown]
-# In the drawing the question takes longer than the answer. The first computer assumes that each takes half of the
-# round trip (dashed). So it believes that the question arrived at the grey point, earlier than it really did. The
-# clock that it corrects in this way is wrong by the orange distance:
+# In the drawing the question takes longer than the answer. The assumption (dashed) puts its arrival at the grey
+# point, too early. The clock that is corrected in this way is wrong by the orange distance:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
@@ -594,32 +604,35 @@ plt.show()
 # %% [markdown]
 # **NTP** (Network Time Protocol, RFC 5905) works in this way. Usually software takes its stamps, so a wait in the
 # operating system looks like a delay on the network. **PTP** (Precision Time Protocol, IEEE 1588) usually takes the
-# stamps in the network card, and the devices between the two computers report how long they delay a message. So
-# nearly all unequal delays are known, if all these devices support PTP.
+# stamps in the network card, and the devices between the two computers correct for the delay that they cause. So
+# hardly any unequal delays remain, if all these devices support PTP.
 #
 # For a camera there is a third solution: a **trigger line**, a wire whose signal tells the camera when to take an
-# image. The computer that sends the signal knows the time of capture without any network. But it must match each
-# image to its signal: after one lost image, all later ones may get a wrong time.
+# image. The computer that sends the signal knows the time of capture without any network. But after one lost image,
+# all later ones may get the time of a wrong signal.
 #
 # Ask two questions about each sensor. Which clock makes its time stamp? And at which moment: in the middle of the
 # *exposure*, the time in which the camera collects light; or when the image leaves the camera; or when a program
 # receives it? The later the stamp, the younger every image looks.
 #
 # Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, but slowly:
-# two clocks at 30 Hz that differ by 10 ppm need almost an hour.
+# two clocks at 30 Hz that differ by 10 ppm need almost an hour. Synchronised clocks do not drift. If the clocks that
+# start our stages are synchronised, they are locked, because the rates of camera, planner and joint loop are 3 to 1
+# to 100. Then the mean age depends on the start of the robot, and lies between about 155 and 190 ms.
 #
-# Synchronised clocks do not drift. If PTP or a trigger line synchronises the clocks that start our stages, they are
-# locked, because the rates are 3 to 1 to 100. Then all poses of a run have waited equally long when the planner takes
-# them. The start fixes this wait, somewhere between 0 and 33.3 ms. Each plan also waits equally long until the joint
-# loop first uses it, somewhere between 0 and 1 ms. It then stays in use for 100 ms, so on average it has been in use
-# for 50 ms. (They contain the half millisecond of the command in force.)
+# <details><summary>Derive these two limits</summary>
 #
-# So the mean depends on the start, and lies between $105.2+50 \approx 155$ ms and $155.2+33.3+1 \approx 190$ ms.
+# With locked clocks all poses of a run have waited equally long when the planner takes them. The start fixes this
+# wait, somewhere between 0 and 33.3 ms. Each plan also waits equally long until the joint loop first uses it,
+# somewhere between 0 and 1 ms. Its commands are then in force for 100 ms. So at a random moment this has lasted for
+# 50 ms, on average. (The half millisecond for which a single command is in force is part of these 50 ms.) So the mean
+# lies between $105.2+50 \approx 155$ ms and $155.2+33.3+1 \approx 190$ ms.
+#
+# </details>
 #
 # ### Queues
 #
-# A reader that is busy cannot take a new sample, so samples wait in a queue. In a queue of depth 1, a new sample
-# replaces the one that waits.
+# While a reader is busy, samples wait in a queue. In a queue of depth 1, a new sample replaces the one that waits.
 
 # %%
 show("deep_queue")
@@ -633,7 +646,7 @@ show("deep_queue")
 # The lower row of the chart above, left: a queue with a limit. A reader at 9.7 Hz is slower than the camera, so the
 # queue is full, and each further place in the queue makes the data older by one period $T$ of the camera. A reader at
 # 33 Hz is faster, so the queue is nearly empty. Right: a queue without a limit. To the right of the dotted line $C$
-# is longer than $T$, and there the age grows. The curve shows by how many seconds per second.
+# is longer than $T$, and the age grows by as many seconds per second as the curve shows.
 #
 # So a stage in overload needs one of the rules of section 2. In the table a camera stage of 5 ms (0.15 cores) sends
 # 30 images per second to a stage that needs 60 ms for each:
@@ -676,9 +689,9 @@ except ValueError as error:
 # %% [markdown]
 # ### Jitter
 #
-# Execution times vary with the load of the computer and with what the camera sees. Does jitter make the data older on
-# average? If a result is late, the result before it stays in force longer. If a result is early, it replaces the one
-# before it sooner.
+# Execution times vary with the load of the computer and with what the camera sees. Suppose that their means stay the
+# same. Does jitter then make the data older on average? If a result is late, the result before it stays in force
+# longer. If a result is early, it replaces the one before it sooner.
 
 # %%
 show("jitter_leaves_the_mean")
@@ -693,8 +706,9 @@ show("jitter_leaves_the_mean")
 # * All ages are nearly equal (if the execution times hardly vary), but different after a restart: locked clocks.
 # * The age rises slowly and falls at once, again and again (a sawtooth): clocks that drift, and the reader's is a
 #   little too slow. If it is a little too fast, the age falls slowly and rises at once.
-# * The age is larger than computed, by whole periods of one producer: a full queue.
-# * The age grows without end: overload, and a queue without a limit.
+# * All ages are larger than computed, by whole periods of one producer: a full queue.
+# * The age grows without end: overload, and a queue without a limit. Or the clocks of two computers drift apart: then
+#   only the log is wrong.
 # * The ages are scattered without a pattern: jitter, lost samples, or rates that do not fit together.
 # * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
@@ -850,13 +864,13 @@ predict("gold_plated_table")
 # </details>
 #
 # What you *can* compute is the number of tries per day. On a robot it follows from the duration of a try and of its
-# *reset*, which prepares the next try. In simulation it follows from the number of time steps in a try, the computing
-# time of a step (chapter 1), and the number of cores.
+# *reset*, which prepares the next try, and from the hours per day in which the robot runs (in the panel 24). In
+# simulation it follows from the number of time steps in a try, the computing time of a step (chapter 1), and the
+# number of cores.
 #
-# The panel below compares the days that the tries take on a robot and in simulation. The panel only counts tries. It
-# does not show what a try teaches: a simulated one teaches less about the robot. At first a step costs 100 µs, a
-# guess for an arm that touches things; with a rendered image it costs far more (second preset). The axes count powers
-# of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day.
+# The panel below compares the days that the tries take. It only counts them: a simulated try teaches less about the
+# robot. Two values are guesses: a step costs 100 µs (with a rendered image far more, second preset), and 2 in 1,000
+# tries damage the robot. The axes count powers of ten: 3 means 1,000 tries, and $-3$ means a thousandth of a day.
 
 # %%
 simulation("development")
@@ -873,9 +887,9 @@ simulation("development")
 #
 # </details>
 #
-# You can also compute how certain a success rate is. That depends on the number of tries. The table shows three
-# experiments with nearly the same rate, and for each *Wilson's interval* (chapter 12). If you repeat an experiment
-# 100 times, about 95 of these intervals contain the true rate:
+# You can also compute how certain a success rate is after so many tries. The table shows three experiments with
+# nearly the same rate, and for each *Wilson's interval* (chapter 12). If the tries are independent and you repeat an
+# experiment 100 times, about 95 of these intervals contain the true rate:
 
 # %% tags=["hide-code"]
 rows = [("successes", "rate", "95 % interval of the rate")]
@@ -892,8 +906,8 @@ table(*rows)
 
 # %% [markdown]
 # Another sentence without a source: *"A policy fell from 94 to 35 % because of 20 ms of delay."* No data are known.
-# (Chapter 8 measures a delay on an arm.) But you can compute the phase lag of section 2. Compare it with the 90
-# degrees there:
+# (Chapter 8 measures a delay on an arm.) But you can compute the phase lag. How much is too much depends on the loop:
+# the 90 degrees of section 2 hold only for the loop there.
 
 # %% tags=["hide-code"]
 table(
@@ -914,8 +928,8 @@ table(
 predict("one_policy_for_three_boxes")
 
 # %% [markdown]
-# The table lists the data age for three intervals between observations. The policy always needs 80 ms, and the joint
-# loop still runs at 1,000 Hz:
+# The table lists the data age for three intervals between observations. The policy needs 80 ms, and the joint loop
+# runs at 1,000 Hz:
 
 # %% tags=["hide-code"]
 rows = [("a new chunk every", "mean age [ms]", "bound [ms]")]
@@ -926,10 +940,10 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# An image still goes in, and motor commands still come out. The age of a command follows the formula of section 1,
-# with one stage before the joint loop. The robot executes a chunk until the next one arrives, so the interval of this
-# stage is the time between two observations. Each action was chosen for its own moment. So its age does harm only if
-# something happens that the policy did not foresee.
+# The age of a command still follows the formula of section 1, with one stage before the joint loop. The robot
+# executes a chunk until the next one arrives, so the interval of this stage is the time between two observations. If
+# each action is executed at the moment for which it was chosen, its age does harm only where something happens that
+# the policy did not foresee. The same holds for a trajectory that was planned for a moving part.
 #
 # <details><summary>For how many seconds must the actions of a chunk last?</summary>
 #
@@ -955,7 +969,9 @@ table(*rows)
 #
 # </div>
 #
-# This chapter in that frame, as you could say it after you have solved exercise 2:
+# This chapter in that frame, as you could say it after you have solved exercise 2. Your function knows no overload,
+# but a planner that skips acts like a planner on arrival behind a camera at 15 Hz: `chain_age([0.045, 0.060, 0.0002],
+# [2/30, 0, 0.001])` returns its ages.
 
 # %% tags=["hide-code"]
 table(
@@ -970,9 +986,9 @@ table(
     ),
     (
         "Z",
-        f"I simulated the changed chain {len(ages)} times, event by event, with random phases. The "
-        f"mean age was {simulated:.1f} ± {spread:.1f} ms (standard error over the runs). "
-        f"The model predicts {1000 * age(chain).mean:.1f} ms.",
+        f"I ran the changed chain {len(ages)} times in the event simulation of a course, with random "
+        f"phases. The mean age was {simulated:.1f} ± {spread:.1f} ms (standard error over the runs). "
+        f"My model predicts {1000 * age(chain).mean:.1f} ms.",
     ),
     (
         "W",
