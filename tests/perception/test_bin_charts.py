@@ -1,9 +1,11 @@
 """What the charts of small and large parts show, on smaller sizes."""
 
+import numpy as np
 import pytest
 
 from course import charts
 from course.charts.perception import bins
+from course.charts.perception.poses import EYE
 
 
 @pytest.mark.prove
@@ -32,3 +34,17 @@ def test_only_what_fits_the_shape_is_right_and_only_an_outside_length_tells_scal
     assert axes["hidden"] > 3.0 * axes["alone"] > 3.0
     (message,) = (note for note in shift.notes if note.startswith("cut off"))
     assert "found" not in message
+
+
+def test_the_limit_between_near_twins_is_a_number_of_pixels():
+    """Of two pixels each, half as wide, the limit is half as far."""
+    coarse, fine = (np.array(bins.twin_limits(camera, 0.8)) for camera in (EYE, bins.FINE))
+    assert np.all(coarse[0] < coarse[1]) and np.allclose(coarse, 2.0 * fine)
+    assert np.allclose(bins.twin_limits(EYE, 1.6), 2.0 * coarse)
+
+
+@pytest.mark.slow
+def test_near_twins_are_found_below_the_predicted_limit_and_not_above():
+    for panel in charts.build("near_twins", differences=(0.001, 0.008), pictures=4):
+        for name in bins.TWINS:
+            assert list(panel[name].y) == [1.0, 0.0], (panel.title, name)

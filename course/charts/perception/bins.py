@@ -14,7 +14,18 @@ from course.charts.perception.poses import BOX, EYE, SENSOR, TABLE, turned_by
 from course.charts.perception.precision import box_surface, on_table
 from course.kinematics.chain import compose, invert
 from course.measure.figure import Panel, Series
-from course.perception import Cloud, icp, locate, pose_distance, render, sense, shape, together
+from course.perception import (
+    Camera,
+    Cloud,
+    Sensor,
+    icp,
+    locate,
+    pose_distance,
+    render,
+    sense,
+    shape,
+    together,
+)
 from course.perception.camera import Array
 from course.rigid_body.quaternion import exp, rotate
 
@@ -296,3 +307,81 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
         )
     yield shift
     yield turn
+
+
+# --- Near twins -----------------------------------------------------------------------------------
+
+FINE = Camera.symmetric(640, 480, 1.0)
+# How the part differs from the model: its sign, and the noise as a multiple of the usual one.
+TWINS = {"longer": (1.0, 1.0), "shorter": (-1.0, 1.0), "longer, noise x 3": (1.0, 3.0)}
+
+
+def twin_limits(camera: Camera, distance: float) -> tuple[float, float]:
+    """Return the differences in length at which the border is as far off as `locate` allows [m].
+
+    The two ends are a share of the border, and a difference there is f / z times as many pixels.
+    If the model lies at one end of the part, the other end is off by the whole difference: the
+    first limit. If it lies in the middle, both ends are off by half of it: the second. Rounding to
+    pixels adds its variance, 1/12; the noise of the depths does not enter.
+
+    Args:
+        camera: intrinsics of the image.
+        distance: depth of the part [m].
+    """
+    length, width, _ = BOX.sizes[:, 0]
+    ends = width / (length + width)
+    off = math.sqrt(perception.pose._OFF_OUTLINE**2 - 1.0 / 12.0) * distance / camera.fx
+    return off * math.sqrt(2.0 / ends), 2.0 * off / math.sqrt(ends)
+
+
+@chart(columns=2)
+def near_twins(
+    differences: Sequence[float] = tuple(1e-3 * k for k in range(9)), pictures: int = 24
+) -> Iterator[Panel]:
+    """Chart how often `locate` takes a part that is a little longer or shorter for its model.
+
+    Args:
+        differences: of the lengths [m].
+        pictures: of each difference, at turns that are evenly spread.
+    """
+    half, mm = BOX.sizes[:, 0], 1e3 * np.array(differences)
+    for camera in (EYE, FINE):
+        rng, distance = np.random.default_rng(9), float(TABLE[2])
+        first, second = twin_limits(camera, distance)
+        panel = Panel(
+            f"{camera.width} x {camera.height} pixels, {1e3 * distance / camera.fx:.1f} mm each",
+            "difference of the lengths [mm]",
+            "share reported as found",
+            lines=[("x", 1e3 * first, "one end off"), ("x", 1e3 * second, "both ends off")],
+        )
+        panel.notes.append(
+            f"{camera.width} x {camera.height} pixels: predicted limit {1e3 * first:.1f} mm with "
+            f"one end off, {1e3 * second:.1f} mm with both"
+        )
+        for name, (sign, times) in TWINS.items():
+            sensor = Sensor(SENSOR.baseline, times * SENSOR.noise)
+            shares, far = [], [0.0]
+            for difference in differences:
+                part, found = shape("box", half[0] + 0.5 * sign * difference, *half[1:]), 0
+                for yaw in np.linspace(0.2, 2.9, pictures):
+                    true = on_table(part, *rng.uniform(-0.05, 0.05, 2), yaw)
+                    scene = together([shape("plane").moved(TABLE), part.moved(true)])
+                    depth = sense(render(scene, camera)[0], camera, sensor, rng)
+                    (one, *_) = locate(depth, camera, sensor, BOX)
+                    if one.status == "found":
+                        found += 1
+                        far.append(1e3 * pose_distance(BOX, true, one.pose)[0])
+                shares.append(found / pictures)
+            # The shares fall; np.interp needs them to rise.
+            middle = float(np.interp(-0.5, -np.array(shares), mm))
+            panel.series.append(
+                Series(
+                    name,
+                    mm,
+                    shares,
+                    hollow=name == "shorter",
+                    note=f"{camera.width} x {camera.height}, {name}: half are found at "
+                    f"{middle:.1f} mm; found poses are up to {max(far):.1f} mm off",
+                )
+            )
+        yield panel
