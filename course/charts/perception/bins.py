@@ -364,7 +364,8 @@ def near_twins(
             for difference in differences:
                 part, found = shape("box", half[0] + 0.5 * sign * difference, *half[1:]), 0
                 for yaw in np.linspace(0.2, 2.9, pictures):
-                    true = on_table(part, *rng.uniform(-0.05, 0.05, 2), float(yaw))
+                    x, y = rng.uniform(-0.05, 0.05, 2)
+                    true = on_table(part, x, y, yaw)
                     scene = together([shape("plane").moved(TABLE), part.moved(true)])
                     depth = sense(render(scene, camera)[0], camera, sensor, rng)
                     (one, *_) = locate(depth, camera, sensor, BOX)
