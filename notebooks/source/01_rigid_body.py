@@ -633,8 +633,8 @@ show("semi_implicit_unconditional")
 # they touch. The limit is $2/316$ s, or 6.3 ms. It assumes that the spring is always attached. A contact begins and
 # ends within a step, and each time the energy can be a little wrong. So take a step well below 6.3 ms.
 #
-# If a stable step is shorter than the time between two commands of the controller, simulators take several
-# **substeps** per command. Robot learning calls their number *decimation* or *frame skip*.
+# If a stable step is shorter than the time between two commands, simulators take several **substeps** per command
+# (*decimation* or *frame skip* in robot learning).
 #
 # <details><summary>Derive it: both Eulers on the spring</summary>
 #
@@ -1335,9 +1335,9 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 predict("method_for_a_tumble")
 # %% [markdown]
 # This is the chart of the tumbling satellite, with a tolerance of 1 mrad after 20 s. A cross at the top marks a run
-# that failed: its result was not finite or more than 1 rad wrong (1 m in the chart of the box). The cross stands
-# above the cost of that run. In the grey band an error means nothing: the reference solution is no more accurate than
-# that. *Pick* names the cheapest method of a panel:
+# that failed: its result was not finite or more than 1 rad wrong (1 m in the chart of the box). In the grey band an
+# error means nothing: the reference solution is no more accurate than that. *Pick* names the cheapest method of a
+# panel:
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
@@ -1398,8 +1398,7 @@ more_claims(
 # compares the course's integrators, compiled for whole batches, with `mujoco.batch`, MuJoCo's own tool for this. A
 # *body-step* is one step of one body. In the table below the chart, the last column is the simulated time per second
 # of computing, *summed over all bodies*, and *error* is that of the position in metres after the first impacts: only
-# our program finds the impact times. (In the right panel, on free bodies, each program takes its own step for an
-# error of 1 mrad.)
+# our program finds the impact times. (The right panel is about free bodies.)
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 # %% jupyter={"source_hidden": true}
@@ -1731,7 +1730,7 @@ predict("perfect_energy_wrong_momentum")
 # for ever</td> <td>impacts at the end of the step (chatter)</td> <td>count impacts
 # per second</td> <td>impact times and a rest speed, or a solver that computes impulses (chapter 2)</td></tr>
 # <tr><td>orientation drifts</td> <td>quaternion rate added, not multiplied</td> <td>in a steady spin, compare the
-# angle with $\omega t$ (if $q$ is scaled back, its length shows nothing)</td>
+# angle with $\omega t$</td>
 # <td>$q\exp(h\omega)$</td></tr> <tr><td>an orientation error jumps by $2\pi$, or a controller turns the long way</td>
 # <td>$q$ compared with $-q$</td> <td>look at the dot product of the two quaternions</td> <td>flip the sign of one if it
 # is negative</td></tr> <tr><td>energy and $\lvert q\rvert$ perfect, but $L$ of a free body turns in the world
@@ -1752,8 +1751,8 @@ predict("drift_of_joints")
 #
 # Each exercise has a card with the task and three hints, a cell to change, and a check on new random cases.
 # `check(verlet_step).chart()` draws your correct solution on a work-precision diagram. After a pass,
-# `drills.notebook.solution("verlet")` shows the model solution. In a terminal the same exercise is
-# `drills start verlet` and `drills check verlet`.
+# `drills.notebook.solution("verlet")` shows the model solution. In a terminal: `drills start verlet`, then
+# `drills check verlet`.
 # %% [markdown]
 # ### Velocity Verlet with one evaluation
 # %%
@@ -2040,9 +2039,8 @@ plt.show()
 print(f"before the impacts: difference {slope[100]:+.2f}, derivative {derivative[100]:+.2f}")
 print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[-1]:+.2f}")
 # %% [markdown]
-# Before the impacts, the distance between the two curves is the difference of the drop heights, so the derivative
-# with respect to the drop height $H$ is 1. At the impact it jumps to $-e$. Then it rises, because the second ball
-# rebounds later and faster.
+# Before the impacts the curves stay as far apart as at the start, so the derivative with respect to the drop height
+# $H$ is 1. At the impact it jumps to $-e$. Then it rises, because the second ball rebounds later and faster.
 #
 # <details><summary>Derive it: the derivative after the impact</summary>
 #
@@ -2055,10 +2053,9 @@ print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[
 #
 # </details>
 #
-# A program with impacts at the end of a step loses this. Its floor rule sets the height to 0, and the speed at that
-# moment is $gh$ times the number of steps. So after the bounce only this *number of steps* depends on the drop height.
-# It is an integer, and its derivative is zero. The error of the height shrinks with the step, but the gradient stays
-# wrong:
+# A program with impacts at the end of a step loses this. At the bounce the height is 0 and the speed is $gh$ times
+# the number of steps. Only this *number* depends on the drop height. It is an integer, and its derivative is zero.
+# The error of the height shrinks with the step, but the gradient stays wrong:
 # %% tags=["hide-code"]
 from course.rigid_body.differentiable import (
     Setup,
@@ -2078,6 +2075,14 @@ for dt in (1e-2, 1e-3):
         f"end of the step, {1e3 * dt:3.0f} ms:      {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
 # %% [markdown]
+# MuJoCo differentiates one step by finite differences (`mjd_transitionFD`). The product over all steps is the
+# derivative of the *simulated* bounce. With a one-step contact (*impulse*) its error does not shrink with the step
+# either; with a *soft* one it shrinks slowly. Better, subtract two whole runs: if their heights differ by
+# centimetres, errors of the impact times average out. With computed impact times, two runs and reverse mode
+# (*autograd*) are accurate:
+#
+# ![Error of the derivative of a bounce against its time](../docs/charts/gradient_precision.png)
+#
 # ### What a recording can tell
 #
 # The course has a small differentiable simulator in PyTorch. It computes the impact times, so their derivatives are
@@ -2100,8 +2105,7 @@ predict("what_a_drop_tells")
 # To check this in advance, collect the derivatives of all recorded positions with respect to the parameters in one
 # matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves no trace in the
 # recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move under a push
-# gives only a lower *bound* for the friction: the push divided by the weight, here 2 N divided by the weight of 1.3
-# kg:
+# gives only a lower *bound* for the friction, the push divided by the weight:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),

@@ -131,6 +131,65 @@ def batch_boxes(
     return BatchRunner(one, q, v, threads)
 
 
+def ball_drop(
+    height: float,
+    dt: float,
+    reference: tuple[float, float],
+    *,
+    onset: float = 0.0,
+    gravity: float = GRAVITY,
+) -> Runner:
+    """Return a ball of no size at rest above the ground z = 0, which moves up and down only.
+
+    Args:
+        height: at the start [m].
+        dt: step [s].
+        reference: stiffness and damping of the contact, per unit of mass [1/s^2, 1/s].
+        onset: depth over which the contact force sets in smoothly [m]; 0 for all at once.
+        gravity: [m/s^2].
+    """
+    finite("onset", onset, 0.0, unit="m")
+    stiffness, damping = reference
+    # A quadratic rise of the impedance from almost 0, so that neither force jumps at the touch.
+    least, depth = (_IMPEDANCE, 0.001) if onset == 0.0 else (1e-4, onset)
+    pair = (
+        f'solref="{-stiffness:.17g} {-damping:.17g}" '
+        f'solimp="{least} {_IMPEDANCE} {depth:.17g} 0.5 2" condim="1"'
+    )
+    body = '<joint type="slide" axis="0 0 1"/>' + inertial(1.0, 0.0, np.full(3, 1e-3))
+    xml = _on_ground(body, [(0.0, 0.0, 0.0)], pair, dt, "Euler", gravity)
+    return Runner(xml, [height], [0.0], "Euler")
+
+
+def soft_reference(
+    restitution: float, speed: float, contact_time: float, onset: float
+) -> tuple[float, float]:
+    """Return stiffness and damping of a contact with a smooth onset that bounces as wanted.
+
+    Args:
+        restitution: speed after over speed before, between 0.1 and 0.95, at `speed`.
+        speed: of the impact [m/s].
+        contact_time: half a period of the spring without damping [s].
+        onset: see `ball_drop` [m], positive.
+    """
+    finite("restitution", restitution, 0.1, 0.95)
+    positive("speed", speed, unit="m/s")
+    omega = math.pi / positive("contact_time", contact_time, unit="s")
+    dt = contact_time / 1000.0
+
+    def bounce(zeta: float) -> float:
+        runner = ball_drop(0.0, dt, (omega**2, 2.0 * zeta * omega), onset=onset, gravity=0.0)
+        runner.v0[0] = -speed
+        return float(runner.run(5000)[1][0]) / speed
+
+    # More damping, less bounce: bisection.
+    low, high = 0.0, 2.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if bounce(middle) > restitution else (low, middle)
+    return omega**2, (low + high) * omega
+
+
 def spring_restitution(damping_ratio: float) -> float:
     """Return the restitution of a spring-damper contact that cannot pull, gravity neglected.
 

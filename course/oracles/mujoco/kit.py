@@ -127,6 +127,31 @@ class Runner:
             times[i], q[:, i], v[:, i] = self.data.time, self.data.qpos, self.data.qvel
         return Samples(times, q, v)
 
+    def sensitivity(self, steps: int, direction: ArrayLike) -> NDArray[np.float64]:
+        """Return how the state after `steps` steps moves if the start state does.
+
+        The derivative of every step by central differences (mjd_transitionFD), multiplied. MuJoCo
+        has no reverse mode; the course calls it once a step, as there is no compiled loop for it.
+
+        Args:
+            steps: how many, not negative.
+            direction: change of the start state (q, v), in nv + nv tangent coordinates.
+
+        Returns:
+            Change of the end state, shape (2 nv,).
+        """
+        count("steps", steps)
+        nv = self.model.nv
+        moved = vector("direction", direction, (2 * nv,)).copy()
+        step = library()
+        A = np.zeros((2 * nv, 2 * nv))
+        self.reset()
+        for _ in range(steps):
+            step.mjd_transitionFD(self.model, self.data, 1e-6, True, A, None, None, None)
+            moved = A @ moved
+            self._step(self.model, self.data)
+        return moved
+
     def evaluations(self, steps: int) -> int:
         """Return the force evaluations that `run(steps)` costs: one a step, four with RK4."""
         return EVALUATIONS_PER_STEP[self.integrator] * steps
