@@ -2,15 +2,14 @@
 # # 1 · Rigid bodies
 #
 # *Your simulated robot stands still, and its energy grows. A part tumbles through the air and turns the wrong way. A
-# simulation with a stiff gripper explodes at one step size and runs well at another. Each time the time step is to
-# blame: its length or its code.*
+# simulation with a stiff gripper explodes at one step size and runs well at another. In all three, the time step is
+# to blame: its length or its code.*
 #
 # A simulator advances time in small **steps**. In each step it updates the velocity of a body and its position. Does it
 # matter which of the two comes first?
 #
 # About {open minutes} minutes of reading, cards and charts. The folded parts add {folded minutes} minutes, the
-# exercises {exercise minutes} minutes. (A folded claim counts as half a minute. The interview questions of section 10
-# are not counted.)
+# exercises {exercise minutes} minutes. (The interview questions of section 10 are not counted.)
 # %%
 from course.cards import predict
 from course.simulations import simulation
@@ -70,8 +69,8 @@ def source(*functions):
 # A **rigid body** is a body that keeps its shape. Its centre of mass can move along three axes, and the body can
 # rotate about three, so it has six **degrees of freedom**. Position and orientation together are called the **pose**.
 # Newton's law gives only accelerations, so to predict the motion you also need six velocities, three of the centre
-# and three of the rotation. The **state** is all that you need if the forces are known, here pose and velocities:
-# twelve numbers.
+# and three of the rotation. The **state** is all that you need to predict the motion under known forces, here pose
+# and velocities: twelve numbers.
 # %% tags=["hide-code"]
 corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 edges = [(a, b) for a in range(8) for b in range(a) if np.sum(corner[a] != corner[b]) == 1]
@@ -117,7 +116,7 @@ plt.show()
 # |---|---|---|---|
 # | three successive rotation angles, the **Euler angles** | 3 | 12 | singular at some orientations |
 # | a unit **quaternion**, explained below | 4 | 13 | one constraint, length 1; $q$ and $-q$ are the same orientation |
-# | a rotation matrix | 9 | 18 | six constraints: three unit columns, three right angles |
+# | a rotation matrix | 9 | 18 | six constraints (three unit columns, three right angles), and no mirror image |
 # %%
 more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # %% [markdown]
@@ -137,15 +136,15 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # its edges.
 #
 # The tensor connects the **angular velocity** $\omega$ (along the axis of rotation, its length the rate in rad/s)
-# with the **angular momentum** $L = I\omega$. Only torque can change $L$.
+# with the **angular momentum** $L = I\omega$. 
 #
 # Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. To keep
 # $L = I\omega$ constant, $\omega$ usually has to change too: the axis of rotation moves, and the book wobbles. The
 # exception is a spin about a principal axis. There $L$ and $\omega$ are parallel, and both stay constant if nothing
 # disturbs the spin.
 #
-# In the simulation, $\omega$ sweeps the green *space cone*, which need not close. Seen from the body, it sweeps the
-# pink *body cone*; the path of its tip there is the **polhode**. No torque does work, so the energy
+# In the simulation below, $\omega$ sweeps the green *space cone*, which need not close. Seen from the body, it sweeps
+# the pink *body cone*; the path of its tip there is the **polhode**. No torque does work, so the energy
 # $\tfrac12\,\omega\cdot L$ is constant, like $L$. So the part of $\omega$ along $L$ is constant too: the tip of
 # $\omega$ stays in the grey plane, perpendicular to $L$.
 # %%
@@ -208,9 +207,10 @@ predict("brick_that_flips")
 simulation("flip")
 # %% [markdown]
 # In the simulation, the grey arrow is the body's **middle axis**, that of the middle moment. After a flip it points
-# the other way. To see why, look at $L$ in the body frame, with its components $L_i$ along the principal axes. The
-# length of $L$ is constant, so its tip stays on a sphere. The energy $\tfrac12\,\omega\cdot L = \sum_i L_i^2/(2I_i)$
-# is constant, too, so the tip also stays on an ellipsoid. It runs along a curve in which the two meet.
+# the other way. (Lower chart: the rate about the two other axes.) To see why, look at $L$ in the body frame, with its
+# components $L_i$ along the principal axes. The length of $L$ is constant, so its tip stays on a sphere. The energy
+# $\tfrac12\,\omega\cdot L = \sum_i L_i^2/(2I_i)$ is constant, too, so the tip also stays on an ellipsoid. It runs
+# along a curve in which the two meet.
 #
 # Close to the axes of the smallest and of the largest moment, the curves are small closed loops. On the middle axis
 # two curves cross, and an $L$ that starts near the crossing moves all the way to the opposite side and back:
@@ -337,7 +337,7 @@ show("gyroscopic_term_holds_the_top_up")
 # %%
 simulation("top")
 # %% [markdown]
-# A top that starts upright stays upright only if its spin $\Omega$ is fast enough (the bar in the simulation). With
+# An upright top survives a small push only if its spin $\Omega$ is fast enough (the bar in the simulation). With
 # the moments $I_3$ about its axis and $I_1$ across it (both about the tip), the condition is $(I_3\,\Omega)^2 >
 # 4\,I_1\,m g\,l$.
 # %%
@@ -432,8 +432,7 @@ more_claims(
 #
 # A quarter turn about $z$ is $q = (\cos 45°, 0, 0, \sin 45°) = (0.707, 0, 0, 0.707)$. The map from the *rotation
 # vector* $\alpha n$ to $q$ is called the **exponential map**, $q = \exp(\alpha n)$. Its inverse is the logarithm,
-# $\log q = \alpha n$, for $\alpha < \pi$ (a longer rotation ends like a shorter one about $-n$). Many texts call
-# $\tfrac12\alpha n$ the logarithm.
+# $\log q = \alpha n$, for $\alpha < \pi$. (If $w < 0$, take $-q$, the same orientation.)
 #
 # To rotate first by $q$ and then by $p$, both about axes fixed in space, multiply: $p\,q$ (*Hamilton's product*). With
 # the scalar part $w$ and the vector part $u = (x,y,z)$ it is
@@ -467,8 +466,7 @@ simulation("double_cover")
 # %% [markdown]
 # Before you subtract or interpolate two quaternions $p$ and $q$, make their signs agree: if the dot product is
 # negative, flip the sign of one of them. Otherwise a **controller**, the program that commands the motors, may order
-# a turn of nearly 360 degrees for an error of nearly zero. Once the signs agree, the rotation between the two has the
-# angle $4\arcsin(\lvert q - p\rvert/2)$.
+# a turn of nearly 360 degrees for an error of nearly zero.
 #
 # **SLERP**, spherical linear interpolation, turns from one orientation to another at a constant rate, along the arc
 # between the two quaternions: $p\,\exp(t\,\log(p^*q))$ for $t$ from 0 to 1. If you mix the four numbers linearly and
@@ -512,8 +510,8 @@ more_claims("quaternion_is_unique")
 #
 # The equations give accelerations. An **integrator** turns them into motion: it advances the state by one time step
 # $h$ (`dt` in code). From here on, $q$ stands for all position coordinates (orientations follow below), $v$ for the
-# velocity, $a$ for the acceleration at $q$, and a prime for values after the step. **Explicit Euler** uses only
-# values that are known at the start of the step:
+# velocity, $a$ for the acceleration at the start of the step, and a prime for values after the step.
+# **Explicit Euler** uses only values that are known at the start of the step:
 #
 # $$q' = q + h\,v, \qquad v' = v + h\,a .$$
 #
@@ -574,8 +572,7 @@ more_claims(
 # A = \begin{pmatrix}1-(\omega h)^2 & h\\ -\omega^2h & 1\end{pmatrix}.$$
 #
 # After $n$ steps the state is $A^n$ times the first. It stays bounded if the two **eigenvalues** of $A$ differ and
-# neither has an absolute value above 1. (If the two are equal, the state can grow linearly.) So look where the two
-# lie in the complex plane.
+# neither has an absolute value above 1. So look where the two lie in the complex plane.
 # %%
 predict("spring_and_step")
 # %%
@@ -622,7 +619,7 @@ print(f"at omega h = 2.2 the eigenvalues are {min(beyond):.2f} and {max(beyond):
 # %%
 show("semi_implicit_unconditional")
 # %% [markdown]
-# Without damping, semi-implicit Euler is stable if
+# Without damping and near a stable resting position, semi-implicit Euler is stable if
 #
 # $$\boxed{\; h < \frac{2}{\omega_{\max}} \;}\qquad\text{for one mass on one spring:}\quad h < 2\sqrt{\frac{m}{k}},$$
 #
@@ -649,7 +646,7 @@ show("semi_implicit_unconditional")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Without damping, semi-implicit Euler needs $h < 2/\omega_{\max}$, so the fastest oscillation in the
-# model decides. At a contact that opens and closes, stay well below this limit.
+# model decides.
 #
 # </div>
 # %%
@@ -705,9 +702,8 @@ simulation("force_evaluations", still=0.0)
 # | implicit midpoint | 2 | several (here about 5), to solve an equation | yes | no limit, if the equation is solved |
 # | RK4 | 4 | 4 | no | $\omega h \le 2\sqrt2 \approx 2.828$ |
 #
-# The next section explains *keeps area*. *Yes* holds if the accelerations depend on positions alone. For several
-# coordinates, read: the sum of the areas over all pairs (position, momentum). Then the forces must also come from a
-# potential energy.
+# The next section explains *keeps area*. *Yes* holds if the accelerations depend on positions alone. With several
+# coordinates, the forces must also come from a potential energy.
 # %%
 show("orders_of_accuracy")
 # %%
@@ -726,11 +722,11 @@ more_claims(
 # Simulate a pendulum for a million steps, about a hundred per swing. The energy error of semi-implicit Euler does not
 # grow; that of RK4 is far smaller, but grows all the time. The reason is geometric.
 #
-# Draw a state as a point in the plane of position and momentum, the **phase plane**. Now start with a patch of
-# states, for example all within a small circle. As time passes, each state moves, so the patch moves too and changes
-# its shape. If the forces depend on positions alone, its area does not change (Liouville's theorem). With one degree
-# of freedom, an integrator is called **symplectic** if its step leaves the area of every patch unchanged. With such
-# forces semi-implicit Euler, also called symplectic Euler, does so.
+# Draw a state as a point in the plane of position and momentum, the **phase plane**. Now follow all states of a
+# patch, such as a small disk. The patch moves and changes its shape. If the forces depend on positions alone, its
+# area does not change (Liouville's theorem). With one degree of freedom, an integrator is called **symplectic** if
+# its step leaves the area of every patch unchanged. With such forces semi-implicit Euler, also called symplectic
+# Euler, does so.
 #
 # The picture shows a patch of pendulum states under three integrators, with about 18 steps per swing. Explicit Euler
 # enlarges this patch in each step, and RK4 shrinks it very slowly. The vertical axis is the angular velocity, which
@@ -791,9 +787,9 @@ plt.show()
 # %%
 show("area_preserved")
 # %% [markdown]
-# In a smooth system and with a small fixed step, the energy error of a symplectic method stays bounded for a very
-# long time. The method almost exactly conserves a slightly different energy. On a spring, semi-implicit Euler
-# exactly conserves (per unit of mass)
+# If the forces are smooth, the motion stays bounded, and the step is small and fixed, the energy error of a
+# symplectic method stays bounded for a very long time. The method almost exactly conserves a slightly different
+# energy. On a spring, semi-implicit Euler exactly conserves (per unit of mass)
 #
 # $$\tfrac12 v^2 + \tfrac12\omega^2x^2 - \tfrac12\omega^2h\,x\,v .$$
 #
@@ -801,9 +797,9 @@ show("area_preserved")
 # %%
 show("symplectic_conserves_energy")
 # %% [markdown]
-# A symplectic method promises neither an exact energy nor the right period. Beyond a stability limit it still
-# explodes. The energy error need not stay bounded with friction, with other forces that depend on velocity, or (with
-# few exceptions) if the step size adapts to the motion.
+# A symplectic method promises neither an exact energy nor the right period. The energy error need not stay bounded
+# with friction, with other forces that depend on velocity, or (with few exceptions) if the step size adapts to the
+# motion.
 #
 # <details><summary>Derive it: why the energy stays near, and where the promise ends</summary>
 #
@@ -888,13 +884,15 @@ more_claims(
 # ### Free fall and impacts: where the energy goes
 #
 # Between impacts, the acceleration of the box's centre is constant, so you can compute the energy error of a step by
-# hand. With a constant acceleration all six integrators get the velocity right. They differ only in the position: $q' =
+# hand. All six integrators get the velocity right. They differ only in the position: $q' =
 # q + h v + c\,h^2 a$, with $c = 0$ for explicit Euler, $c = 1$ for semi-implicit Euler and $c = \tfrac12$ for the four
 # others, which are exact. Insert this into the energy $E = mgy + \tfrac12mv^2$ at the height $y$:
 #
 # $$\Delta E = m g^2 h^2\,(\tfrac12 - c) \quad\text{per step.}$$
 #
-# So explicit Euler gains $\tfrac12 mg^2h^2$ in every step, and semi-implicit Euler loses as much.
+# So explicit Euler gains $\tfrac12 mg^2h^2$ in every step, and semi-implicit Euler loses as much, although it is
+# symplectic. In a swing its error comes and goes with the velocity. In free fall the velocity changes in one
+# direction only, so the error adds up.
 #
 # **Restitution** $e$ is the speed after an impact divided by the speed before, both measured perpendicular to the
 # floor. With $e = 1$ a bounce should cost no energy. Programs often use a simple rule: if a ball is below the floor
@@ -1043,9 +1041,9 @@ print(f"an image falls due every {1000 / 60:.2f} physics steps")
 # A new command comes only every 2 ms, so in every second step that state is 1 ms old.
 #
 # Collisions are the last task of a step. So the first row still belongs to the step from 0 to 1 ms, the next two to
-# the step that begins at 1 ms. At 16.667 ms the state of 17 ms does not exist yet. So the image mixes the last two
-# states, 15 and 16 ms, in the same proportion (0.667 for the newer one). It shows the motion of 15.667 ms, one step
-# late but smooth:
+# the step that begins at 1 ms. The image falls due at 16.667 ms, two thirds of the way from 16 to 17 ms. But the
+# state of 17 ms does not exist yet. So the image mixes the last two states, 15 and 16 ms, with the weight 0.667 for
+# the newer one. It shows the motion of 15.667 ms, one step late but smooth:
 # %% tags=["hide-code"]
 from fractions import Fraction
 
@@ -1073,13 +1071,13 @@ figures(
 #
 # * **The accumulator.** Real time arrives in uneven pieces. An **accumulator** adds up the elapsed time and runs as
 #   many whole physics steps as fit into it. The physics never reads the clock. So with the same inputs at the same
-#   steps, two runs on one machine give the same result, unless parallel threads add numbers in a varying order.
+#   steps, two runs of the same program on one machine give the same result, unless parallel threads add numbers in a
+#   varying order.
 # * **Interpolation.** In an image, the weight of the newer state is the time left in the accumulator, divided by $h$.
 #   If you draw the latest state instead, each image is too old by a different part of a step, and the motion looks
 #   jerky.
 # * **Counting steps.** Compute the time as the number of steps times $h$. If you add 0.001 s millions of times, the
-#   rounding errors add up too. If an event falls on the boundary of a step, even a tiny error moves it into another
-#   step.
+#   rounding errors add up too.
 # %% tags=["hide-code"]
 print(
     f"error of a clock that adds 1 ms per step, after an hour: {float_clock_error(0.001, 3_600_000):.1e} s"
@@ -1096,8 +1094,7 @@ print(
 # ### The engine we compare with
 #
 # This chapter compares with **MuJoCo** (Todorov, Erez and Tassa, 2012), an open-source physics engine widely used in
-# robot learning. All statements are about version 4.0; some features need 3.13 or later. Within a step, MuJoCo
-# performs the tasks in another order:
+# robot learning. All statements are about version 4.0. Within a step, MuJoCo performs the tasks in another order:
 # %% tags=["hide-code"]
 tasks = {
     "this course": ("sensors", "controller", "forces", "integrate", "collisions"),
@@ -1142,7 +1139,7 @@ plt.show()
 # </details>
 #
 # MuJoCo detects collisions *before* it integrates, so after a step its contacts belong to the positions before the
-# step. Call `mj_forward` to get the contacts at the new positions. MuJoCo's `Euler` is semi-implicit Euler, but it
+# step. Call `mj_forward` to update them. MuJoCo's `Euler` is semi-implicit Euler, but it
 # computes the damping of joints from the *new* velocity. A force that is computed from the new state is called
 # **implicit**, and it allows larger steps (section 7). MuJoCo's `implicit` and `implicitfast` also compute the
 # damping of motors (*actuators*) and cables (*tendons*) implicitly. Its `discrete` does this for the springs as well.
@@ -1194,9 +1191,8 @@ plt.show()
 print("same orientation at the end:", bool(np.allclose(*ends)))
 # %% [markdown]
 # Averaged like ordinary vectors, the four give only order 2. Two corrections restore order 4 (Munthe-Kaas and Owren
-# 1999): cross products of angular velocities (`bracket` in the code), which are zero if the sequence of the rotations
-# does not matter. Without rotations, the code is the RK4 of section 2 (`_along` adds a multiple, `_mean` averages
-# with the weights 1, 2, 2, 1):
+# 1999): cross products of angular velocities (`bracket` in the code). Without rotations, the code is the RK4 of
+# section 2 (`_along` adds a multiple, `_mean` averages with the weights 1, 2, 2, 1):
 # %% tags=["hide-code"]
 source(rigid_body.rk4)
 # %% [markdown]
@@ -1235,8 +1231,7 @@ more_claims("rotation_stages_add")
 #
 # With friction, restitution needs care. If $e$ is a ratio of speeds, as above, a computed impact can *gain* energy
 # (Kane 1984). The box uses Stronge's definition (1990). Imagine a tiny spring at the contact: it stores energy while
-# it is compressed, and the share $e^2$ of this energy comes back. So no impact gains energy. Without friction the two
-# definitions agree.
+# it is compressed, and the share $e^2$ of this energy comes back. So no impact gains energy.
 # %%
 predict("box_at_rest")
 # %% tags=["hide-code"]
@@ -1298,9 +1293,10 @@ simulation("bouncing_box")
 # horizontal line at your tolerance: of the runs below it, the one furthest to the left is the cheapest. On the
 # logarithmic axes a method of order $p$ has the slope $-p$.
 #
-# The problem here is a double pendulum. Drag the tolerance line. The circle marks the cheapest run. The times are
-# noisy, because other programs run too: a curve may even run backwards. Compare them only within one chart: the
-# charts come from different machines. The measured orders:
+# The problem here is a double pendulum. Drag the tolerance line. The circle marks the cheapest run. Each run is timed
+# in three rounds: a point shows the fastest, and its thin bar reaches to the upper quartile. If other programs run
+# too (*busy* below the chart), a curve may run backwards. Compare times only within one chart. The measured
+# orders:
 # %% tags=["hide-code"]
 from course.simulations.trade_off import TradeOff
 
@@ -1474,9 +1470,10 @@ predict("damping_and_the_limit")
 # | explicit Euler, $\zeta\le1$ | the old velocity | $\omega h < 2\zeta$ |
 #
 # **Worked example.** At critical damping, $\zeta = 1$, the first limit is $2(\sqrt2 - 1) = 0.83$, less than half of
-# the undamped 2. The second is $2(\sqrt2+1) = 4.83$. The next table shows the largest stable $\omega h$ (`omega dt`),
-# found to 0.01 %, so some values lie just above the theory. For `discrete`, *none* means that every step was stable.
-# RK4 stays near its undamped limit up to $\zeta = 1$.
+# the undamped 2. The second is $2(\sqrt2+1) = 4.83$.
+#
+# The next table shows the largest stable $\omega h$ (`omega dt`), found to 0.01 %, so some values lie just above the
+# theory. For `discrete`, *none* means that every step was stable.
 # %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
@@ -1523,11 +1520,11 @@ figures(
     summary="All methods: largest relative energy error in the first and last 1 % of the run",
 )
 # %% [markdown]
-# In general, keep the step of a symplectic method fixed, or the energy may grow. Take semi-implicit Euler on a
-# spring: alternate two steps that are both below its limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes.
+# Keep the step of a symplectic method fixed, or the energy may grow. Take semi-implicit Euler on a spring:
+# alternate two steps that are both below its limit, $\omega h$ = 1.7 and 1.2, and the oscillation explodes.
 # Far smaller steps explode too if they vary in the rhythm of the oscillation: in the chart, five steps of $\omega h$
-# = 0.3 and then sixteen of 0.1, together half a period, again and again. (Implicit midpoint keeps the energy of a
-# spring whatever the steps.) Even with a fixed step, the period is slightly wrong:
+# = 0.3 and then sixteen of 0.1, together half a period, again and again. Even with a fixed step, the period is
+# slightly wrong:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 # %% jupyter={"source_hidden": true}
@@ -1594,13 +1591,13 @@ simulation("tunnelling", still=3.3)
 #
 # The formula assumes that *every* overlap sends the ball back, as in our program. A MuJoCo contact does so only up to
 # the overlap $D/2$. So in the left chart even its *one-step contact*, so stiff that it stops the ball within a step,
-# lets balls through from half the speed: $D/2$ replaces $D$. Nothing gets through if the impact is an event in the
-# step:
+# lets balls through from half the speed at which ours does: $D/2$ replaces $D$. Nothing gets through if the impact is
+# an event in the step:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 #
 # In the right chart, a smaller step helps the one-step contact only. The default contact lets the ball sink in by its
-# speed times 7.29 ms, at any step. The contact's *time constant*, the first number of `solref`, sets how soft it is.
+# speed times 7.29 ms, at any step. (Its *time constant*, the first number of `solref`, sets how soft it is.)
 # %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
@@ -1619,9 +1616,8 @@ more_claims(
 # %% [markdown]
 # ### Chatter: a box that never comes to rest
 #
-# A box lies on the floor, but its simulated contact sensor reports hundreds of impacts per second. First think of a
-# bouncing ball. If the restitution $e$ is the same at every speed, each bounce lasts $e$ times as long as the one
-# before.
+# A box lies on the floor, but its simulated contact sensor reports hundreds of impacts per second. Take a ball: if
+# its restitution $e$ is the same at every speed, each bounce lasts $e$ times as long as the one before.
 # %%
 predict("impacts_at_rest")
 # %% [markdown]
@@ -1629,13 +1625,13 @@ predict("impacts_at_rest")
 # should lie still can also bounce because impacts act at the end of a step. In each step gravity gives the box the
 # speed $gh$, the step ends below the floor, and the impact turns the speed upwards.
 #
-# MuJoCo's *spring*, which we tuned to bounce, chatters for the same reason: it pushes only after a step has ended
-# below the floor, and before that gravity acts for a whole step. MuJoCo's default contact does not bounce; a box lies
-# still on it.
+# MuJoCo's *spring*, which we tuned to bounce, chatters too. It starts to push only in the step *after* the one that
+# ended below the floor. By then gravity has given the box the speed $gh$. On MuJoCo's default contact a box lies still.
 #
-# The longest bar of the chart has a third reason, the error of semi-implicit flight. A hop within one step comes down
-# with speed zero, so it is followed at once by the next impact, until the program reaches its limit of impacts in the
-# step. With the exact flight of velocity Verlet the bounces shrink until they end.
+# The longest bar of the chart has a third reason, the error of semi-implicit flight. A hop that starts with the speed
+# $v$ moves with its *final* velocity, so after the time $s$ its height is $s\,(v-gs)$. It is back on the floor at
+# $s = v/g$, just when its velocity is zero. So the next impact follows at once, until the program reaches its limit of
+# impacts in the step. With the exact flight of velocity Verlet the bounces shrink until they end.
 #
 # The remedy is a **rest speed**: after a slower impact, the program sets the body to rest. If impacts are found
 # within the step, a small rest speed is enough. If impacts act only at the end of a step, it must be higher than
@@ -1665,8 +1661,8 @@ figures(
 # ### Orientation over a million steps
 #
 # If you add $h\,\dot q$ and scale the result, section 2 predicts a lag of $(\omega h)^3/12$ per step. With 10 mrad
-# per step, the measured lag adds up to 0.083 rad after a million steps. The exponential map is exact except for
-# rounding. In RK4, both updates are about equally good (the last two rows):
+# per step, the measured lag adds up to 0.083 rad after a million steps. In this steady spin the exponential map is
+# exact except for rounding. In RK4, both updates are about equally good (the last two rows):
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 # %% jupyter={"source_hidden": true}
@@ -1684,9 +1680,10 @@ figures(
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation explodes.* Compare $h$ with the limit of your integrator, for semi-implicit Euler
-# $2/\omega_{\max}$. Many springs together obey $M\ddot x = -Kx$ with the mass and stiffness matrices $M$ and $K$.
-# Here $\omega_{\max}^2$ is the largest eigenvalue of $M^{-1}K$. Next, halve the step several times. If that does not
-# help, either the step is not the cause, or the integrator has no stable step.
+# $2/\omega_{\max}$ without damping, and less with damping from the old velocity (table above). Many springs together
+# obey $M\ddot x = -Kx$ with the mass and stiffness matrices $M$ and $K$. Here $\omega_{\max}^2$ is the largest
+# eigenvalue of $M^{-1}K$. Next, halve the step several times. If that does not help, either the step is not the
+# cause, or the integrator has no stable step.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1891,7 +1888,7 @@ check(observed_order)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# The worst bugs crash nothing. This line updates an orientation from an angular velocity in the body frame:
+# This line updates an orientation from an angular velocity in the body frame:
 #
 # ```python
 # q = quaternion.product(quaternion.exp(dt * omega_body), q)
@@ -1920,7 +1917,7 @@ for side in ("right", "left"):
     )
 
 # %% [markdown]
-# Now find the bug in the next exercise.
+# Now find a bug:
 
 # %%
 card("tumble")
@@ -2002,8 +1999,9 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 #
 # **Finite differences** change one parameter at a time, so each parameter costs one more run. But a simulation is a
 # long chain of simple operations, so the chain rule applies. **Reverse mode** (also called backpropagation or the
-# adjoint method) runs the simulation once forward, stores its states, and goes through them once backward. It returns
-# the derivatives of one number, such as the error, with respect to *all* parameters, at the cost of a few runs.
+# adjoint method) runs the simulation once forward, stores all its states (which costs memory), and goes through them
+# once backward. It returns the derivatives of one number, such as the error, with respect to *all* parameters, in the
+# time of a few runs.
 #
 # Now drop a ball from rest, at the height $H$. Its bounce depends on *when* it hits the floor. A program that handles
 # impacts only at the end of a step never computes that time. If the ball is then below the floor, the program sets its
@@ -2040,7 +2038,8 @@ print(f"before the impacts: difference {slope[100]:+.2f}, derivative {derivative
 print(f"at 0.8 s:           difference {slope[-1]:+.2f}, derivative {derivative[-1]:+.2f}")
 # %% [markdown]
 # Before the impacts the curves stay as far apart as at the start, so the derivative with respect to the drop height
-# $H$ is 1. At the impact it jumps to $-e$. Then it rises, because the second ball rebounds later and faster.
+# $H$ is 1. At the impact it jumps to $-e$: when the second ball lands, the first is already above it. Then the
+# derivative rises, because the second ball leaves the floor faster, and gravity has slowed it for a shorter time.
 #
 # <details><summary>Derive it: the derivative after the impact</summary>
 #
@@ -2076,10 +2075,10 @@ for dt in (1e-2, 1e-3):
     )
 # %% [markdown]
 # MuJoCo differentiates one step by finite differences (`mjd_transitionFD`). The product over all steps is the
-# derivative of the *simulated* bounce. With a one-step contact (*impulse*) its error does not shrink with the step
-# either; with a *soft* one it shrinks slowly. Better, subtract two whole runs: if their heights differ by
-# centimetres, errors of the impact times average out. With computed impact times, two runs and reverse mode
-# (*autograd*) are accurate:
+# derivative of the *simulated* bounce. With a one-step contact (*impulse*) the error of this derivative does not
+# shrink with the step; with a *soft* contact it shrinks slowly. Two whole runs are better: if their drop heights
+# differ by centimetres, errors of the impact times average out. With computed impact times, two runs and reverse mode
+# (*autograd*) are both accurate. (Reverse mode pays with many parameters. PyTorch's overhead makes it slower here.)
 #
 # ![Error of the derivative of a bounce against its time](../docs/charts/gradient_precision.png)
 #
@@ -2103,9 +2102,9 @@ print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 predict("what_a_drop_tells")
 # %% [markdown]
 # To check this in advance, collect the derivatives of all recorded positions with respect to the parameters in one
-# matrix, the Jacobian. If one of its singular values is zero, some combination of parameters leaves no trace in the
-# recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move under a push
-# gives only a lower *bound* for the friction, the push divided by the weight:
+# matrix, the Jacobian. If one of its singular values is zero, some small combined change of the parameters leaves no
+# trace in the recording. A drop without tilt or spin says nothing about friction or mass. A block that does not move
+# under a push gives only a lower *bound* for the friction, the push divided by the weight:
 # %% tags=["hide-code"]
 for label, poor in (
     ("a drop without tilt or spin", Setup((0.0, 0.5))),
@@ -2143,14 +2142,14 @@ more_claims(
 #
 # **Interview tip.** *Which integrator?* Give three numbers for each: order, cost per step, stability limit. Then say
 # what your scene needs. "Semi-implicit Euler is first order, costs one evaluation, and on an undamped spring needs
-# $\omega h<2$; explicit damping lowers that. If the forces come from a potential and the accelerations depend on
-# positions alone, its energy does not drift at a small fixed step. RK4 is fourth order, costs four evaluations, and
-# on the same spring needs $\omega h\le2\sqrt2$. If impacts act only at the end of a step, both are of first order, so
-# with such contacts I take the cheap one. For a satellite I take RK4."
+# $\omega h<2$; explicit damping lowers that. In smooth bounded motion, with forces from a potential and accelerations
+# that depend on positions alone, its energy does not drift at a small fixed step. RK4 is fourth order, costs four
+# evaluations, and on the same spring needs $\omega h\le2\sqrt2$. If impacts act only at the end of a step, both are
+# of first order, so I take the cheap one. For a satellite I take RK4."
 #
 # </div>
 #
-# Answer aloud before you open an answer. The minutes at a question are for the whole conversation. The levels are
+# Answer aloud before you open an answer. The levels are
 # *screen* (a first call), *senior* and *staff* (above senior).
 # %%
 interview("rigid_body")

@@ -111,7 +111,9 @@ def bouncing_box() -> Scene:
 
     return Scene(
         question="How high does the centre of the dropped tile come after its first bounce?",
-        tolerance=Tolerance(0.02, "m", "a hand that catches it at the top spans 4 cm"),
+        tolerance=Tolerance(
+            0.02, "m", "the hand that must catch it at the top spans 4 cm, 2 cm to each side"
+        ),
         degrees_of_freedom=("x", "y", "angle"),
         modelled=(
             Modelled("rotation", spinless, "m", against="the planar box that can't turn"),
