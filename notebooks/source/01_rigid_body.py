@@ -136,7 +136,7 @@ more_claims("state_is_six_quantities", "state_with_quaternion", "planar_state")
 # its edges.
 #
 # The tensor connects the **angular velocity** $\omega$ (along the axis of rotation, its length the rate in rad/s)
-# with the **angular momentum** $L = I\omega$. 
+# with the **angular momentum** $L = I\omega$.
 #
 # Without torque, $L$ is constant in space. But the body turns, and $I$, seen from space, turns with it. To keep
 # $L = I\omega$ constant, $\omega$ usually has to change too: the axis of rotation moves, and the book wobbles. The
