@@ -58,20 +58,21 @@ simulation("arms")
 
 # %% [markdown]
 # The left arm is the simulated arm on which the gains were tuned. The right arm plays the real one; it is simulated
-# too, so we know its true parameters. The **reality gap** is the mismatch between simulator and robot. Its slider
-# (*gap*) sets how much load, friction, motor and encoder differ: at 1 as much as in the first picture, at 0 not at all.
-# It starts at 0.3. The delay of the commands has its own slider. *DR Range* sets how widely the simulated arms varied
-# while the gains were tuned (section 3).
+# too, so we know its true parameters. The **reality gap** is the mismatch between simulator and robot. The slider *gap*
+# sets how much load, friction, motor and encoder differ: at 1 as much as in the first picture, at 0 not at all. The
+# delay of the commands has its own slider, so at gap 0 the arms can still differ. *DR Range* sets how widely the
+# simulated arms varied while the gains were tuned (section 3).
 #
-# Under the arms, *longest stable delay* is the delay beyond which the right arm begins to oscillate (section 1).
-# *Costliest difference* is the one that would cost the most successes if it were alone, at the present settings.
+# Under the arms, *longest stable delay* is a computed limit, with one joint locked. The moving arm begins to oscillate
+# earlier (section 1). *Costliest difference* is the one that would cost the most successes if it were alone, at the
+# present settings.
 #
 # <details><summary>The other numbers, and the buttons</summary>
 #
 # Each button is a preset: a prepared setting. *This reach* reports how the reach that you see ended. *Delay to spare*
 # is the longest stable delay minus the present one. *Longest stable delay* is computed for each joint with the other
-# joint locked; the smaller value counts. The moving arm has less to spare, because both its joints are free. *Gain
-# margin* is the factor by which you can raise all gains before a joint becomes unstable.
+# joint locked; the smaller value counts. *Gain margin* is the factor by which you can raise all gains before a joint
+# becomes unstable.
 #
 # </details>
 #
@@ -244,9 +245,10 @@ table(*rows)
 # Load and delay cost success. The other three cost little alone. Gains that were tuned on the arm on which they run
 # (green squares) recover most of what was lost.
 #
-# The next table puts several differences into one arm. The line above it compares three searches: each finds other
-# gains, and their success differs by more than the intervals, which count only the luck of the trials. Both tables use
-# the first search. The last column counts the searches in which the losses together exceed their sum.
+# The next table puts several differences into one arm. Both tables use the gains of one search. Two more searches,
+# started from other random numbers, find other gains. Their success rates (line above the table) differ by more than an
+# interval is wide, because an interval contains only the chance in the trials. The last column counts the searches in
+# which the losses together exceed their sum.
 
 # %% tags=["hide-code"]
 head = ("arm", "differences", "costliest alone", "separate losses, added", "lost together")
@@ -373,8 +375,8 @@ curves(
 
 # %% [markdown]
 # In each row the success rate falls slowly at first and then collapses. In a simulator without delay and noise, higher
-# gains reach the target sooner and cost little, so the search raises the gains. The gains *range 1* were tuned with
-# delays. They are lower (lines above the table), so they tolerate a later command.
+# gains reach the target sooner, so the search raises the gains. The gains *range 1* were tuned with delays. They are
+# lower (lines above the table), so they tolerate a later command.
 #
 # At both ends of the left panel it isn't the delay margin that decides. With much lower gains the arm is too slow to
 # arrive in time. With high gains reaches succeed at delays beyond both computed margins: the motors' torque limit stops
@@ -391,6 +393,7 @@ print(f"gains x 1.6: half of the reaches fail at {limited:.1f} ms;")
 print(f"with motors of a hundred times the torque at {without:.1f} ms")
 
 # %% [markdown]
+# Without this limit, half fail even earlier than the diamonds say: reaches with a straighter arm tolerate less delay.
 # Dry friction can also stop a small oscillation before it grows.
 
 # %%
@@ -464,7 +467,8 @@ plt.show()
 #
 # There are three remedies:
 #
-# 1. Filter the angles before you differentiate them, and filter the torques in the same way.
+# 1. Filter the angles before you differentiate them, and filter the torques in the same way (an approximation, because
+#    $Y$ is nonlinear).
 # 2. Use the integral (weak) form. Multiply the equation by a **test function** $\phi$, a smooth bump that is zero
 #    outside a short window, and integrate over the window. Integration by parts turns $\int\phi\,\ddot q\,dt$ into
 #    $\int\ddot\phi\,q\,dt$. So you differentiate the known bump, and not the noisy angle. (The terms of $b$ still
@@ -535,19 +539,18 @@ table(
 # $$F = \frac{1}{\sigma^2}\,J^\mathsf{T}J, \qquad \operatorname{cov}\hat\theta \;\succeq\; F^{-1}
 # = \sigma^2\,(J^\mathsf{T}J)^{-1} .$$
 #
-# The sign $\succeq$ says that the same is true of every weighted sum of the parameters.
+# <details><summary>The sign in the formula, and an example with one parameter</summary>
 #
-# <details><summary>An example with one parameter</summary>
-#
-# If a parameter moves the angles strongly, its variance is small, unless another parameter moves them in the same way.
-# Take a single parameter, and let each of $n$ samples change by $j$ per unit of the parameter. Then $F = n
-# j^2/\sigma^2$, and the standard deviation is at least $\sigma/(j\sqrt n)$. So four times as many samples halve it.
+# The sign $\succeq$ says that the bound holds for every weighted sum of the parameters too. If a parameter moves the
+# angles strongly, its variance is small, unless another parameter moves them in the same way. Take a single parameter,
+# and let each of $n$ samples change by $j$ per unit of the parameter. Then $F = n j^2/\sigma^2$, and the standard
+# deviation is at least $\sigma/(j\sqrt n)$. So four times as many samples halve it.
 #
 # </details>
 #
-# `fit` reports $\sigma^2(J^\mathsf{T}J)^{-1}$ as the covariance of its estimate, with $\sigma$ from the residual. Does
-# it reach the bound? We fit 60 logs that differ only in the noise, and compare the scatter of the fits with the ellipse
-# that the bound predicts from one log:
+# `fit` assumes that its estimates scatter exactly as the bound says, and takes $\sigma$ from the residual. Do they? We
+# fit 60 logs that differ only in the noise, and compare the scatter of the fits with the ellipse of the bound, computed
+# from one log:
 
 # %% tags=["show-code"]
 J = result.slope.reshape(-1, 5)
@@ -572,18 +575,20 @@ print("standard deviation of 60 fits over the bound:")
 print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio, strict=True)))
 
 # %% [markdown]
-# A ratio near one means that no unbiased method can do noticeably better on this log.
+# The ratios are near one, so no unbiased method can do noticeably better on this log.
 #
 # Two complications are common. Signals of different kinds, such as angles and speeds, need weights: wrong weights
 # increase the scatter of the fits (left panel below).
 #
 # The other is a controller that runs during the log. In the other panels least squares finds $1/I$ of a joint with the
-# inertia $I$: the slope of the measured acceleration over the torque. Without feedback the sensor's noise is only in
-# the acceleration and does no harm. With feedback the torque contains the same noise, and $1/I$ comes out too large.
+# inertia $I$: the slope of the measured acceleration over the torque. Without feedback the noise of the speed sensor is
+# only in the acceleration and does no harm. With feedback the controller answers a speed that is measured too high with
+# less torque. The same error makes the next difference of the speeds too small. So both errors have the same sign, and
+# $1/I$ comes out too large.
 #
-# A longer log doesn't remove this bias (middle). With a higher gain it first grows; when most of the torque is noise,
-# it shrinks again (right). Output error stays right if the sensor's noise is the only disturbance, and so does an
-# *instrument*, a method that uses the planned torque. (Disturbing torques can reverse this: see the fold.)
+# A longer log doesn't remove this bias (middle). Output error stays right if the sensor's noise is the only
+# disturbance. So does the method of *instrumental variables*. Its instrument is the planned torque, which is correlated
+# with the true torque, but not with the noise.
 #
 # <details><summary>Logs of several signals, and logs under a running controller: a run of each</summary>
 #
@@ -608,8 +613,8 @@ print(", ".join(f"{name} {value:.2f}" for name, value in zip(result.names, ratio
 #
 # $$\widehat{1/I} - 1/I = \frac{K\,\sigma^2}{\Delta t\;\overline{\tau^2}} .$$
 #
-# A longer log doesn't help: the scatter shrinks and the bias stays (middle panel). The bias grows with the gain, until
-# most of the torque is noise (right panel; the lines are the formula).
+# A longer log doesn't help: the scatter shrinks and the bias stays (middle panel). The bias grows with the gain; when
+# most of the torque is noise, it shrinks again (right panel; the lines are the formula).
 #
 # Two estimates are not biased here. Output error takes the torques as given inputs. It is right on average if the
 # torques that were really sent are in the log, and the noise of each sample is independent of the others. An
@@ -748,7 +753,7 @@ table(*rows)
 # %% [markdown]
 # The slow joint has a smaller condition number than the steps and yet a larger error, because its torques are small; a
 # ratio can't show that. At equal rms torque it beats the steps. But a larger plan moves the joints farther (last
-# column): check it against the robot's joint and speed limits.
+# column; the slow joint pulls the other one along): check it against the robot's limits.
 #
 # ### When the fit misleads you
 #
@@ -764,8 +769,8 @@ table(*rows)
 # A second test is **validation**: let the fitted model predict another log, which you didn't fit. If the model is
 # right, the prediction differs from that log only by the sensor's noise.
 #
-# We record four logs and fit the same five-parameter model to each. Three of the arms have an effect that the model
-# lacks. For the last column each arm records another log, with the plan *steps* from above.
+# We record four logs and fit the same five-parameter model to each. For the last column each arm records another log,
+# with the plan *steps* from above.
 
 # %% tags=["hide-code"]
 cases = (
@@ -933,7 +938,7 @@ for name, k in (("no range", 0), ("range 1", 10)):
 curves(
     "success_over_gap",
     0,
-    "success at gap",
+    "success at gap (delay: 10 ms)",
     {
         "no range": "no range",
         "range 1": "range 1",
@@ -952,9 +957,9 @@ curves(
 # hardest case for randomisation: at gap 1 the real arm is at a corner of range 1, with every parameter except the delay
 # at an end, and hardly any sample falls there.
 #
-# In the right panel wider ranges help on every arm but the simulator's own, most of all up to range 0.4. (One of them
-# is the robot of the next heading.) *True, range 0.4* on the left adds a range around the true parameters; it gains
-# nothing. Compare only rates of one table or chart: others use other searches and other tasks.
+# In the right panel wider ranges help on every arm but the simulator's own, most of all up to range 0.4. *True, range
+# 0.4* on the left adds a range around the true parameters; it gains nothing. Compare only rates of one table or chart:
+# others use other searches and other tasks.
 #
 # <details><summary>The areas in the chart, and why the success at gap 1 has other values in other tables</summary>
 #
@@ -984,7 +989,7 @@ predict("which_wins")
 
 # %% [markdown]
 # Compare the methods by the success that you reach with the robot time that you can afford. **Fine-tuning** continues
-# the search on the robot itself. It needs no model, but every set of gains that it tries costs real trials.
+# the search on the robot itself, here from the gains of range 1. Every set of gains that it tries costs real trials.
 #
 # ![Success on the twin against the robot time used](../docs/charts/robot_time.png)
 
@@ -1017,14 +1022,17 @@ sets = {
     "on the mean of the arms": tune(only(real(0.6, 0.012)), 0).gains,
     "on the arms' true spread": tune(spread, 0).gains,
 }
-rows = [("gains tuned", "success on varying arms")]
-rows += [(n, f"{rollouts(there_is, g, tasks(1000, 42)).rate:.3f}") for n, g in sets.items()]
+rows = [("gains tuned", "success on varying arms", "95 % interval")]
+for name, gains in sets.items():
+    rate = float(rollouts(there_is, gains, tasks(1000, 42)).rate)
+    low, high = wilson(1000 * rate, 1000)
+    rows.append((name, f"{rate:.3f}", f"{low:.3f} to {high:.3f}"))
 table(*rows)
 
 # %% [markdown]
 # Common advice is to identify what is fixed and to randomise what varies. The twin supports the first half: identified
-# gains did much better there than ranges. The second half gains nothing here. One fixed set of gains is a compromise,
-# whether you tune it on the mean arm or on the spread.
+# gains did much better there than ranges. The second half gains nothing here: the last two rows differ by less than an
+# interval is wide. One fixed set of gains is a compromise, whether you tune it on the mean arm or on the spread.
 #
 # <details><summary>Which approach in which situation: a table</summary>
 #
@@ -1088,7 +1096,8 @@ table(*rows, *re.findall(pattern, read("varying_arms")))
 # %% [markdown]
 # On the median arm the teacher is about as good as the best gains in hindsight. It is better on the arms that fixed
 # gains serve badly (column *9 of 10 arms below*). The student comes close on the median arm, and less close on the
-# others. The next table (second panel) varies the load, also beyond the 2 kg of the training:
+# others. Randomised gains give up accuracy on the median arm to avoid large errors on the others. So does the adaptive
+# law. The next table (second panel) varies the load, also beyond the 2 kg of the training:
 
 # %% tags=["hide-code"]
 names = ("one tuned gain set", "randomised gains", "adaptive law", "student with history")
@@ -1099,14 +1108,14 @@ curves("varying_arms", 1, "median error [mrad] at a load [kg] of", {name: name f
 # Without load, still inside the range of the training, only the teacher works well. All methods that estimate or assume
 # the load have large errors, the adaptive law too, probably because their feedback is too strong for so light an arm.
 # On heavy arms the student works a little beyond the heaviest load of its training, then fails. The adaptive law still
-# works there, because it keeps correcting the error that it observes. From 1.5 kg on the best gains in hindsight beat
-# the teacher: they are picked for each arm, and the teacher has one gain set for all.
+# works there, because it keeps correcting the error that it observes.
 #
-# <details><summary>The first, the third and the last panel</summary>
+# <details><summary>The four panels</summary>
 #
 # The first panel adds the computing time: the student needs more, for its network. The ends of a bar are the errors
 # that 10 % and 90 % of the arms stay below. The third panel shows that a student with a shorter history is worse. With
-# the full history, five times the noise hardly changes its median error.
+# the full history, five times the noise hardly changes its median error. In the second panel, from 1.5 kg on, the best
+# gains in hindsight beat the teacher: they are picked for each arm, and the teacher has one gain set for all.
 #
 # In the last panel the dotted lines are computed limits. An arm without load has a quarter of the inertia that fixed
 # gains assume. So it gets four times the feedback that it needs, and it becomes unstable first. The limits differ by
@@ -1122,8 +1131,8 @@ more_claims("best_fixed_gains")
 #
 # The usual advice is a loop: find a difference, correct it in the simulator, and tune again. Does the success rise each
 # time? At gap 1 the load costs most, and correcting it first does help (the dot *load first* in the left panel below).
-# But suppose that you begin with the delay, because it is the easiest to measure. Each row of the table corrects one
-# more parameter and tunes again:
+# But suppose that you begin with the delay, because it is the easiest to measure. Each row of the table names what you
+# notice on the robot, then corrects one more parameter and tunes again:
 
 # %% tags=["hide-code"]
 text = read("mending")
@@ -1151,7 +1160,8 @@ table(*rows)
 # For the heavy arm they are too low, in stiffness $k_p$ and in damping $k_d$: more often the hand swings out of the
 # target again or never reaches it. Two errors had cancelled each other, and we removed only one.
 #
-# With a small load and a large delay the same correction helps.
+# At gap 0.3 and 20 ms, a small load and a large delay, the same correction helps a lot (claim below, which counts on
+# other tasks).
 
 # %% tags=["hide-code"]
 points = stored("mending")[0][""]
@@ -1189,14 +1199,15 @@ table(*rows)
 #
 # </details>
 #
-# Which difference is "dominant", then? A parameter is worth three different amounts: as the first correction, as the
-# last, and on average over all orders. This average is called **Shapley's value**. The five averages add up to the gain
-# of correcting all (up to rounding).
+# What a parameter is worth depends on what was corrected before: compare the columns *as the first* and *as the last*.
+# The average over all orders is called **Shapley's value**; the five averages add up to the gain of correcting all. The
+# load is dominant in every column. The others have no fixed order: friction helps as the first correction and not as
+# the last, the motor the other way round.
 #
-# The practical rule: *correct together everything that your logs reveal, and treat it as one change.* Keep this change
-# if the confidence interval of the *difference* in success on the robot lies above zero. If it contains zero, run more
-# trials, or keep the measured values in the simulator and the old policy on the robot. Where a change needs new
-# training, compare the means of several trainings.
+# The practical rule: *correct together everything that your logs reveal, and treat it as one change.* Fix the number of
+# trials first. Put the new policy on the robot if the confidence interval of the *difference* in success lies above
+# zero; otherwise leave the old policy there. The measured values stay in the simulator either way. Each training gives
+# another policy, so compare the means of several trainings.
 
 # %%
 show("mended_parameter")
@@ -1211,8 +1222,7 @@ show("mended_parameter")
 #
 # ### How many trials are enough?
 #
-# The width of a confidence interval is inversely proportional to the square root of the number of trials. So four times
-# as many trials halve it.
+# For rates that aren't near 0 or 1, four times as many trials roughly halve the confidence interval.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(5.5, 1.6), layout="constrained")
@@ -1250,10 +1260,10 @@ plt.show()
 # | old policy loses | $c$ | both lose |
 
 # %% tags=["hide-code"]
-print("to find a difference of 78 % and 87 % in 80 % of the cases, at the 5 % level:")
+print("to tell rates of 78 % and 87 % apart in 80 % of the cases, at the 5 % level:")
 print(f"{trials(0.78, 0.87)} trials of each policy on its own tasks;")
 print(f"{trials(0.78, 0.87, together=0.75)} tasks if both policies get the same ones,", end=" ")
-print("and on 75 % of the tasks both succeed")
+print("provided that both succeed on 75 % of them")
 
 # %% [markdown]
 # ### Reward shaping: does it change the best policy?
@@ -1348,7 +1358,7 @@ for name, n in changed.items():
     print(f"potential {name:<24} best policy changed in {n:2d} of 100 processes")
 
 # %% [markdown]
-# At a time limit, a learner that *bootstraps* adds its own estimate $V$ of what would follow (with shaping). For it
+# At a time limit, a learner that *bootstraps* adds its own estimate $V$ of the shaped rewards that would follow. For it
 # nothing has ended, so $\Phi$ of the last state stays. For a learner that counts the limit as an end, $\Phi$ must be
 # zero there:
 #
@@ -1400,23 +1410,24 @@ show("two_routes")
 
 # %% [markdown]
 # A difference of potentials preserves the best policy. But it can speed up or slow down *learning* a great deal.
-# **Tabular Q-learning** stores one estimate of $Q$ for each state and action and corrects it after every step. For it,
-# shaping with $\Phi$ has the same effect as starting with $Q = \Phi$, if its exploration depends only on differences of
-# $Q$ (Wiewiora 2003).
+# **Tabular Q-learning** stores one estimate of $Q$ for each state and action and corrects it after every step.
 #
 # The chart below compares seven potentials in a grid of ten by ten cells (largest distance: 18). The goal pays 1 and
-# all other steps 0, with $\gamma$ = 0.95. The bars count the steps until the learned path is a shortest one. It is
-# tested every 20 steps only, so the shortest bars are upper limits. By far the fastest are the potentials that rise
-# towards the goal and lie between 0 and the true value
-# $V$. Minus the distance is the slowest.
+# all other steps 0, with $\gamma$ = 0.95. The bars count the steps until the learned path is a shortest one. By far the
+# fastest are the potentials that rise towards the goal and lie between 0 and the true value $V$. Minus the distance is
+# the slowest.
 #
 # <details><summary>Which potentials help, and why minus the distance starts too low</summary>
 #
-# What helps is the *shape* of the true value: a potential that rises towards the goal as the value does leads almost
-# straight there, even scaled down to a hundredth. A potential above the true values is optimistic: everything has to be
-# tried before its estimate falls. Minus the distance starts every value too low. The first action that is tried then
-# rises, the untried ones stay low, and the learner repeats the first one instead of exploring. That holds for this
-# reward: if each step cost 1 and $\gamma$ were one, minus the distance would be $V$ itself.
+# For Q-learning, shaping with $\Phi$ has the same effect as starting with $Q = \Phi$, if its exploration depends only
+# on differences of $Q$ (Wiewiora 2003). What helps is the *shape* of the true value: a potential that rises towards the
+# goal as the value does leads almost straight there, even scaled down to a hundredth.
+#
+# A potential above the true values is optimistic: everything has to be tried before its estimate falls. Minus the
+# distance starts every value too low. The first action that is tried then rises, the untried ones stay low, and the
+# learner repeats the first one instead of exploring. That holds for this reward: if each step cost 1 and $\gamma$ were
+# one, minus the distance would be $V$ itself. (The path is tested every 20 steps only, so the shortest bars are upper
+# limits.)
 #
 # </details>
 #
@@ -1455,7 +1466,7 @@ more_claims("shaping_keeps_the_best", "time_is_an_end")
 steps = (
     "build\nthe simulator",
     "identify\nfrom logs",
-    "randomise\nwhat is left",
+    "randomise,\nif it helps",
     "train",
     "test on\nthe robot",
     "fine-tune,\nif needed",
@@ -1506,7 +1517,7 @@ predict("thirteen_thousand_years")
 #
 # | | requirement |
 # |---|---|
-# | degrees of freedom | 24 joints, and 6 of the object |
+# | degrees of freedom | 24 joints (20 driven), and 6 of the object |
 # | computing | 8 GPUs for a week |
 # | target | 70 % success or more, zero-shot |
 # | objects | some that were not in training |
@@ -1617,7 +1628,8 @@ plt.show()
 #
 # </details>
 #
-# The result for the cube rests on few trials: ten with sensors inside the cube, ten with cameras alone.
+# *Half of a scramble* means half of the moves that a solver prescribed for a well-mixed cube. The result rests on few
+# trials: ten with sensors inside the cube for its faces, ten with cameras alone.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(5, 1.5), layout="constrained")
@@ -1645,10 +1657,9 @@ plt.show()
 # ![Error of predicted motions against the length of the log](../docs/charts/learned_model.png)
 #
 # With 1 or 3 s of log the learned model runs away (the triangles at the upper edge). With 10 s or more it beats the
-# equations without friction and delay. But the equations with friction and delay are better with one second of data
-# than the others with any log here. *Our arm* doesn't improve after 3 s, its error even rises. It lacks some of the
-# twin's effects, and each point averages only two logs. A common third approach, which we didn't test, keeps the
-# equations and learns only what they miss.
+# equations without friction and delay. But with 3 s or more, the equations with friction and delay are clearly better
+# than the others with any log here. (Each point averages only two logs, so don't read small differences.) A common
+# third approach keeps the equations and learns only what they miss.
 #
 # ### A learned actuator
 #
@@ -1663,14 +1674,15 @@ plt.show()
 # friction, fitted to the same recording as the network. The network has the smallest median error in every row. But the
 # formula lacks the voltage limit and the larger friction at rest; with both it might be as good.
 #
-# The network's own error grows where the recording has no data: several times on faster motions. At half the supply
-# voltage its median stays, but the error that nine of ten runs stay below (the right end of the bar) grows a lot. So
-# record the motions and voltages that the policy will meet.
+# The network's own error grows where the recording has no data: several times on faster motions. So record the motions
+# that the policy will meet.
 #
 # <details><summary>The rows of the chart, and the right panel</summary>
 #
-# Targets that move faster multiply the errors of both models. The right panel shows the price in computing time, for
-# networks with 2 to 64 units in a layer. It uses other recordings, so its errors differ from those on the left.
+# Targets that move faster multiply the errors of both models. At half the supply voltage the network's median stays,
+# but the error that nine of ten runs stay below (the right end of the bar) grows a lot. The right panel shows the price
+# in computing time, for networks with 2 to 64 units in a layer. It uses other recordings, so its errors differ from
+# those on the left.
 #
 # </details>
 #
@@ -1692,7 +1704,7 @@ plt.show()
 # $$|V - V'| \le \frac{\gamma\,\epsilon\,R}{(1-\gamma)^2} .$$
 #
 # The worlds differ again at every step; that is why the denominator is squared. The values of the process in the
-# drawing differ by almost as much as the bound allows, if $\epsilon$ is much smaller than $1-\gamma$ (chart).
+# drawing below differ by almost as much as the bound allows, if $\epsilon$ is much smaller than $1-\gamma$ (chart).
 #
 # <details><summary>How to derive it, and a chain that comes close to it</summary>
 #
@@ -1761,8 +1773,8 @@ plt.show()
 # Each line runs, and each has a trap.
 #
 # - *Line 1, masses:* MuJoCo stores a body's mass and inertia separately. `mj_setConst` computes other constants from
-# both, but it doesn't scale the inertia with the mass. And `*=` starts from the mass of the last episode, not from the
-# default, so the factors of all episodes pile up. Multiply the default instead.
+#   both, but it doesn't scale the inertia with the mass: scale `body_inertia` by the same factor. And `*=` starts from
+#   the mass of the last episode, so the factors of all episodes pile up. Multiply the default instead.
 # - *Line 2, friction:* a contact joins two geoms (the shapes that can touch), and MuJoCo by default uses the larger of
 #   their two coefficients. So a low sample has no effect where the other geom is rough.
 # - *Line 3, damping:* a factor on zero leaves zero, and zero is the default. Factors pile up here as well.
@@ -1885,8 +1897,8 @@ simulation("arms", "Cancelling errors")
 # ## 6 · Speed and accuracy of identification
 #
 # Here the methods of section 2 and MuJoCo's own tool, `mujoco.sysid`, estimate the same five parameters from the same
-# logs (right panel: of 0.5, 1, 2 and 4 s). The circle marks the fastest result that is clearly below 1 %: the integral
-# form, which also needs no starting guess.
+# logs (right panel: of 0.5, 1, 2 and 4 s). The circle marks the fastest result below 0.8 %: the integral form, which
+# also needs no starting guess.
 #
 # ![Error of the parameters against noise, and against time, by method](../docs/charts/what_finds_the_numbers.png)
 #
@@ -1907,9 +1919,7 @@ simulation("arms", "Cancelling errors")
 # </details>
 #
 # The two filtered regressions differ in the length of their filter: a short filter passes noise, a long one distorts
-# the motion, even without noise. (The integral form filters only the speeds, so its floor is lower.) Output error is
-# the most accurate, because its error approaches the Cramér-Rao bound. It also works where the model is not linear in
-# its parameters, for example when it contains a delay.
+# the motion, even without noise. Output error is the most accurate, because its error approaches the Cramér-Rao bound.
 #
 # `mujoco.sysid` solves the same least-squares problem, so it should return almost the same parameters. It needs more
 # time, but it fits any MuJoCo model; ours is compiled for this arm.
@@ -1929,7 +1939,7 @@ show("same_as_mujoco")
 #
 # The true error exceeds the claimed one *before* the alarm sounds. In between you believe a wrong error bar. The remedy
 # is a second log with other torques. Fit each log by itself. If the fits differ by clearly more than their half-widths
-# explain, a term is missing or a recording is wrong.
+# explain, a term is missing, a recording is wrong, or the robot has changed.
 #
 # <details><summary>How large a difference may be</summary>
 #
@@ -2015,7 +2025,9 @@ for name, (scene, report, caught) in toggles.items():
     low, high = wilson(held, 20)
     rows.append((name, report, f"{held} of 20", f"{low:.2f} to {high:.2f}", caught))
 heavy, light = (lab.lift(lab.Lab(mass=m)).error for m in (0.55, 0.5))
-print(f"a box 10 % heavier is lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high;")
+print(
+    f"a box 10 % heavier is lifted {100 * (heavy - light) / lab.Lab().height:.1f} % less high with this servo;"
+)
 print(f"free width on each side of the box: {1e3 * lab.Lab().opening:.0f} mm")
 table(*rows)
 
@@ -2034,9 +2046,9 @@ table(*rows)
 # </details>
 #
 # The charts below vary each fault beyond its limit. The first one divides the force by the force that the box needs:
-# below 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out. Don't transfer
-# this upper limit to a real gripper: soft simulated contacts let a finger sink millimetres into the box (last panel).
-# This may also be why the success falls, rises and falls again at long steps (third panel, fold).
+# below 1 the box slips. A force that is far too *large* makes the closing fingers knock the box out (drawn as 200 mm).
+# Don't transfer this upper limit to a real gripper: soft simulated contacts let a finger sink millimetres into the box
+# (last panel).
 #
 # ![Grip, camera and step, swept to both sides of their limits](../docs/charts/break_it.png)
 #
@@ -2069,27 +2081,27 @@ more_claims("large_step_at_contact", "camera_off")
 
 # %% [markdown]
 # Do the losses of several faults add up? Each switch gives the two-link arm a fault, and each dot is a combination of
-# switches. On the dashed line a combination costs the sum of its separate losses. (*Control step*: the time between two
-# commands.)
+# switches. The target is larger than in section 1. On the dashed line a combination costs the sum of its separate
+# losses. (*Control step*: the time between two commands.)
 
 # %%
 simulation("faults")
 
 # %% [markdown]
-# Mostly they nearly add up, or a little less is lost. The exception is the long control step with the camera's error:
-# without friction to damp the arm, these two lose far more than their sum (the dots far above the line).
+# Mostly they nearly add up, or a little less is lost. The exception is the long control step with the camera's error.
+# Together they lose far more than their sum (the dots far above the line): the camera's error uses up the tolerance,
+# and then the oscillation of the long step leaves the target. Friction damps this oscillation.
 #
 # <details><summary>Which pairs interact, and what exactly the switches change</summary>
 #
 # The switches set the control step to 20 ms instead of 10 ms, add dry friction to both joints, make both links 10 %
-# heavier, shift the camera's target by 2 cm, and replace gains tuned on range 0.4 by gains tuned without
-# randomisation. All 32 combinations run the same reaches. The target here is larger than in section 1, and the gains
-# are others, so the losses differ from those in section 1.
+# heavier, shift the camera's target by 2 cm, and replace gains tuned on range 0.4 by gains tuned without randomisation.
+# All 32 combinations run the same reaches. The target and the gains differ from those in section 1, and so do the
+# losses.
 #
-# The long step and the camera's error reinforce each other: the camera uses up the target's tolerance, and the
-# oscillation that the long step causes then leaves the target. Friction makes up for a long step, because it damps that
-# oscillation, and it makes up for the higher gains of a search without randomisation. In pairs the mass interacts with
-# none of the others noticeably; with the long step *and* the camera's error it makes up for a part of their loss.
+# Friction makes up for a long step, because it damps its oscillation, and it makes up for the higher gains of a search
+# without randomisation. In pairs the mass interacts with none of the others noticeably; with the long step *and* the
+# camera's error it makes up for a part of their loss.
 #
 # </details>
 
@@ -2148,8 +2160,8 @@ plt.show()
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *It works in simulation and fails on the robot.* Replay the recorded commands first. Then replay
-# the *policy* in the simulator with the delay you found, and see whether it now fails as the robot does.
+# **Debugging tip.** *It works in simulation and fails on the robot.* Replay the recorded commands first. Then put
+# everything that you found into the simulator, run the *policy* there, and see whether it fails as the robot does.
 #
 # <details><summary>What people get wrong here</summary>
 #
@@ -2163,7 +2175,8 @@ plt.show()
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *It is robust in simulation and brittle on the robot.* Identify the robot once. If its parameters
-# lie well inside the ranges, don't expect wider ranges to help.
+# lie inside the ranges, wider ones help little at most: the arm at gap 0.3 and 10 ms gains little beyond range 0.4
+# (section 3).
 #
 # <details><summary>The four possibilities, and what people get wrong here</summary>
 #
@@ -2240,7 +2253,8 @@ print("swing of the link in the last 10 s of 20:")
 print(f"encoder on the link: more than 0.6 of the play in {large} of {len(swings['link'])} runs")
 print(f"encoder on the motor: less than 0.05 of the play in {small} of {len(swings['motor'])} runs")
 rattles = sum(x > 0.2 for x in swings["motor, larger step"])
-print(f"the same, after a step of three plays: more than 0.2 of the play in {rattles} of 6 runs")
+print("encoder on the motor, after a step of three times the play:")
+print(f"    more than 0.2 of the play in {rattles} of 6 runs")
 
 # %% [markdown]
 # With the encoder on the link, lower gains make the oscillation slower, but even gains thirty times lower don't stop it
@@ -2528,8 +2542,7 @@ table(*rows)
 # **Interview tip.** *Four parts.* Compare simulation and robot in each. Dynamics: the residual of a replayed log.
 # Timing: the delays, from time stamps on one clock. Sensing: the angles measured in a known pose. Perception: the pose
 # error, checked by touching. Then report the metric that matters: the success rate after each change, with its
-# confidence interval and the number of trials. "I increase randomisation" is not a diagnosis. Neither is "I fix the
-# largest gap first", until the success rate confirms it.
+# confidence interval and the number of trials. "I increase randomisation" is not a diagnosis.
 #
 # </div>
 #

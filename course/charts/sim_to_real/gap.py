@@ -208,7 +208,7 @@ FINDINGS = (
     "time stamps differ; delay:",
     "stops short of the target; friction:",
     "less torque than commanded; motor:",
-    "fitted mass too large; load:",
+    "fitted mass above simulated; load:",
     "rests beside the target, seen from outside; encoder:",
 )
 
