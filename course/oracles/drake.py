@@ -72,7 +72,7 @@ class Drake(Engine):
             "proximity properties",
             "none: contact at a point",
             f"compliant boxes of {MODULUS:.0e} Pa on a rigid ground",
-            "A patch (section 2), not a point, on which a box tips. Its stiffness is our choice.",
+            "On a contact point, a box tips; so a patch (section 2). Its stiffness is our choice.",
             "Drake 1.51 (2026), Hydroelastic Contact User Guide",
             "bodies",
         ),

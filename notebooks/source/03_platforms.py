@@ -77,10 +77,10 @@ def table(head, rows):
 # %% [markdown]
 # ### Three scenes on four engines
 #
-# Left: a block is launched over the floor and brakes. Middle: five cubes stand on
-# each other. Right: two fingers hold a part. In the left and middle pictures, all engines have stiff contacts and the
-# same friction: their settings are *fair* (section 1). In the right picture, each engine has its default settings (*as
-# shipped*).
+# Left: a block is launched over the floor and brakes. Middle: five cubes stand on each other. Right: two fingers hold
+# a part. In the left and middle pictures, the settings are *fair*: all engines have the same friction and stiff
+# contacts. We chose how stiff they are for each engine, and tuned MuJoCo's most (section 1). In the right picture,
+# each engine has its default settings (*as shipped*).
 
 # %% tags=["hide-code"]
 SAMPLES = outcome.truth.shape[1]
@@ -156,11 +156,11 @@ Image(film.getvalue(), format="png")
 # All positions are from runs at a step of 1 ms. The block is launched at 22.5 degrees to an **axis of the contact**.
 # This is one of two fixed directions on the floor, on which some models of friction depend (section 7). The fingers
 # press with 1.02 times the smallest force that can hold the part. (Drake's and PyBullet's blocks are drawn on the
-# floor, since the record has no heights.)
+# floor, since the record has no heights. Section 3 shows that they don't hop.)
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher
 # with the stiff contacts used here. **Towers sag**: even a stiff contact yields a little under load, so the cubes
-# overlap.
+# overlap. With a stiffer contact, Drake's would sag less.
 #
 # **Parts creep or fall**, here with default settings: MuJoCo's part sinks slowly and steadily through a grip that
 # should hold it (over a hundred times less if the settings are fair). Drake's drops more than twice as far. Its
@@ -314,8 +314,8 @@ plt.show()
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
 # acceleration up to rounding. So if they also use the same scheme, the same step and the same variables (here joint
 # angles, not the pose of each link), they make the *same error*. The scheme includes how an orientation is updated,
-# and here Drake differs. The others rotate a body by its angular velocity times $h$. Drake describes an orientation
-# by four numbers (a quaternion), and adds to each its rate of change times $h$.
+# and here Drake differs. The others rotate a body by its angular velocity times $h$. Drake instead adds to each of
+# the four numbers of a quaternion its rate of change times $h$.
 #
 # We test this with **fair settings**. They make each engine simulate what the scene describes: they remove damping,
 # motors and other additions, and make contacts stiff. Here are the three scenes in which nothing touches:
@@ -342,10 +342,10 @@ for make in ("tumble", "chain", "arm"):
 # ours: it shows the difference, divided by our error, for the scene in which this is largest. MuJoCo and PyBullet
 # agree with us nearly up to rounding. Drake agrees to within 0.2 %. It differs on the tumbling body only, because
 # only there an orientation is updated. The difference grows with the step and the duration, so it is smaller in the
-# card below.
+# claim below.
 #
-# (The printed lines give RK4's order over the three largest steps, the *coarse end*, since rounding can hide it at
-# small ones. *Error* is in rad, at 0.25 ms.)
+# (The printed lines give an order over all steps, for RK4 over the three largest, the *coarse end*: at small steps,
+# rounding can hide it. *Error* is in rad, at 0.25 ms.)
 #
 # ![Error against the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -404,11 +404,11 @@ show("halving_halves")
 predict("out_of_the_box")
 
 # %% [markdown]
-# To compare engines rather than their defaults, all engines must simulate the same thing. The list of fair settings
-# does two things. First, it removes whatever an engine adds or changes: air resistance, motors, inertias that are not
-# in the file, its own rule for friction coefficients, and restarts of failed runs (`autoreset`). It also makes MuJoCo's
-# **friction cone** round, as in Coulomb's law. (The cone is the set of contact forces that friction allows.) MuJoCo's
-# default is a **pyramid** inside it, because flat sides are easier to compute with.
+# The list of fair settings does two things. First, it removes whatever an engine adds or changes: air resistance,
+# motors, inertias that are not in the file, its own rule for friction coefficients, and restarts of failed runs
+# (`autoreset`). It also makes MuJoCo's **friction cone** round, as in Coulomb's law. (The cone is the set of contact
+# forces that friction allows.) MuJoCo's default is a **pyramid** inside it, because flat sides are easier to compute
+# with.
 #
 # Second, the list sets how stiff a contact is, since no scene says so. In MuJoCo these are the settings `impratio`,
 # `solref` and `solimp`. In Drake it is the stiffness of a contact **patch**, the area on which two bodies touch
@@ -437,9 +437,8 @@ table(
 #
 # <details><summary>How we chose MuJoCo's values</summary>
 #
-# We chose `solref` after seeing results. Its time constant is 0.005 s, which the manual allows. With a shorter one, a
-# block at rest sank less, but a sliding block was thrown off its slope. Our `solimp` goes a little beyond the values
-# that the manual advises.
+# In `solref`, the time constant is 0.005 s, which the manual allows. With a shorter one, a block at rest sank less,
+# but a sliding block was thrown off its slope. Our `solimp` goes a little beyond the values that the manual advises.
 #
 # </details>
 #
@@ -455,7 +454,7 @@ for s, name in enumerate(names):
     print(f"{name:<20}" + "".join(f"{x:12.3g}" for x in ratio))
 
 # %% [markdown]
-# These factors depend on how long the motion lasts. On the card, it lasts at most a second.
+# These factors depend on how long the motion lasts. In the claim below, it lasts at most a second.
 
 # %%
 show("defaults_differ")
@@ -490,12 +489,12 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # and `solref` matter most. In PyBullet, sliding bodies have too little friction, because it multiplies the
 # coefficients of both surfaces: 0.5 on both makes 0.25. Its chain suffers from three defaults: inertias computed from
 # shapes, damping, and motors that hold the joints. The inertias alone do the most harm. All three together do less,
-# since damping and motors slow the motion down. In Drake the culprit is the contact at a point. (In *brake*, it does
-# harm only because the fair settings keep another default, `lagged`; see section 7.)
+# since damping and motors slow the motion down. In Drake the culprit is the contact at a point; in *brake*, only
+# together with another default, `lagged` (section 7).
 #
 # Only one bar points to the left: with the default pyramid, and all else fair, the tower sinks about sixty times
-# less. A factor of about six comes from the pyramid itself. About ten come from the fair `impratio` of 10, which also
-# makes the pyramid stiffer against sinking, but not the elliptic (round) cone:
+# less. About six come from the pyramid itself, and about ten from the fair `impratio`, which stiffens the pyramid
+# against sinking, but not the round cone:
 #
 # <details><summary>Why the pyramid's tower sinks less</summary>
 #
@@ -555,8 +554,7 @@ for label, engine, how in (
 
 # %% [markdown]
 # *In the air* is the share of the braking time, up to the dotted line, in which no contact presses on the block. The
-# largest error combines the height of the hop and the lag behind Coulomb's motion. The stiffer `solref` reduced
-# sinking at rest and increased the hops.
+# largest error combines the height of the hop and the lag behind Coulomb's motion.
 #
 # Still, the block stops in the right place. In the air nothing brakes it. But the floor pushes hard at the take-off
 # and at the landing of a hop, and friction is $\mu$ times this push. So half of the missing braking comes at the
@@ -600,11 +598,10 @@ simulation("platforms", "Collapsing tower")
 # every step (without, its loops are compiled)</td></tr> </table>
 #
 # A **point contact** applies a force at each of a few points. Between two boxes, Drake finds a single point, which
-# can't resist tipping. So the tower in the simulation tips over. A **hydroelastic contact** assumes a pressure inside
-# each body, which grows towards its middle. Between two such bodies, the contact patch is the surface on which both
-# pressures are equal. On a rigid ground, as here, it is the part of the ground's surface that is inside the body.
-# Drake integrates the pressure over this patch (Elandt and others, IROS 2019). A patch resists tipping, and its force
-# changes smoothly.
+# can't resist tipping.  A **hydroelastic contact** assumes a pressure inside each body, which grows towards its
+# middle. Between two such bodies, the contact patch is the surface on which both pressures are equal. On a rigid
+# ground, as here, it is the part of the ground's surface that is inside the body. Drake integrates the pressure over
+# this patch (Elandt and others, IROS 2019). A patch resists tipping, and its force changes smoothly.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(8, 2.6), layout="constrained")
@@ -650,10 +647,10 @@ for settings in (AS_SHIPPED, FAIR):
 
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
-# engine reached? They do, up to rounding. The residual of complementarity is a speed [m/s]. With rigid contacts it is
-# 0. A soft contact pushes while the bodies overlap by a depth $d$. Chapter 2's method would undo a fifth of an
-# overlap in each step $h$. The residual is the speed that this takes, $d/(5h)$, so here it says no more than the
-# depth does. No force leaves the cone.
+# engine reached? They do, up to rounding. With rigid contacts, the residual of complementarity is 0. A soft contact
+# pushes while the bodies overlap by a depth $d$. Our measure turns $d$ into a speed [m/s]: the one that would remove
+# a fifth of $d$ in one step $h$, $d/(5h)$. So this residual is only the depth in other units. It is no extra fault of
+# MuJoCo. No force leaves the cone.
 #
 # ### Does a better scheme help with contact?
 #
@@ -679,7 +676,7 @@ more_claims("drake_guarantees", "opened")
 # Comparison tables often give stars for speed, accuracy and so on, and add them up to a rating. In a sum, a good mark
 # makes up for a bad one. But no speed makes up for a gripper that drops the part.
 #
-# Write **needs** instead. A need is a limit on one measured fact, such as "the grasp may be off by at most 1 mm". An
+# Write **needs** instead. A need is a condition on one fact, such as "the grasp may be off by at most 1 mm". An
 # engine that misses a need is out. A fact that was never measured meets no need. Among the engines that remain, take
 # the cheapest. Then say how close the decision was: which limit would have to change, and how far, before you would
 # pick another engine?
@@ -695,7 +692,7 @@ more_claims("drake_guarantees", "opened")
 figures(
     read("platforms_table"),
     "With the same",
-    "A first-order step",
+    "At 1 ms",
     "As shipped, sim",
     "Fair, all",
     "Our own",
@@ -726,8 +723,8 @@ print_figures(
 )
 
 # %% [markdown]
-# By the error on the way, each simulator with fair settings fails *drop* as the cube lands. MuJoCo's error is the
-# largest, more than twice the tolerance.
+# By the error on the way, with fair settings, MuJoCo, Drake and (barely) PyBullet miss the tolerance of *drop* as the
+# cube lands; our own code meets it.
 #
 # <details><summary>Does Drake's block hop, too?</summary>
 #
@@ -737,10 +734,10 @@ print_figures(
 #
 # </details>
 #
-# Here are seven jobs with their needs. Most are limits on the numbers of the two charts, with fair settings and at 1
-# ms; another step can change a pick. Engines that meet all needs are ranked by one cost. Two more facts are not in
-# the charts: the share of faulty models that an engine rejects or warns about (*faults reported*, section 7), and
-# whether `make lab` installs it. (RL is reinforcement learning, a certificate a proof of safety, PhysX the engine of
+# Here are seven jobs with their needs. Three of them need only what we know: numbers of the two charts (with fair
+# settings, at 1 ms; another step can change a pick), whether `make lab` installs the engine, and the share of faulty
+# models that it rejects or warns about (*faults reported*, section 7). The other four need something that we did not
+# measure. Engines that meet all needs are ranked by one cost. (RL is reinforcement learning, PhysX the engine of
 # Isaac Sim.)
 
 # %%
@@ -761,19 +758,19 @@ table(("Job", "Needs", "Pick", "Why"), rows)
 
 # %% [markdown]
 # Three jobs have an answer, each time MuJoCo. We tuned its contacts most (section 1). But it is also the cheapest
-# wherever bodies touch, so it stays the pick unless it misses a limit. (*RL training, for speed* compares a single
-# world on a CPU.)
+# wherever bodies touch.
 #
 # For *Manipulation research*, a tighter limit on the largest error of *brake* would rule out MuJoCo: its block hops.
 # Then the cheapest that passes is Drake. But change the settings before the engine: with its default `solref`,
-# MuJoCo's largest error in *brake* is below 1 mm (section 1), and it still meets the other needs.
+# MuJoCo's largest error in *brake* is below 1 mm (section 1), though the block is still in the air for half of the
+# time. The other needs are still met.
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Which simulator would you use?* Never give only a name. Say: "For a grasp that may sink
-# by 1 mm in half a second, MuJoCo is the cheapest that passes, with the elliptic cone and `impratio` 10 at 1 ms. If
-# only 0.03 mm were allowed, it would miss that. I'd first raise `impratio` and measure again. Only if that failed would
-# I change the engine."
+# **Interview tip.** *Which simulator would you use?* Never give only a name. Say: "For a part of 0.2 kg, held with 3
+# N, that may sink by 1 mm in half a second, MuJoCo is the cheapest that passes: at 1 ms, with the elliptic cone,
+# `impratio` 10, `solref` 0.005 1 and a harder `solimp`. If only 0.03 mm were allowed, it would miss that. I'd first
+# raise `impratio` and measure again. Only if that failed would I change the engine."
 #
 # </div>
 
@@ -896,7 +893,7 @@ more_claims("headless_renders")
 predict("millions_a_second")
 
 # %% [markdown]
-# **USD** (Universal Scene Description) is not a simulator. It is Pixar's open format for large scenes. Its extension
+# **USD** (Universal Scene Description) is Pixar's open format for large scenes, not a simulator. Its extension
 # [UsdPhysics](https://docs.omniverse.nvidia.com/kit/docs/pxr-usd-api/latest/pxr/UsdPhysics.html) adds mass, collision
 # shapes, joints, limits and drives (motors of joints).
 #
@@ -949,14 +946,15 @@ predict("five_numbers")
 # The simulation's radar chart has five axes, measured with fair settings. (The switch for the settings doesn't change
 # it.) In the table, *centre* is the measured value that is drawn at the centre of the chart, and *end* the value at
 # the end of the axis. The other columns say where each engine lies between centre (0) and end (1). The first four
-# axes are logarithmic and show a median over several scenes.
+# axes are logarithmic and show a median over several scenes. *Smooth accuracy* compares engines at equal computing
+# time, so the fastest step wins.
 
 # %% tags=["hide-code"]
 MEASURED = (
-    "error / tolerance",
-    "error / tolerance",
+    "error / tolerance, at the shortest step that fits into MuJoCo's computing time at 1 ms",
+    "error / tolerance at 1 ms",
     "cost of a step / MuJoCo's",
-    "step [s]",
+    "largest step that stays within the tolerance [s]",
     "share of faults reported (section 7)",
 )
 table(
@@ -968,14 +966,14 @@ table(
 )
 
 # %% [markdown]
-# A median hides the worst scene: PyBullet drops the part in the grasp, and still gets a good *contact accuracy*. In
-# the simulation, a thick band on an axis shows the range over the scenes.
+# A median hides the worst scene: PyBullet drops the part in the simulation's grasp (1.02 times the smallest force),
+# and still gets a good *contact accuracy*. In the simulation, a thick band on an axis shows the range over the
+# scenes.
 #
 # <details><summary>How the five values are measured</summary>
 #
-# For *smooth accuracy*, each engine gets the computing time that MuJoCo needs at 1 ms, and takes the shortest step that
-# fits into it. The value is its error in chain and tumble, divided by the tolerance. *Contact accuracy* is error
-# divided by tolerance at 1 ms, in the simulation's brake, tower and grasp.
+# *Smooth accuracy* is measured in chain and tumble. *Contact accuracy* is error divided by tolerance at 1 ms, in the
+# simulation's brake, tower and grasp.
 #
 # *Speed in contact* is the cost of a step relative to MuJoCo's. *Largest step* is the largest step [s] that stays
 # within the tolerance; if none that we tried does, the value is at the centre. *Honesty* is the share of faulty models
@@ -1035,7 +1033,7 @@ Markdown(
 
 # %% [markdown]
 # If a misspelt setting were ignored silently, you would measure something else than you think. So all arguments are
-# checked. The cell makes four mistakes:
+# checked. The cell makes four mistakes. (The third requests RK4 in *brake*. With contact, our code doesn't have it.)
 
 # %%
 for attempt in (
@@ -1052,10 +1050,10 @@ for attempt in (
 # %% [markdown]
 # ### A first model in MJCF, and why its joints spin up
 #
-# This is nearly the shortest useful model: two links, two hinges, two motors. The cell runs it three times with the
-# same constant commands, 0.5 for the shoulder and -0.3 for the elbow. The first run is the model as it is. The second
-# adds damping (0.3 N m s/rad) and joint limits (150 degrees). The third also replaces each motor with a **servo**, a
-# motor with a controller for the angle ($k_p = 40$ N m/rad, $k_v = 2$ N m s/rad).
+# This is nearly the shortest useful model: two links, two hinges, two motors. The cell runs it three times under
+# gravity, with the same constant commands, 0.5 for the shoulder and -0.3 for the elbow. The first run is the model as
+# it is. The second adds damping (0.3 N m s/rad) and joint limits (150 degrees). The third also replaces each motor
+# with a **servo**, a motor with a controller for the angle ($k_p = 40$ N m/rad, $k_v = 2$ N m s/rad).
 
 # %% tags=["show-code"]
 MJCF = """<mujoco model="two links">
@@ -1111,9 +1109,8 @@ show("motor_is_torque")
 # $10^{-5}\,\mathrm{kg\,m^2}$ adds $0.1\,\mathrm{kg\,m^2}$, often more than the link itself. In MJCF it is the joint's
 # attribute `armature`. A URDF has no entry for it.
 #
-# A servo of this kind also has a weakness. To hold a weight at rest, it needs a torque. At rest $\dot q$ is zero, so
-# by the formula above there is a torque only if the angle differs from the command. So under a load, the joint rests
-# a little beside its command.
+# A servo of this kind also has a weakness. At rest $\dot q$ is zero, so its torque is zero unless the angle differs
+# from the command. So under a load, the joint rests a little beside its command.
 
 # %%
 show("servo_droops")
@@ -1126,10 +1123,10 @@ more_claims("hello_world_winds", "damping_realism")
 #
 # Each card of the simulation below is a simulator; click one to bring it to the front. Menus choose the scene and the
 # step. One switch chooses fair settings or defaults, the other one the order of the radar's axes. The true path is
-# dashed. (A path joins a few dozen recorded points, so it has corners.)
+# dashed.
 #
 # Go through the presets. Before each, say what its engine will do wrong, if anything. *Default damping* shows
-# PyBullet's chain with all three of its wrong defaults.
+# PyBullet's chain with all three defaults that do harm.
 
 # %%
 simulation("platforms", "Default damping")
@@ -1153,8 +1150,8 @@ for preset, (scene, card_, fair) in {
 
 # %% [markdown]
 # Readouts: *ends apart* is the largest distance between the final positions of any two engines; *area of the five* is
-# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is relative to MuJoCo's fair step. It
-# was timed over many steps, also after the motion had ended, so it differs from section 3's cost of a motion.
+# the area of the radar polygon as a share of the full pentagon. *Cost of a step* is relative to MuJoCo's fair step.
+# It was timed over many steps, so it differs from section 3's cost of a motion.
 #
 # ## 6 · Speed against accuracy
 #
@@ -1181,10 +1178,12 @@ print_figures(
 
 # %% [markdown]
 # Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. At the
-# arm's tolerance, Euler costs over three times as much as RK4. On this short chain, both cost about the same.
+# arm's tolerance, Euler costs over three times as much as RK4. On this short chain, both cost about the same. Drake's
+# scheme of order three isn't drawn: at each step, it cost over twice as much as MuJoCo's RK4, with a larger error.
 #
 # In these two scenes with contact, each engine meets the tolerance at 8 ms. So the cheapest step wins, which is
-# MuJoCo's. (With a limit on the error on the way, another engine can win; section 3.)
+# MuJoCo's. But above 2.5 ms, MuJoCo's fair `solref` is two steps, so its contacts are softer than in section 3, and
+# its curve mixes step and softness.
 #
 # ### How the cost grows with the scene
 #
@@ -1206,11 +1205,11 @@ print_figures(
 
 # %% [markdown]
 # So in MuJoCo and PyBullet, ten times the cubes on a field cost about ten times as much. On a tower of three to eight
-# cubes, the cost grew faster than the number of cubes.
+# cubes, their cost grew faster than the number of cubes.
 #
-# The last panel shows a trap. MuJoCo, Drake and our code can take many steps in one call from Python, . The panel
-# shows how much time they save by taking 100 steps in one call: with one link about half or more, and in our compiled
-# loop nearly all.
+# The last panel shows a trap: with one call from Python per step, Python's share of the time can be larger than that
+# of the physics. MuJoCo, Drake and our code can take many steps in one call. The panel shows how much time they save
+# with 100 steps per call: with one link about half or more, and in our compiled loop nearly all.
 #
 # PyBullet makes one step per call. Its dashed curve and the last printed line show something else: the time of a step
 # in an *empty* world as a share of a full step. Python's share is smaller than this, since an empty step includes
@@ -1219,8 +1218,7 @@ print_figures(
 # On these scenes, the measurements suggest the following choices. For smooth motion with a tight tolerance, take RK4
 # in MuJoCo or our code, unless strong damping forces it to short steps. If bodies may sink by 1 mm, take MuJoCo, at
 # the largest step that keeps within this. Choose its elliptic cone if bodies slide: the pyramid sinks less, but
-# steers. For bodies that slide and must stay on the ground, take PyBullet or Drake with fair settings. In Drake,
-# choose patches where a contact must resist tipping.
+# steers. For sliding bodies that must not lift off at all, take PyBullet or Drake with fair settings.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("steps_per_second", "fewer_environments")
@@ -1354,11 +1352,11 @@ for settings in (AS_SHIPPED, FAIR):
 predict("part_that_sinks")
 
 # %% [markdown]
-# How fast does the part creep? Friction carries the load $f_t$ along the surface. In MuJoCo, a contact under this load
-# slides with a speed $v$ that changes at the rate $R_t f_t - b\,v$. The first term speeds the sliding up. Its factor
-# $R_t$ is the **compliance** of the contact, its softness. (The unit of $R_t$ is 1/kg, since it turns a force into an
-# acceleration.) The second term slows the sliding down. Its damping rate $b$ [1/s] follows from `solref`. In steady
-# creep both terms cancel, so $v = R_t\,f_t/b$. A rigid contact has $R_t = 0$ and doesn't creep.
+# How fast does the part creep? MuJoCo's solver doesn't force the sliding speed $v$ to 0. It chooses the friction
+# force $f_t$ so that $\dot v = R_t f_t - b\,v$. Here $R_t$ [1/kg] is the **compliance** of the contact, its softness.
+# The damping rate $b$ [1/s] follows from `solref`. In a rigid contact ($R_t = 0$), any sliding dies out at the rate
+# $b$. In a soft one, steady creep remains ($\dot v = 0$): friction carries the load $f_t$ while the contact slides at
+# the speed $v = R_t\,f_t/b$.
 #
 # A harder contact (set by `solimp`) has a smaller compliance, lighter bodies have a larger one, and the option
 # `impratio` divides it. The chart also shows **noslip** with 3 iterations, a second pass after the solver that reduces
@@ -1434,8 +1432,8 @@ for name, share in least.items():
 # law leaves open how four corners share the squeeze. But with little force on them, friction at the other corners is
 # too weak, and the part turns about the loaded one.
 #
-# At 2 ms and more, PyBullet has a threshold, too. As shipped, it lets the part fall at every squeeze, because default
-# motors hold the fingers back.
+# At 2 ms and more, PyBullet has a threshold, too. As shipped, it lets the part fall at every squeeze: default motors
+# hold the fingers back.
 #
 # <details><summary>PyBullet as shipped</summary>
 #
@@ -1492,6 +1490,10 @@ predict("after_a_reset")
 # %%
 more_claims("reset_world")
 
+# %% [markdown]
+# An engine may store more than positions and velocities, such as the contacts and forces of the last step, from which
+# its solver starts (the **warm start**). The cell writes a tower's state back, without and with MuJoCo's warm start:
+
 # %% tags=["nbval-ignore-output", "hide-code"]
 world, ends = mujoco.build(scenes.tower(3), 1e-3), []
 world.run(100)  # all contacts carry
@@ -1509,9 +1511,8 @@ for label, one in zip(("", ", and warm start"), ends[1:], strict=True):
 world.close()
 
 # %% [markdown]
-# An engine may store more than positions and velocities, such as the contacts and forces of the last step, from which
-# its solver starts (the **warm start**). In this run of MuJoCo, the missing warm start changed the last digits only.
-# Once it was written back, too, the run repeated. Test your own scene, and reset it in the middle of a contact.
+# In this run of MuJoCo, the missing warm start changed the last digits only. Once it was written back, too, the run
+# repeated. Test your own scene, and reset it while bodies touch.
 #
 # ### A joint limit and a mimic joint
 #
@@ -1625,9 +1626,9 @@ for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD):
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The MuJoCo model doesn't match the real robot.* Don't tune yet. Read the loaded model back first:
-# masses, inertias (in the same coordinate frame as the robot's), damping, armature, and which limits are active. Then
-# test one joint at a time: let it fall, push it, hold it. Each test isolates a parameter.
+# **Debugging tip.** *The MuJoCo model doesn't match the real robot.* Don't tune yet. Read the loaded model back
+# first: masses, inertias (in the same coordinate frame as the robot's), damping, armature, and which limits are
+# active. Then test one joint at a time: let it fall, push it, hold it.
 #
 # <details><summary>What people get wrong there</summary>
 #
@@ -1693,9 +1694,8 @@ simulation("platforms", "Sinking grasp")
 # In December 2024, Genesis, an engine for GPUs, was announced with tens of millions of steps per second. Users took
 # the benchmark apart in its issue 181: the robot received one action and then none, and collisions with itself were
 # off. With more accurate settings, self-collision and random actions, the maintainers' own table went from 14.5 to
-# 1.2 million. So three things changed at once. One of them is easy to show: where nothing touches, a step is cheap,
-# and cheaper still if the engine needn't look for contacts. (The card in section 6 has the last ratio for another
-# machine.)
+# 1.2 million. So three things changed at once. The effect of contacts is easy to show: where nothing touches, a step
+# is cheap, and cheaper still if the engine needn't look for contacts.
 
 # %% tags=["nbval-ignore-output", "hide-code"]
 from time import process_time
@@ -1916,12 +1916,13 @@ for (name, settings), one in reach.items():
 # believes in a damping $d$, and pushes with $d\,\dot q$ to cancel it. Nothing pushes back, so this term acts like
 # *negative* damping.
 #
-# Let $q$ be the small deviation from the target, and $M$ the **mass matrix** of the arm: at rest and without gravity,
-# $M\ddot q$ is the torque for the acceleration $\ddot q$ (chapter 4). The controller acts like a spring and a damper.
-# It adds the torques $-\omega^2 M q$ and $-2\,\omega M\dot q$, where the bandwidth $\omega$ is the rate at which errors
-# decay (chapter 6). With the same $d$ for all joints, and the identity matrix $I$,
+# Let $e$ be the small deviation of the angles $q$ from the target, so $\dot e = \dot q$, and $M$ the **mass matrix**
+# of the arm: at rest and without gravity, $M\ddot q$ is the torque for the acceleration $\ddot q$ (chapter 4). The
+# controller acts like a spring and a damper. It adds the torques $-\omega^2 M e$ and $-2\,\omega M\dot e$, where the
+# bandwidth $\omega$ is the rate at which errors decay (chapter 6). With the same $d$ for all joints, and the identity
+# matrix $I$,
 #
-# $$M\ddot q + (2\,\omega M - d\,I)\,\dot q + \omega^2 M q = 0 .$$
+# $$M\ddot e + (2\,\omega M - d\,I)\,\dot e + \omega^2 M e = 0 .$$
 #
 # Along an eigenvector of $M$ with the eigenvalue $m$ (the inertia in this direction), the remaining damping is
 # $2\,\omega m - d$. If it is negative, the arm is unstable. So the smallest $m$ sets a limit to $d$: it must stay below

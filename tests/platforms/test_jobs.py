@@ -13,14 +13,14 @@ ROWS = table.stored_rows()
 PATHS = table.stored_rows("platform_paths")
 # Scenes whose tolerance a job needs, the scene that ranks, the pick, who is out.
 MEASURED = {
-    "RL training, for speed": (("grasp",), "grasp", "MuJoCo", {"PyBullet"}),
+    "RL training, one world on a CPU": (("grasp",), "grasp", "MuJoCo", {"PyBullet"}),
     "Manipulation research": (("grasp", "brake", "tower"), "tower", "MuJoCo", {"PyBullet"}),
     "A quick prototype": ((), "tower", "MuJoCo", {"Drake", "PyBullet"}),
 }
 UNKNOWN = {
     "RL training, from images": ("photorealistic cameras", "Isaac Sim"),
     "Visual perception": ("photorealistic cameras", "Isaac Sim"),
-    "Control that is proved safe": ("certificate of the contact model", "Drake"),
+    "Control that is proved safe": ("proof of safety, contacts included", "Drake"),
     "Soft, deformable objects": ("finite elements", "SOFA"),
 }
 

@@ -56,7 +56,7 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
 
 
 WORLDS, CAMERAS = Need("thousands of worlds on a GPU"), Need("photorealistic cameras")
-CERTIFICATE, ELEMENTS = Need("certificate of the contact model"), Need("finite elements")
+CERTIFICATE, ELEMENTS = Need("proof of safety, contacts included"), Need("finite elements")
 UNMEASURED = tuple(need.row for need in (WORLDS, CAMERAS, CERTIFICATE, ELEMENTS))
 # MuJoCo has two versions for GPUs, MJX and MuJoCo Warp; nobody measured them here.
 NO_GPU = {
@@ -71,7 +71,7 @@ TOUCHING = [
     Need("tower error", 1e-3, "at most"),
 ]
 JOBS: Mapping[str, tuple[list[Need], str]] = {
-    "RL training, for speed": (HELD, "cost of grasp"),
+    "RL training, one world on a CPU": (HELD, "cost of grasp"),
     "RL training, from images": ([*HELD, CAMERAS], "cost of grasp"),
     "Manipulation research": (TOUCHING, "cost of tower"),
     "Visual perception": ([CAMERAS], "cost of tower"),

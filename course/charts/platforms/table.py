@@ -89,7 +89,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
             for s in SMOOTH
         )
     ),
-    "A first-order step of 1 ms is too long for chain, arm and slide in every engine.": (
+    "At 1 ms, the first-order schemes of all engines miss in chain, arm and slide.": (
         lambda r: not any(good(r, e) & {"chain", "arm", "slide"} for e in ENGINES)
     ),
     "Fair, all engines are good at drop, rest, brake, tower and field.": (
