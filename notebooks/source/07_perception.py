@@ -25,8 +25,8 @@ predict("lost_plate")
 simulation("perception")
 
 # %% [markdown]
-# *Predicted* is the standard deviation that the program itself expects of its pose. The last of these numbers should be
-# near zero; section 3 explains it.
+# *Predicted* is the standard deviation that the program itself expects of its pose. The last number, see-through,
+# should be near zero; section 3 explains it.
 #
 # **You will be able to** estimate a depth camera's noise from its data sheet and an assumed matching error; follow a
 # part through every stage of a perception pipeline and name the stage that loses it; compute a pose together with its
@@ -91,7 +91,7 @@ CLEARER = {
     "two sensors in one image": "three times the noise in every second stripe",
     "shadow of the second eye": "pixels hidden from the second camera",
     "a second image": "the scene computed from there, too",
-    "another projector": "light of another camera's projector",
+    "another projector": "false matches where another projector dazzles",
     "5% of pixels, in blocks": "wrong depths in 5% of the pixels, in blocks",
 }
 
@@ -263,13 +263,13 @@ show("small_parts_have_few_pixels")
 # %% [markdown]
 # ### Pixels without a measurement: 0 and NaN
 #
-# No depth camera measures every pixel. A black or shiny surface returns too little light, a point near an edge may be
+# No depth camera measures every pixel. A surface may be black, shiny or without texture, a point near an edge may be
 # hidden from one of a stereo sensor's two cameras, and something may be out of range. Such a pixel has **no
 # measurement**, and a driver has to write *something*.
 #
 # Many drivers write 0, as do raw images in millimetres. In ROS (REP 118), a depth image in metres marks a missing
-# measurement with NaN ("not a number"), and uses infinities for what is out of range. A zero that is treated as a
-# depth becomes a point at the centre of the camera. If one term of a sum is NaN, the sum is NaN. And every comparison
+# measurement with NaN ("not a number"), and uses infinities for what is out of range. A zero that is treated as a depth
+# becomes a point at the origin of the camera's frame. If one term of a sum is NaN, the sum is NaN. And every comparison
 # with NaN except `!=` is false, so a test such as `if z < 0` finds no error.
 #
 # So convert once, when you read the image. This chapter's `Camera.picture` turns every NaN and every infinity into 0,
@@ -337,10 +337,9 @@ print(f"{what}: the estimated pose of a box moves by {shift:.2f} mm")
 # %% [markdown]
 # *A straight grid as three lenses show it.*
 #
-# What a good calibration leaves is harmless; an uncorrected lens is not. So correct the distortion first. Most
-# drivers deliver a **rectified** image, in which this is done, with intrinsics of its own. Don't use these with the
-# raw image. And don't interpolate between the pixels of a *depth* image, because that mixes two surfaces at every
-# edge. Keep each depth, and correct the direction of its ray instead.
+# Correct the distortion first. Most drivers deliver a **rectified** image, in which this is done, with intrinsics of
+# its own. And don't interpolate between the pixels of a *depth* image, because that mixes two surfaces at every edge.
+# Keep each depth, and correct the direction of its ray instead.
 #
 # ### Noise: the square of the distance
 #
@@ -399,8 +398,8 @@ show("noise_is_one_number")
 
 # %% [markdown]
 # Here are two stereo cameras: a RealSense D435, 848 pixels wide, and one with a longer focal length and a wider
-# baseline. Data sheets say $f$ and $B$, but hardly ever $s$; we assume 0.1 pixel for both. To measure yours, fit a
-# plane to a flat wall and multiply the spread of the depths about it by $fB/z^2$:
+# baseline. Data sheets say $B$ and the field of view, from which $f$ follows, but hardly ever $s$; we assume 0.1 pixel.
+# To measure yours, fit a plane to a flat wall with texture, and multiply the spread of the depths about it by $fB/z^2$:
 
 # %% tags=["hide-code"]
 z = np.linspace(0.2, 3.0, 50)
@@ -435,9 +434,9 @@ plt.show()
 # But a stereo camera compares *windows* of several pixels, and the windows of two neighbours overlap almost completely.
 # Both therefore make nearly the same error: they have **shared noise**.
 #
-# Many sensors also round the disparity to a multiple of a **step**, such as an eighth of a pixel. Without noise, all
-# pixels of a wall that faces the camera are rounded alike, so their mean has the whole error of the rounding. With
-# enough noise, some are rounded up and others down, and the error of the mean shrinks.
+# Many sensors also round the disparity to a multiple of a **step**. Without noise, all pixels of a wall that faces the
+# camera are rounded alike, so their mean has the whole error of the rounding. With enough noise, some are rounded up
+# and others down, and the error of the mean shrinks.
 
 # %%
 show("pixels_are_independent")
@@ -521,8 +520,8 @@ more_claims("averaging_removes_all")
 # c_y)\,z/f_y$. Some sensors report the length of the ray instead of $z$. Then divide it by the length of
 # $((u-c_x)/f_x,\;(v-c_y)/f_y,\;1)$ first.
 #
-# A **voxel grid** divides space into cubes, the voxels, and replaces the points in each cube with their mean. There
-# are fewer points then, and they are equally dense everywhere, as long as a pixel is narrower than a cube.
+# A **voxel grid** divides space into cubes, the voxels, and replaces the points in each cube with their mean. There are
+# fewer points then, and they are about equally dense everywhere, as long as a pixel is narrower than a cube.
 
 # %% tags=["hide-code"]
 row = int(np.argmax(np.count_nonzero(ids == 1, axis=1)))  # the row with most of the box
@@ -549,8 +548,8 @@ _ = axis.legend(fontsize=8)
 plt.show()
 
 # %% [markdown]
-# *One row of the image, back-projected: the table on both sides, the box between. The grid shows the cubes, whose
-# edge is 10 mm; the points in a cube become one mean.*
+# *One row of the image, back-projected: the table on both sides, the box between. The grid shows the cubes, whose edge
+# is 10 mm.*
 #
 # If the centre of the first pixel has the coordinate 0, the middle of $W$ columns is $(W-1)/2$ and not $W/2$. A
 # principal point that is half a pixel off moves each point sideways in proportion to its depth. The depths on a table
@@ -614,7 +613,8 @@ show("draws_find_the_plane")
 #
 # *Share of runs that find the table, against the plane tolerance divided by the noise. Half of the 200 points lie on
 # the table. Dotted: the promised probability. Three noisy points make a tilted plane, so without step 4 (no refit) the
-# share stays below the promise. Step 4 (one refit), and repeating it (two refits), repair most of this.*
+# share stays below the promise. Step 4 (one refit), and repeating it (two refits), repair most of this from twice the
+# noise on.*
 #
 # For the fit of step 4, write the plane as $1 = a\,x + b\,y + c\,z$, with three unknown numbers $a$, $b$ and $c$, and
 # divide by $z$:
@@ -622,9 +622,8 @@ show("draws_find_the_plane")
 # $$\frac{1}{z} = a\,\frac{x}{z} + b\,\frac{y}{z} + c .$$
 #
 # The ratios $x/z$ and $y/z$ follow from the column and the row of the pixel, which are exact. Only $1/z$, on the left,
-# has noise. And $1/z$ is proportional to the disparity, whose noise is the same everywhere. So an ordinary
-# least-squares fit to $1/z$ gives every pixel the right weight. In a fit to the points themselves, the far, noisy
-# points pull hardest.
+# has noise. With stereo, $1/z$ is proportional to the disparity, whose noise is the same everywhere. So an ordinary
+# least-squares fit to $1/z$ gives every pixel the right weight.
 
 # %%
 show("inverse_depth_is_better")
@@ -632,15 +631,15 @@ show("inverse_depth_is_better")
 # %% [markdown]
 # ![Angle of the table against time, and its offset against the noise](../docs/charts/plane_precision.png)
 #
-# *Left: error of the plane's angle against computing time. Two methods fit table pixels only, from a thousandth of
-# them (top) to all (bottom): a singular value decomposition (SVD) of the points, and the fit of $1/z$ (inverse
-# depth), which passes over the whole image in any case. RANSAC is given all pixels, a box among them, and 3 (top) to
-# 300 samples; its refit is an SVD. Dotted: a tilt of 0.2 mm on 100 mm. Right: systematic offset of the plane against
-# the noise.*
+# *Left: error of the plane's angle against computing time. Two methods fit table pixels only, from a thousandth of them
+# (top) to all (bottom): a singular value decomposition (SVD) of the points, and the fit of $1/z$ (inverse depth).
+# RANSAC is given all pixels, a box among them, and 3 (top) to 300 samples; its refit is an SVD. Dotted: a tilt of 0.2
+# mm on 100 mm. Right: systematic offset of the plane against the noise.*
 #
-# The fit of $1/z$ gains most from many pixels. More samples alone don't help RANSAC: the plane with the most inliers
-# leans towards the box, to take in some of its points. And the largest plane need not be the table; it may be a wall.
-# So check: is it where the calibration puts the table? Does its normal, the direction perpendicular to it, point up?
+# The fit of $1/z$ gains most from many pixels. RANSAC without a refit stays far less accurate, even with 300 samples:
+# the plane with the most inliers leans towards the box, to take in some of its points. And the largest plane need not
+# be the table; it may be a wall. So check: is it where the calibration puts the table? Does its normal, the direction
+# perpendicular to it, point up?
 #
 # ### One cluster per part: DBSCAN and connected components
 #
@@ -651,9 +650,8 @@ show("inverse_depth_is_better")
 # vanishes as noise.
 #
 # In a depth image there is a faster method. A **connected component** is a set of adjacent pixels whose depths differ
-# by less than a given limit from one pixel to the next. No search for neighbours is needed, because the image already
-# says which pixels are adjacent. If the limit is too large, neighbouring parts are joined. If it is too small, one part
-# is cut in two at a steep face.
+# by less than a given limit from one pixel to the next. If the limit is too large, neighbouring parts are joined. If it
+# is too small, one part is cut in two at a steep face.
 #
 # How many neighbours should DBSCAN require? You can calculate it. Take a flat face with one point per voxel, and let
 # $v$ be the edge of a voxel. A disc of radius $\epsilon$ (`eps`) on this face holds about $\pi\epsilon^2/v^2$ points.
@@ -695,7 +693,7 @@ print(f"DBSCAN: clusters of {np.bincount(by_density[~noise])} voxels, {noise.sum
 print(f"pixels: clusters of {counts[counts >= 40]}, {counts[counts < 40].sum()} in smaller ones")
 
 # %% [markdown]
-# *The same image, clustered in two ways. Colours are clusters, black is noise.*
+# *The same image, clustered in two ways. Colours are clusters, black is noise. Left: voxels of 4 mm.*
 
 # %%
 more_claims(
@@ -772,22 +770,24 @@ plt.show()
 # ICP is a local search. The set of starting poses from which it reaches the right pose is its **basin**. A **symmetry**
 # of a part is a turn after which it looks the same: 90 degrees for a prism with four equal sides. So the prism has four
 # equal poses. Suppose that only one of them is right, because one side has a mark that the depth camera does not see.
-# From a start that is more than 45 degrees off, you expect ICP to end in the next of the four poses.
+# From a start that is more than 45 degrees off, you expect ICP to end in the next of the four poses. At 45 degrees, the
+# pulls towards two poses cancel.
 #
 # ![Where ICP converges to the right pose, and its iterations](../docs/charts/icp_basin.png)
 #
-# *Left: error of the final turn against the error of the starting turn, for prisms with different numbers of sides.
-# The starts are 2.3 degrees apart. Right: iterations against the error of the start. Point-to-plane (planes), and the
-# shape given by a formula, need about a tenth of the iterations of point-to-point (points).*
+# *Left: error of the final turn against the error of the starting turn, for prisms with different numbers of sides. The
+# starts are 2.3 degrees apart. With four sides, the last start below 45 degrees stops almost where it began. Right:
+# iterations for a box, against the error of the start. Point-to-plane (planes), and the shape given by a formula, need
+# about a tenth of the iterations of point-to-point (points).*
 
 # %%
 print_figures("icp_basin", "3", "4", "6", "points", "planes", "shape")
 
 # %% [markdown]
 # To get into the basin, `locate` starts ICP at several turns and keeps the best result. **Global registration** needs
-# no start. It describes the surface around each point by a short vector, a **descriptor**. It pairs points with
-# similar descriptors, and keeps the pairs that one rigid motion explains. For a part on a table several starts are
-# simpler, because only one angle is unknown.
+# no start. It describes the surface around each point by a short vector, a **descriptor**. It pairs points with similar
+# descriptors, and keeps the pairs that one rigid motion explains. For a part on a table several starts are simpler,
+# because only one angle is unknown if you know which side is down.
 
 # %%
 more_claims("icp_comes_home", "own_points_come_home", "picture_to_picture")
@@ -809,9 +809,10 @@ more_claims("icp_comes_home", "own_points_come_home", "picture_to_picture")
 # height of the face has a standard deviation of $1/\sqrt{100}$ mm, which is 0.1 mm. About a shift *along* the face
 # the points say nothing: its entries are zero in every row.
 #
-# In least squares, the information matrix is called the **normal matrix**. Each step of point-to-plane ICP solves a
-# linear system with it. A motion without information is **unobserved**. Then the matrix has a zero eigenvalue and no
-# inverse. What should a program return in this case?
+# In least squares, $\sum J^\mathsf{T} J$ is called the **normal matrix**. If each row is first divided by its $\sigma$,
+# as here, it is the information matrix. Each step of point-to-plane ICP solves a linear system with it. A motion
+# without information is **unobserved**. Then the matrix has a zero eigenvalue and no inverse. What should a program
+# return in this case?
 
 # %%
 predict("turn_of_a_can")
@@ -823,9 +824,10 @@ show("what_is_not_seen")
 # Many programs add a small number to the diagonal so that the matrix can be inverted. This produces a finite variance
 # for something that was never measured. The honest answer is infinity, together with the name of the direction.
 #
-# Are the *finite* variances honest? Divide the squared error by the predicted variance, over many images. The mean
-# should be one (the NEES test: normalised estimation error squared). But near an edge, a noisy point may be closest
-# to a face that the camera cannot even see. ICP then assumes that this face was measured.
+# Are the *finite* variances honest? Let $e$ hold the errors of the observed directions, and let $P$ be their predicted
+# covariance. The **NEES** (normalised estimation error squared) is $e^\mathsf{T} P^{-1} e$. Its mean over many images,
+# divided by the number of these directions, should be one. But near an edge, a noisy point may be closest to a face
+# that the camera cannot even see. ICP then assumes that this face was measured.
 
 # %%
 show("normal_matrix_is_covariance")
@@ -836,10 +838,10 @@ show("normal_matrix_is_covariance")
 #
 # ![Squared error over predicted variance, and shared noise](../docs/charts/pose_covariance.png)
 #
-# *Left: squared error divided by predicted variance, for a box of which the camera sees three, two or one faces, a
-# cylinder and a sphere. Right: the spread of the pose, divided by its spread with independent pixels, against the width
-# of the matching window. The band reaches from the smallest to the largest of the pose's six numbers. The thin line is
-# the width of the window.*
+# *Left: mean NEES, divided by the number of observed directions, for a box of which the camera sees three, two or one
+# faces, a cylinder and a sphere. Right: the spread of the pose, divided by its spread with independent pixels, against
+# the width of the matching window. The band reaches from the smallest to the largest of the pose's six numbers. The
+# thin line is the width of the window.*
 
 # %%
 print_figures("pose_covariance", "closest", "along", "window 7")
@@ -847,8 +849,7 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 # %% [markdown]
 # As in section 1, shared noise makes this covariance too small. For a window of $w$ pixels, the true variances are up
 # to $w^2$ times as large. To be on the safe side, `locate` takes the whole factor $w^2$ for the points. To check a
-# covariance, place the part at several poses that you know from elsewhere, such as a fixture, and use the errors. An
-# error that is the same in every image does not show in the spread of a part at rest.
+# covariance, place the part at several poses that you know from elsewhere, such as a fixture, and use the errors.
 #
 # ### The outline of a part
 #
@@ -857,9 +858,8 @@ print_figures("pose_covariance", "closest", "along", "window 7")
 #
 # The **outline** is the set of border pixels of the part, where it hides something farther away. Suppose that each
 # pixel shows the surface that its central ray hits. Then the true edge lies between the centre of a border pixel and
-# that of its outer neighbour, and the midpoint of the two is wrong by half a pixel at most. (Pixels that mix two
-# surfaces, and matching windows, shift it farther.) Draw the edge of the model into the image, too, and measure the
-# distance of each midpoint from this edge in pixels.
+# that of its outer neighbour, and the midpoint of the two is wrong by half a pixel at most. Draw the edge of the model
+# into the image, too, and measure the distance of each midpoint from this edge in pixels.
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(7, 2.4), layout="constrained")
@@ -893,8 +893,9 @@ plt.show()
 # Each border pixel adds a row $(m^\mathsf{T}, (q \times m)^\mathsf{T})$. Here $q$ is a point on the part's edge in
 # space, the one whose image is nearest to the midpoint. The vector $m$ points outwards, across the edge. It turns a
 # motion in metres into a distance in pixels, so its length is about $f/z$, the number of pixels per metre. The
-# midpoint's error is spread evenly over one pixel: $\sigma = 1/\sqrt{12}$ pixel, about 0.29. These rows determine
-# $x$, $y$ and the turn.
+# midpoint's error is spread evenly over one pixel: $\sigma = 1/\sqrt{12}$ pixel, about 0.29. Along an edge that is
+# parallel to the pixel rows, all midpoints have the same error, and `locate` allows for this. These rows determine $x$,
+# $y$ and the turn.
 #
 # Where something nearer covers the part, the border belongs to *that* object and must not be used.
 
@@ -948,13 +949,13 @@ show("looked_through_is_wrong")
 
 # %% [markdown]
 # The right panel of the sketch shows the test's limit. Two equal parts that touch are **twins**. Every pixel of a model
-# between them is covered by *something*, so see-through can't object. Nor can it if the part on the table is slightly
-# larger than the model.
+# between them is covered by *something*, so see-through can't object. Nor can it if the part on the table is larger
+# than the model.
 #
 # The opposite question helps: does the pose explain all that was measured? Take all pixels of the drawn model and of
 # the cluster. A pixel **agrees** if both have the same depth there, up to the noise. The other pixels are **left
 # over**. `locate` does not report *found* when too many are left over, or when the border is off the model's outline.
-# This has a limit as well: a **near twin**, which differs from the model by a pixel or so, is taken for it.
+# This has a limit as well: a **near twin**, which differs from the model by one or two pixels, is taken for it.
 
 # %%
 show("not_looked_through_is_right")
@@ -962,9 +963,9 @@ show("not_looked_through_is_right")
 # %% [markdown]
 # ![How often a part of slightly different length is taken for the model](../docs/charts/near_twins.png)
 #
-# *How often a box that is a little longer or shorter than the model is reported as* found*. Dotted: predicted limits
-# from the size of a pixel alone, if one end of the model is off, or both. With half the pixel, the limit is half as
-# large.*
+# *How often a box that is a little longer or shorter than the model is reported as* found*. Dotted: the differences at
+# which the border is as far off the outline as `locate` allows (0.75 pixel, root mean square), if the whole difference
+# is at one end, or half of it at each end.*
 
 # %%
 print_figures(
@@ -972,6 +973,9 @@ print_figures(
 )
 
 # %% [markdown]
+# At 320 x 240 pixels, *found* does not guarantee 2 mm if near twins are among the parts. At twice the resolution, all
+# *found* poses were within 2 mm.
+#
 # ![Residual and see-through of right and wrong poses](../docs/charts/silently_wrong.png)
 #
 # *Residual (left) and see-through share (right) of fitted poses, against the true error of their position. The table
@@ -1091,8 +1095,7 @@ plt.show()
 # *The two paths: across and then down must equal down and then across.*
 #
 # Which motions you make matters more than how many. On a planar arm, all of them turn about the same axis. Then the
-# axes no longer tell how the camera is turned about this one axis; only the shifts of the motions $A$ and $B$ do. And
-# the camera's position along the axis stays unknown, however many motions you make:
+# camera's position along this axis stays unknown, however many motions you make:
 
 # %% tags=["hide-code"]
 print(
@@ -1131,10 +1134,8 @@ print_figures("tracking", "0 mm/s", "20", "100", "last", "predicted", "error")
 
 # %% [markdown]
 # For a part at rest, further images help. For a moving one, the mean shows where the part *was*, so only the mean of
-# very few images helps, or none. A prediction removes most of the error of the moving part. Here the filter expects
-# too large an error, because it allows for accelerations that these parts don't make. The more acceleration a filter
-# allows for, the more its velocity follows the noise. So in the first figure, a prediction over the same 0.1 s is
-# less accurate, although its poses have a fifth of this noise: that filter allows for ten times the acceleration.
+# very few images helps, or none. A prediction removes most of the error of the moving part. Here the filter expects too
+# large an error, because it allows for accelerations that these parts don't make.
 
 # %%
 more_claims("averaging_pictures_helps")
@@ -1239,16 +1240,16 @@ rows = [("omitted effect", "shift of the position [mm]", "how the image was comp
 rows += [(what, f"{mm:.2f}", how) for what, mm, how in effects]
 for what, mm, how in (
     ("together, if independent", np.sqrt(np.sum(shifts**2)), "root of the sum of squares"),
-    ("together, at worst", np.sum(shifts), "sum"),
+    ("together, if all push the same way", np.sum(shifts), "sum"),
 ):
     rows.append((what, f"**{mm:.2f}**, three times: {3.0 * mm:.2f}", how))
 table_of(*rows)
 
 # %% [markdown]
 # A single pose can be farther off than the root mean square, so compare *three times* the shift with the 2 mm. If the
-# effects are independent, they just fit; at worst, they don't. So they can use up the whole tolerance, mostly through
-# pixels that mix two surfaces. They were not tried together, and real sensors have others: matching windows that
-# shift an edge, or drift with temperature. Calibration and age come on top.
+# effects are independent, they just fit; if all push the same way, they don't. So they can use up the whole tolerance,
+# mostly through pixels that mix two surfaces. They were not tried together, and real sensors have others: matching
+# windows that shift an edge, or drift with temperature. Calibration and age come on top.
 #
 # ### Interfaces and answers
 #
@@ -1331,9 +1332,8 @@ predict("keeps_up")
 # %% [markdown]
 # **Throughput** is how many images per second the pipeline processes: one over the time of the slowest stage, if all
 # stages work at once, each on another image. **Latency** is how old an answer is: the time of all stages and of the
-# waits between them, plus exposure and transport. Workers that take whole images in turn raise the throughput, but
-# each answer is as old as before when it arrives. Workers that share one image, such as one for each cluster, do
-# shorten the latency.
+# waits between them, plus exposure and transport. Workers that take whole images in turn raise the throughput, but each
+# answer is as old as before when it arrives.
 #
 # Here are the five stages after the image, timed on one core. The last stage, *grasp*, is the function **`closes`**:
 # may the gripper close? It adds up:
@@ -1461,7 +1461,7 @@ print("  true [mm]     can 60 wide, 80 high, box", (2e3 * BOX.sizes[:, 0]).astyp
 
 # %% [markdown]
 # The *settings* are the problem: 50 neighbours at 5 mm voxels and a plane tolerance of 10 mm lose the plate, and the
-# extent of an axis-aligned box is not the size of the part.
+# extent of a box along the camera's axes is not the size of the part.
 
 # %%
 more_claims("tutorial_runs")
@@ -1510,15 +1510,15 @@ simulation("perception", "Touching")
 #
 # ![Time of the library over that of the course, and clusters by the number of points](../docs/charts/cloud_speed.png)
 #
-# *Left: time of the library divided by that of the course. First two rows: MuJoCo and Embree cast one ray per pixel,
-# on one thread. They are general, while the course knows a few simple solids; MuJoCo's renderer, which usually draws
-# its depth images, is not measured. Other rows: Open3D. "Draws" are samples of RANSAC, with "early stop" until the
-# formula of section 2 promises 0.99. Right: time of DBSCAN against the number of points in the same volume, with the
-# exponents of the last three points.*
+# *Left: time of the library divided by that of the course. First two rows: MuJoCo and Embree cast one ray per pixel, on
+# one thread. They are general, while the course knows a few simple solids; MuJoCo's renderer, which usually draws its
+# depth images, is not measured. Other rows: Open3D. "Draws" are samples of RANSAC, with "early stop" until the formula
+# of section 2 promises 0.99. Right: time of DBSCAN against the number of points in the same volume, with exponents
+# fitted to the last three points.*
 #
-# On the right, each point also gets more neighbours, so Open3D's DBSCAN grows nearly with the square. (The course's
-# exponent is below one because a fixed part of the time dominates.) After a voxel grid the density is constant; this
-# case is the row *clusters* of the next chart.
+# On the right, each point also gets more neighbours, so Open3D's DBSCAN grows nearly with the square. The course sorts
+# the points into cells so small that all points of a cell are neighbours. A full cell needs no count. After a voxel
+# grid the density is constant; this case is the row *clusters* of the next chart.
 
 # %%
 print_figures("cloud_speed", "voxels of 5", "plane, early", "course", "Open3D")
@@ -1537,8 +1537,7 @@ print_figures("frame_speed", "course", "Open3D", "locate", "clusters", "poses")
 
 # %% [markdown]
 # So part of the difference in *poses* is the formula; the next chart also compares fits to the same cloud. `locate`
-# takes longer than the course's pipeline, because it tries more starts and tests its answer. One pose of the course
-# misses the 2 mm narrowly; `locate`, which also uses the outline, has it right.
+# takes longer than the course's pipeline, because it tries more starts and tests its answer.
 #
 # ![Error of a pose against its time, by voxel size](../docs/charts/pose_precision.png)
 #
@@ -1551,9 +1550,9 @@ print_figures("frame_speed", "course", "Open3D", "locate", "clusters", "poses")
 # All of these need a start; global registration (section 3) doesn't. Open3D has a descriptor, **FPFH**, and two
 # searches (explained in the fold-out). ICP refines the result.
 #
-# The table shows the share of poses within 2 mm and 2 degrees (up to symmetry), from the worst to the best setting.
-# All methods are given the table, and Open3D the points above it. `locate` starts at the cluster with the part
-# standing, except for the L *held anyhow*.
+# The table shows the share of poses within 2 mm and 2 degrees (up to symmetry), from the worst to the best setting. All
+# methods are given the table, and Open3D the points above it. Only `locate` also knows which side is down, except for
+# the L *held anyhow*.
 
 # %% tags=["hide-code"]
 PANELS = {
@@ -1574,7 +1573,8 @@ for name, words in (PANELS | {"box": "a box"}).items():
 table_of(*rows)
 
 # %% [markdown]
-# Points on flat faces all have the same descriptor, so few pairs are right.
+# FPFH is weak here: points on flat faces all have the same descriptor, so few pairs are right. Point pair features
+# (Drost and others 2010), often used for such parts, are not measured.
 #
 # <details><summary>The settings, and a chart of error against time</summary>
 #
@@ -1591,9 +1591,9 @@ table_of(*rows)
 # </details>
 #
 # **What to choose.** From the gripper's tolerance, first subtract the errors of calibration and age, and the effects
-# that these images omit (section 4). Take the fastest method for which three times the error still fits into the
-# rest, and test its answer with see-through. If 0.6 mm are left, the error may be 0.2 mm: take the shape on a grid of
-# 8 mm, or of 4 mm with shared noise.
+# that these images omit (section 4). Take the fastest method for which three times the error still fits into the rest,
+# and test its answer with see-through. Of this chapter's 2 mm, almost nothing is left. If a wider gripper leaves 0.6
+# mm, the error may be 0.2 mm: take the shape on a grid of 8 mm, or of 4 mm with shared noise.
 #
 # For clusters of one image, use connected components; DBSCAN is for points from several images. For the table, run
 # RANSAC on a few thousand points, then fit $1/z$ to all pixels near it.
@@ -1608,8 +1608,9 @@ table_of(*rows)
 # ![The lowest part that is found, and clusters of bare table](../docs/charts/lost_parts.png)
 #
 # *Left: height of the lowest part that is found, against the distance, for four settings of plane tolerance and
-# neighbours. Right: false clusters on an empty table. A curve that ends means that not even the highest part was
-# found. (This chart uses a sensor with shared noise, $\sigma_z$ = 3.5 mm at 0.8 m.)*
+# neighbours. A part is found if, in most images, a cluster consists mainly of its points. A curve ends where not even
+# the highest part, 40 mm, is found. Right: clusters of bare table. (Voxels of 5 mm, eps 20 mm; a sensor with shared
+# noise, $\sigma_z$ = 3.5 mm at 0.8 m.)*
 
 # %%
 print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
@@ -1617,7 +1618,8 @@ print_figures("lost_parts", "10 mm, 12", "4 mm", "3 sigma")
 # %% [markdown]
 # Compare the settings with 12 neighbours. Near the camera, a fixed tolerance of 10 mm hides low parts. Farther away,
 # noise lifts enough points of an 8 mm part above it, so the part is found. But at one metre and beyond, noise also
-# lifts points of the bare table: more than a dozen false clusters appear.
+# lifts points of the bare table: more than a dozen false clusters appear. With 4 mm, this begins nearer. From 1 m on,
+# even the highest part is lost, because its cluster also takes in such points.
 #
 # The tolerance of three $\sigma_z$ finds low parts near by and makes no false clusters far away. The price is that far
 # parts must be higher: at 1 m, 15 mm instead of 8 mm. Requiring 50 neighbours also suppresses false clusters, but then
@@ -1646,11 +1648,11 @@ rows = ("above", "clustered", "tolerance", "neighbours", "3 sigma, 0.2 pi (", "3
 figures(read("small_parts"), *rows, summary="The counts and the cures")
 
 # %% [markdown]
-# Cubes of 10 to 20 mm still have points above the plane, but none in a cluster: too many neighbours are required.
-# Requiring fewer finds cubes of 16 mm, at the price of a false cluster in about one image of ten. With a plane
-# tolerance of three $\sigma_z$ as well, false clusters are rare. Connected components in place of DBSCAN then find
-# cubes of 12 mm, and no false cluster appeared. Moving nearer, to 0.5 m, helps only together with such cures: then
-# cubes of 6 mm are found, the smallest that were tried, with one image as with five (lowest bars).
+# Cubes of 12 to 20 mm still have most of their points above the plane, but none in a cluster: too many neighbours are
+# required. Requiring fewer finds cubes of 16 mm, at the price of a false cluster in about one image of ten. With a
+# plane tolerance of three $\sigma_z$ as well, false clusters are rare. Connected components in place of DBSCAN then
+# find cubes of 12 mm, and no false cluster appeared. Moving nearer, to 0.5 m, helps only together with such cures: then
+# cubes of 6 mm are found, the smallest that were tried.
 #
 # <div class="alert alert-block alert-danger">
 #
@@ -1669,10 +1671,10 @@ figures(read("small_parts"), *rows, summary="The counts and the cures")
 #
 # </div>
 #
-# **Large parts.** The chart compares seven estimators of a box in seven situations. *Alone*; *touching*: a smaller
-# box touches its long side; *twin*: an equal box does; *hidden*: a tall can hides nearly half of it; *cut off*: more
-# than half of it is outside the image; *scale*: all depths are one per cent too long; *camera*: the camera is tilted
-# forwards by one degree. The printed table omits the last two, and the box along the table.
+# **Large parts.** The chart compares seven estimators of a box in seven situations. *Alone*; *touching*: a smaller box
+# touches its long side; *twin*: an equal box does; *hidden*: a tall can hides nearly half of it; *cut off*: more than
+# half of it is outside the image; *scale*: all depths are one per cent too long; *camera*: the camera is tilted
+# forwards by one degree.
 #
 # ![Seven estimators of a pose, and what goes wrong](../docs/charts/large_parts.png)
 #
@@ -1702,10 +1704,9 @@ figures(
 # the twin, `locate` reports *ambiguous*. The other two are reported as *found*, because the program finds the table
 # in the same wrong image. If you pass the true table to `locate`, it refutes the wrong scale. It also refutes the
 # pose if the camera is tilted forwards or backwards, because the measured table is then too high or low at the part.
-# A sideways tilt hardly changes this height in the middle of the image, and passes there.
 #
-# A median hides wrong poses. It also counts poses that are not *found*: `locate` reports none of the ten cut-off
-# boxes as found, although their median error is small.
+# A median hides wrong poses. It also counts poses that are not *found*: `locate` reports none of the ten cut-off boxes
+# and only half of the touching ones as found, although their median errors are small.
 #
 # ### Debugging
 #
@@ -1930,8 +1931,7 @@ your_robot(7)
 # %% [markdown]
 # ## 9 · Frontier: networks that see
 #
-# So far, every accurate pose needed a model of the part's shape. Some learned methods need less. The fold-out compares
-# four well-known papers.
+# So far, every accurate pose needed a model of the part's shape. Some learned methods need less.
 #
 # <details><summary>Contact-GraspNet, FoundationPose, SAM 2, SpatialVLM: claims and reports</summary>
 #
@@ -1972,7 +1972,7 @@ predict("network_and_mirror")
 # *Left: share of right poses in 100 new images, against time (the network's included). A number counts the starts,
 # which are evenly spread; "axis" starts along the direction in which the points spread most. Right: see-through share
 # of the poses that begin with the network's start, against the error of their turn, for the part and for its mirror
-# image (counted from the turn at which it lies there).*
+# image. The latter's error is counted from the turn of the mirrored part itself, which no turn of the model can fit.*
 
 # %%
 rows = (

@@ -16,7 +16,7 @@ SYMBOLS = {
 
 @claim(
     "The five steps of an Open3D tutorial (read a file of points, voxels, plane, clusters, boxes) "
-    "run on a depth image without an error.",
+    "can be applied to a depth image as they are.",
     "The first step reads a file of points. With a file that contains the points of our image, "
     "the steps find {there:.0f} clusters for {boxes:.0f} boxes. Without it, Open3D warns, "
     "continues with {empty:.0f} points, and fails at the plane. A depth image has to be "
