@@ -33,8 +33,8 @@ simulation("joint")
 # * choose a controller for contact with a wall;
 # * tell an instability of the robot from an artefact of its simulator.
 #
-# In the simulation, *settled* means that the error stays below 2 % of the step.
-# You need the equations of motion of chapter 4, linear differential equations, and eigenvalues.
+# In the simulation, *settled* means that the error stays below 2 % of the step. You need the equations of motion of
+# chapter 4, linear differential equations, and eigenvalues.
 #
 # ## How this chapter works
 #
@@ -218,7 +218,7 @@ more_claims(
 # ### Windup and anti-windup
 #
 # Every motor has a largest torque. When the controller asks for more, the motor delivers this limit, whatever the
-# error is. As long as this lasts, the gains have no effect. But the I term keeps summing the error.
+# error is. But the I term keeps summing the error.
 
 # %%
 predict("jammed")
@@ -234,8 +234,8 @@ predict("jammed")
 #
 # The chart shows another joint, which is blocked for 2 s. A load pushes forwards, and the set-point is 0.25 rad. In
 # the right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed
-# the set-point. With conditional integration (blue), it leaves the limit at once. The joint still overshoots, as it
-# also does without a jam. Lines are the exact solution, dots are from the simulator MuJoCo:
+# the set-point. With conditional integration (blue), it leaves the limit at once. The joint still overshoots, as
+# without a jam. Lines are the exact solution, dots are from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -486,13 +486,13 @@ for one in stored("pd_triangles")[0].series:
 predict("faster_loop")
 
 # %% [markdown]
-# Every estimate of the rate from angles has noise and lag, and less of one means more of the other. A plain
-# difference has the least lag and the most noise. A low-pass filter averages the difference over about its time
+# Every estimate of the rate from angles has noise and lag. For one kind of estimate, less noise means more lag. A
+# plain difference has the least lag and the most noise. A low-pass filter averages the difference over about its time
 # constant. A **tracking observer** predicts angle and rate one sample ahead, and corrects both with the error of the
 # predicted angle.
 #
 # The chart compares the three at 1 kHz; the lag is the one under a steady acceleration. At the same lag, the observer
-# (green) has less noise than the filter (orange):
+# (green), a second-order filter, has less noise than the first-order one (orange):
 #
 # ![Noise of a rate against its lag](../docs/charts/rate_estimates.png)
 
@@ -557,8 +557,8 @@ figures(read("saturation_region"), summary="Largest angle at rest, computed and 
 # **Key insight.** Add up the delays of a loop: half a sample for the hold, the computing time, and the communication.
 # The D term has further delays: half a sample if the rate is a difference, and about the time constant of its filter.
 # Together with inertia and friction, these delays limit the gain of a rigid joint. Compute this limit before you tune
-# by hand. The **resonance** of an elastic gear, at which motor and arm swing against each other, often sets a lower
-# limit.
+# by hand. The **resonance** of an elastic gear, at which motor and arm swing against each other, often lowers the
+# limit further.
 #
 # </div>
 
@@ -578,8 +578,6 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 # | PI | $0.45\,K_u$ | $0.54\,K_u/T_u$ | 0 |
 # | PID | $0.6\,K_u$ | $1.2\,K_u/T_u$ | $0.075\,K_u T_u$ |
 #
-# Give our joint a delay of 20 ms.
-#
 # These rules suit a joint badly. With friction, a constant torque gives a constant *speed*, and the angle is the
 # integral of the speed. An I term integrates once more. Each integration has a phase lag of 90 degrees. So with an I
 # term, slow motions lag by 180 degrees even without any delay.
@@ -588,8 +586,8 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 show("ziegler_nichols_is_safe")
 
 # %% [markdown]
-# Another method uses three numbers that you know: $J$, $b$ and the delay. Let $D_t$ be the total delay: hold,
-# difference and communication. With PD, a motion $e^{st}$ is possible if
+# Another method uses three numbers: $J$, $b$ and the delay. Let $D_t$ be the total delay of D: hold, difference and
+# communication. For simplicity, let P be as late. With PD, a motion $e^{st}$ is possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD_t} = 0 .$$
 #
@@ -606,7 +604,7 @@ show("ziegler_nichols_is_safe")
 # </details>
 
 # %% tags=["show-code"]
-late = 0.02
+late = 0.02  # s: the delay of our joint
 Dt = late + dt  # hold and difference are half a sample each
 s = max(
     np.roots([inertia * Dt**2, damping * Dt**2 + 4 * inertia * Dt, 2 * (damping * Dt + inertia)])
@@ -650,16 +648,16 @@ print(", ".join(f"{pole:.1f}" for pole in slowest))
 # %% [markdown]
 # <details><summary>Why the poles are not exactly equal</summary>
 #
-# For simplicity, the formula gives P the delay of the difference, too. In the sampled loop P is half a sample less
-# late. This splits the triple pole: one pole is about a quarter slower, and the other two are a pair that oscillates
-# but decays faster. All other poles decay several times faster.
+# The formula gives P the delay of the difference, too. In the sampled loop P is half a sample less late. This splits
+# the triple pole: one pole is about a quarter slower, and the other two are a pair that oscillates but decays faster.
+# All other poles decay several times faster.
 #
 # </details>
 #
 # The chart repeats the test over a wide range of delays, without load, noise or torque limit. The three rules
 # overshoot far, or are unstable (triangles at the top). The equal poles do not overshoot. But they use the exact $J$,
-# $b$ and delay, the rules only the experiment. And without an I term, a load would leave an error of $\tau_L/K_p$.
-# Their $K_p$ may be above $K_u$: that is the limit of P alone, and D raises the limit.
+# $b$ and delay, the rules only the experiment. And the rules aim at loads: without an I term, a load would leave an
+# error of $\tau_L/K_p$. Their $K_p$ may be above $K_u$: that is the limit of P alone, and D raises the limit.
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 
@@ -675,9 +673,9 @@ more_claims("every_joint_has_ku", "quoted_gains_overshoot", "quoted_ku_tu", "saf
 # ### Tracking controllers: PD to computed torque
 #
 # An arm follows a planned motion $q_d(t)$. Each joint's motion loads the others, so a controller that knows the
-# equation of motion can do better than one PD loop per joint. Chapter 4 gave this equation as
-# $M(q)\ddot q + h(q,\dot q) = \tau$, where $h = C(q,\dot q)\,\dot q + g(q)$ collects velocity terms and gravity. Four
-# controllers use more and more of it:
+# equation of motion can do better than one PD loop per joint. Chapter 4 gave this equation as $M(q)\ddot q + h(q,\dot
+# q) = \tau$, where $h = C(q,\dot q)\,\dot q + g(q)$ collects velocity terms and gravity. Four controllers use more
+# and more of it:
 #
 # | controller | torque | what it knows |
 # |---|---|---|
@@ -710,9 +708,8 @@ plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. PD with feed-forward even has the smaller error here, partly because its gains make
-# the elbow stiffer (section 6 compares at equal stiffness). But it computes the torque for the planned motion only.
-# After a disturbance, the PD terms alone must bring the arm back.
+# sample while the arm moves on. PD with feed-forward even has the smaller error here, also at equal stiffness
+# (section 6). But it computes the torque for the planned motion only.
 #
 # Computed torque uses the measured angles and rates. Put its torque into the equation of motion: the velocity terms
 # and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
@@ -745,8 +742,8 @@ show("computed_torque_law")
 show("adaptive_finds_parameters")
 
 # %% [markdown]
-# The estimate reaches the true values only if, again and again during the motion, every other combination of parameters
-# would change the torques. This is called **persistent excitation**. Noise can make the estimate drift, so limit it to
+# The estimate reaches the true values only if the motion keeps making every possible error of the parameters visible
+# in the torques. This is called **persistent excitation**. Noise can make the estimate drift, so limit it to
 # plausible values.
 #
 # Sampled, the update also has a limit. For one joint with exact rates and a constant regressor, it is stable while
@@ -758,14 +755,14 @@ show("adaptive_finds_parameters")
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
 #
 # **Limit.** Let the regressor $Y$ of one joint be constant, and $\varphi$ be the error of the estimated torque. One
-# sample maps $s$ to $(a - \sigma K)s - \sigma\varphi$ and $\varphi$ to $\varphi + dt\,\Gamma Y^2 s$, with
-# $a = e^{-b\,dt/J}$ and $\sigma = (1 - a)/b$. Both eigenvalues are inside the unit circle only if the determinant
-# $a - \sigma K + \sigma\,dt\,\Gamma Y^2$ is below 1. That is $dt\,\Gamma Y^2 < K + b$.
+# sample maps $s$ to $(a - \sigma K)s - \sigma\varphi$ and $\varphi$ to $\varphi + dt\,\Gamma Y^2 s$, with $a =
+# e^{-b\,dt/J}$ and $\sigma = (1 - a)/b$. Both eigenvalues are inside the unit circle only if the determinant $a -
+# \sigma K + \sigma\,dt\,\Gamma Y^2$ is below 1. That is $dt\,\Gamma Y^2 < K + b$.
 #
 # **Drift.** At rest the regressor of the inertia is $\Lambda\dot e$, and $s$ contains the same noisy $\dot e$. The
-# mean of their product is not zero, so the estimated inertia grows by
-# $\Gamma\Lambda\,(2\eta^2/dt^2 + \Lambda\eta^2/dt)$ per second, where $\eta$ is the standard deviation of the angle.
-# It multiplies the noisy rate like a $K_d$, and the loop ends where PD ends.
+# mean of their product is not zero, so the estimated inertia grows by $\Gamma\Lambda\,(2\eta^2/dt^2 +
+# \Lambda\eta^2/dt)$ per second, where $\eta$ is the standard deviation of the angle. It multiplies the noisy rate
+# like a $K_d$, and the loop ends where PD ends.
 #
 # **Cures.** A *dead zone* stops the update while $s$ is as small as the noise. *Projection* limits the estimate.
 # *Leakage* pulls it to a nominal value. *Normalisation* divides the update by $1 + \lvert Y\rvert^2$:
@@ -856,8 +853,8 @@ plt.show()
 # Use $\ddot q_d - \ddot q = \ddot e$ and divide by $\hat J$.
 #
 # For slow motion only $K_p e$ matters on the left, so the slope of $e$ over $\ddot q$ is $(J/\hat J - 1)/K_p$. At the
-# frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It lags, and
-# with a damping ratio of $1/\sqrt2$ or more it is smaller.
+# frequency $\omega$ the error is the right side times $1/(K_p - \omega^2 + i\omega K_d)$. It lags, and with a damping
+# ratio of $1/\sqrt2$ or more it is smaller.
 #
 # A torque that is $D$ late lacks $D\dot\tau$, for an inertia $DJ$ times the jerk. A late measurement delays the same
 # loop, so the logged error is the same. But the true angle is ahead of the measured one by $D\dot q$. Only a second
@@ -903,11 +900,10 @@ _ = axes[2].plot(u, bend / 4.0, "--", lw=1)
 plt.show()
 
 # %% [markdown]
-# `identify` does this for inertia, viscous and Coulomb friction, and gravity. (Coulomb friction needs only the sign
-# of the rate.) `diagnose` takes a log and your model, and tries seven causes, each alone: inertia, viscous friction,
-# Coulomb friction, gravity, torque constant, delay and torque limit. It names the cause that explains the log best,
-# and those that explain it equally well. If two numbers are wrong at once, it still names single causes. But they
-# leave much torque unexplained:
+# `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` takes a log and your model,
+# and tries seven causes, each alone: inertia, viscous friction, Coulomb friction, gravity, torque constant, delay and
+# torque limit. It names the cause that explains the log best, and those that explain it equally well. If two numbers
+# are wrong at once, it still names single causes. But they leave much torque unexplained:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
@@ -941,10 +937,10 @@ for name, one in found.items():
 
 # %% [markdown]
 # The chart varies the noise. On the left, raw second differences (orange) are always wrong, and the integral form
-# (blue) stays accurate. Sending all terms through one low-pass filter works, too (green, 10 Hz), but with the wrong
-# cut-off frequency it lets the noise pass (pink, 40 Hz). The right chart shows how often the true cause, and no
-# other, is named. (*Constant* is the torque constant, *damping* is viscous friction.) Only Coulomb friction (green)
-# is lost in the largest noise:
+# (blue, windows of 0.3 s) stays accurate. Sending all terms through one low-pass filter works, too (green, 10 Hz),
+# but with the wrong cut-off frequency it lets the noise pass (pink, 40 Hz). So do short windows. The
+# right chart shows how often the true cause, and no other, is named. (*Constant* is the torque constant, *damping* is
+# viscous friction.) Only Coulomb friction (green) is lost in the largest noise:
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
 
@@ -975,11 +971,11 @@ more_claims("inertia_by_differences")
 # LQR ignores the torque limit. You can clip its command. But LQR does not know how weakly the motor brakes, so it
 # brakes too late. **Model predictive control** (MPC) computes a whole plan at every sample: the commands for the next
 # $N$ samples, within the limits. $N$ is the **horizon**. The plan minimises the cost of these samples plus
-# $x^\mathsf{T}Px$ of the last state, which stands for everything after it.
+# $x^\mathsf{T}Px$ of the last state, the cost of everything after it if no limit is reached later.
 #
-# This is a **quadratic program**: a quadratic cost with linear limits. Only the first command of the plan is used;
-# the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its target, with a motor of at most
-# 1 N:
+# This is a **quadratic program**: a quadratic cost with linear equations and limits. Only the first command of
+# the plan is used; the next sample computes a new plan. Here is a mass of 1 kg that starts 4 m from its target, with
+# a motor of at most 1 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.8), layout="constrained")
@@ -1008,7 +1004,8 @@ for name in ("clipped LQR", "MPC"):
         path.append((x[0], u[0]))
         x = mass_A @ x + mass_B @ u
     paths[name] = np.array(path)
-    _ = axes[0].plot(h * np.arange(120), paths[name][:, 0], lw=1.5, label=name)
+    label = f"{name}, overshoot {paths[name][:, 0].max():.2f} m"
+    _ = axes[0].plot(h * np.arange(120), paths[name][:, 0], lw=1.5, label=label)
     _ = axes[1].step(h * np.arange(120), paths[name][:, 1], where="post", lw=1.2, label=name)
 _ = axes[0].axhline(0.0, color="0.4", ls="--", lw=1)
 _ = axes[0].set(xlabel="time [s]", ylabel="position [m]", title="crosses: the plans at 0 and 1.5 s")
@@ -1017,8 +1014,8 @@ _ = axes[0].legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# The clipped LQR overshoots by half a metre. MPC starts to brake earlier, because its plan (crosses) contains the
-# braking with the limited force.
+# MPC plans 4 s ahead (crosses), with the limited braking force. So it brakes about a sample earlier, and overshoots
+# less.
 #
 # <details><summary>What MPC saves, and what it costs</summary>
 #
@@ -1103,9 +1100,8 @@ more_claims("samples_find_the_plan")
 # $$\boxed{\;F = M\,\ddot x + B\,\dot x + K\,(x - x_0)\;}$$
 #
 # You choose the virtual mass $M$, the damping $B$, the stiffness $K$ and the rest position $x_0$, here along one
-# axis. $F$ is the *external* force with which somebody moves the hand along the path $x(t)$. The force that the
-# controller commands points the other way. If $M$ is the arm's own mass and gravity is compensated, the command is
-# $-B\dot x-K(x-x_0)$.
+# axis. $F$ is the *external* force with which somebody moves the hand along the path $x(t)$. If $M$ is the arm's own
+# mass and gravity is compensated, the command is $-B\dot x-K(x-x_0)$.
 
 
 # %% tags=["hide-code"]
@@ -1164,8 +1160,8 @@ simulation("probe")
 # hard. The same force runs through both springs, and their deflections add up to the depth of the set-point. **Worked
 # example:** both have 1000 N/m, and the set-point is 10 mm deep. Each spring yields by 5 mm, so the force is 5 N.
 #
-# That was the force at rest. Now push the hand a little away from its position of rest. Both springs push it back. So
-# for a vibration the stiffness is the sum $K + k_e$, where $k_e$ is that of the wall.
+# Now push the hand a little away from its position of rest. Both springs push it back. So for a vibration the
+# stiffness is the sum $K + k_e$, where $k_e$ is that of the wall.
 
 # %%
 show("wall_in_series")
@@ -1197,16 +1193,20 @@ show("damping_is_safe")
 # wall turns motion into force, so its stiffness multiplies the loop gain. For a short delay the limit is $g <
 # b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain.
 #
-# In admittance control, the inner position loop has to follow the virtual mass. A stiff wall shakes a light mass too
-# fast for it. So the virtual mass must not be too *small*: the stiffest walls need nearly the arm's own mass. The
-# charts are for 4 kg, $b$ = 20 N s/m and 1 kHz; the upper left one has 2 ms of delay, the lower one none:
+# In admittance control, the inner position loop has to follow the virtual mass. A stiff wall shakes a *light* mass
+# too fast for it. In the lower chart (inner loop 40 kN/m and 800 N s/m, virtual damping critical for only 100 N/m),
+# the stiffest walls need nearly the arm's own mass. The charts are for 4 kg, $b$ = 20 N s/m and 1 kHz; the upper left
+# one has 2 ms of delay, the lower one none:
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In the upper left chart, *contact d* is MuJoCo's soft contact, in which the share $d$ of the command becomes contact
-# force at once (section 7). In the upper right one, *own friction* is a pure spring. *Best active damping* is the
-# stiffest stable spring over all dampings $B$. At the stiffest walls the hand vibrates so fast that damping 2 ms late
-# hardly brakes it (pink).
+# In MuJoCo's soft contact (*contact d*), the share $d$ of the commanded force becomes contact force in the same step,
+# before the hand has moved. So with $d$ = 0.9 (green) the limit is about $1/d$ at nearly every wall: too high at
+# stiff walls, too low at soft ones.
+#
+# In the upper right chart, *own friction* is a pure spring. *Best active damping* is the stiffest stable spring over
+# all dampings $B$, which act on the exact velocity. At the stiffest walls the hand vibrates so fast that damping 2 ms
+# late hardly brakes it (pink).
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1219,15 +1219,15 @@ predict("softer_hand")
 
 # %% [markdown]
 # Energy explains the answer. Let $m$ be the mass that the surface feels at the hand, in this pose and direction: the
-# links, and the rotors' inertia times gear ratio squared. It arrives with the energy $\tfrac12 m v^2$. At the peak
-# all of it is in the compressed surface, $F^2/(2k_e)$. So the peak is
+# links, and the rotors' inertia times gear ratio squared, over lever arm squared. It arrives with the energy
+# $\tfrac12 m v^2$. At the peak all of it is in the compressed surface, $F^2/(2k_e)$. So the peak is
 #
 # $$F_{\max} = v\,\sqrt{m\,k_e}\, ,$$
 #
-# and the controller's stiffness does not appear, as long as it is much lower than that of the surface.
-# **Worked example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows
-# the impact and the time after it, for a stiff and a soft controller at the same speed, with the set-point of the
-# question. Both have little damping; that of the surface lowers the peak:
+# and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
+# example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows the
+# impact and the time after it, for a stiff and a soft controller, with the set-point of the question. Both have
+# little damping; that of the surface lowers the peak:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1249,8 +1249,8 @@ plt.show()
 
 # %% [markdown]
 # So at a given speed, a soft controller does not protect people from the impact. It protects them from being pressed
-# hard against a wall afterwards. With little damping it even lets the hand come back and hit again (right). Against
-# the impact, reduce the speed or the mass $m$, or pad the hand; against the repeats, add damping.
+# hard against a wall afterwards. With little damping, both rebound (right), the soft one for seconds. Against the
+# impact, reduce the speed or the mass $m$, or pad the hand; against the repeats, add damping.
 
 # %%
 more_claims("stiff_control_hurts")
@@ -1261,8 +1261,7 @@ more_claims("stiff_control_hurts")
 # A hand has to wipe a table. Along some directions you control force, along the others position. Which? Ask what the
 # table itself fixes in each direction. While the hand presses on it, a rigid, frictionless table allows no velocity
 # along its normal, and it gives no force along its tangents. Mason (1981) calls such a fixed velocity or force a
-# **natural constraint**. You can control only what the table does not fix. (Friction of a real table disturbs the
-# position control along the tangents.)
+# **natural constraint**. You can control only what the table does not fix.
 
 # %%
 show("axes_of_a_surface")
@@ -1326,13 +1325,14 @@ plt.show()
 # rate, not a recommendation.
 #
 # For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft
-# controller move at this speed to 20 mm inside the wall. The desired force is 10 N. *Surface 2 mm off* is the change
-# of the steady force when the surface is 2 mm nearer than expected.
+# controller move at this speed to 20 mm inside the wall. The force controller (10 N) has none: its command pushes the
+# hand forwards. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
-    "| regime | controller | use | lowest rate | first peak | at rest | surface 2 mm off |",
-    "|---|" + "---|" * 6,
+    "| regime | controller | damping [N s/m] | use | lowest rate | first peak | at rest | "
+    "surface 2 mm off |",
+    "|---|" + "---|" * 7,
 ]
 for regime, name, use in (
     ("free space", "stiff position", "motion between waypoints"),
@@ -1343,13 +1343,13 @@ for regime, name, use in (
     spring_ = f", {stiffness:.0f} N/m" if stiffness else ""
     rest = touch.REGIMES[name].force or touch.series_stiffness(touch.REGIMES[name], 0.02)
     lines.append(
-        f"| {regime} | {name}{spring_} | {use} | {result['rate_hz']:.0f} Hz | "
+        f"| {regime} | {name}{spring_} | {touch.REGIMES[name].damping:.0f} | {use} | {result['rate_hz']:.0f} Hz | "
         f"{result['peak_n']:.0f} N | {rest:.0f} N | {result['off_n']:+.1f} N |"
     )
 bare = touch.first_peak(replace(touch.PRESS, damping=0.0))
 lines.append(
-    f"\nThe force controller also has a damping of {touch.PRESS.damping:.0f} N s/m. Without it the "
-    f"first peak would be {bare:.0f} N."
+    f"\nThe hand has its own friction of {touch.ARM.damping:.0f} N s/m. Without the controller's "
+    f"damping, the first peak of the force controller would be {bare:.0f} N."
 )
 Markdown("\n".join(lines))
 
@@ -1368,8 +1368,9 @@ Markdown("\n".join(lines))
 # </details>
 #
 # A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
-# at once. So the inner loop needs several times the bandwidth of the outer one. Without a delay in the inner loop,
-# four times is enough to avoid overshoot; with a delay you need more. These are typical sample rates:
+# at once. So the inner loop needs several times the bandwidth of the outer one. Four times avoids overshoot if the
+# inner loop is a first-order lag without delay and the outer one proportional. Otherwise you need more. Typical
+# sample rates:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1407,7 +1408,7 @@ plt.show()
 # Four blocks extend the loop of one joint:
 #
 # * A **feed-forward** adds the torque that the planned motion needs (section 2). Computed from the plan alone, it
-#   cannot make the loop unstable. It is as accurate as its model.
+#   cannot make the loop unstable.
 # * A **disturbance observer** solves the joint's equation for the load torque, filters it, and subtracts it from the
 #   command.
 # * A **Smith predictor** uses a model to compute the state that the joint will have when the command arrives. PD
@@ -1437,10 +1438,10 @@ predict("delay_predicted")
 # <details><summary>Derive: what each block is, and where it ends</summary>
 #
 # **Cascade.** Let the outer loop ask for the speed $k(q_d - q)$, and let a PI controller with gains $k_v$ and $k_i$
-# follow it. The integral of the measured rate is the angle, so the torque is that of PID with
-# $K_p = k_v k + k_i$, $K_i = k_i k$ and $K_d = k_v$. Only the share $k_v k/K_p$ of the set-point enters the P term.
-# Its zeros are $-k$ and $-k_i/k_v$, so a PID controller is a cascade only if $K_p^2 \ge 4 K_i K_d$. What the cascade
-# adds are limits: one on the speed and one on the torque.
+# follow it. The integral of the measured rate is the angle, so the torque is that of PID with $K_p = k_v k + k_i$,
+# $K_i = k_i k$ and $K_d = k_v$. Only the share $k_v k/K_p$ of the set-point enters the P term. Its zeros are $-k$ and
+# $-k_i/k_v$, so a PID controller is a cascade only if $K_p^2 \ge 4 K_i K_d$. What the cascade adds are limits: one on
+# the speed and one on the torque.
 #
 # **Disturbance observer.** With a filter of first order, $\hat d = \frac{g}{s+g}(J\ddot q + b\dot q - u)$. Insert
 # $u = u_c - \hat d$: then $s\,\hat d = g\,(J\ddot q + b\dot q - u_c)$. So $-\hat d$ is $g$ times the integral of
@@ -1493,8 +1494,9 @@ more_claims(
 # The first listing builds the matrix of the closed loop. The state contains the `n` states of the **plant** (the
 # controlled joint), the commands that wait in the delay (newest first), and the `m` states of the controller `A`,
 # `B`, `C`, `D`. A command may arrive in the middle of a sample: `before` is the effect of the old command on the
-# plant, `now` that of the new one. `whole` counts whole samples of delay. `fed` says where this sample's command
-# goes: to the head of the queue, and directly to the joint if the delay is shorter than a sample:
+# plant, `now` that of the new one. `whole` counts whole samples of delay. `fed` is where this sample's command goes:
+# into the queue if there is any delay, and into the joint, for the rest of the sample, if the delay is shorter than a
+# sample:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
@@ -1525,7 +1527,7 @@ source(control.computed_torque, "half = 0.5")
 source(control.mppi, "cost = _costs")
 
 # %% [markdown]
-# Here is the first simulation again, with the preset *Hunting*: lower *Static / dry* to one, and the hunting ends.
+# Here is the first simulation, with the preset *Hunting*: lower *Static / Coulomb* to one, and the hunting ends.
 # Four questions on other presets:
 #
 # 1. *P past its limit*: the motor has a torque limit. What does the response look like after a minute?
@@ -1553,9 +1555,9 @@ simulation("joint", "Hunting")
 #
 # A two-link arm with a payload of 0.5 kg follows one motion. The *right* model knows payload and friction, the
 # *wrong* model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample
-# rate, the lower one against the computing time of controller and simulated arm. Only the loops of PD, computed
-# torque and preview are compiled as a whole. All others, also those with the inverse dynamics of *Pinocchio* and
-# *MuJoCo* in half-sample preview, spend time in Python.
+# rate, the lower one against the computing time of controller and simulated arm. The lines *Pinocchio* and *MuJoCo*
+# are half-sample preview with their inverse dynamics. Only PD, computed torque and preview are compiled as a whole,
+# so the times do not rank the methods.
 #
 # LQR, MPC and MPPI correct the deviation from the planned motion. MPC meets no limit, so its errors are LQR's. In the
 # upper right panel, computed torque and half-sample preview coincide, and triangles are errors of MPPI that are too
@@ -1567,19 +1569,23 @@ simulation("joint", "Hunting")
 right, wrong = stored("tracking_laws")[:2]
 timed = dict(re.findall(r"^(\S.*?) {2,}(\d+\.\d) us a sample", read("tracking_laws"), re.M))
 lines = [
-    "| controller at 1 kHz | largest error, right model [mrad] | wrong model [mrad] | "
-    "time per sample [µs] |",
-    "|---|---|---|---|",
+    "| controller at 1 kHz | elbow stiffness [N m/rad] | largest error, right model [mrad] | "
+    "wrong model [mrad] | time per sample [µs] |",
+    "|---|---|---|---|---|",
 ]
-for name in (
-    "PD + gravity",
-    "computed torque",
-    "half-sample preview",
-    "LQR along the path",
-    "adaptive law",
+soft = tracking.springs(tracking.ARM, tracking.KP, tracking.KD)[0][1]
+along = np.mean([K[1, 1] for K in tracking.PathLQR(tracking.ARM, 1e-3).gains])
+adapt_k = tracking.SLOPE * tracking.ADAPTIVE_DAMP[1]
+for name, stiffness, loop_ in (
+    ("PD + gravity", tracking.STIFF[1], "compiled"),
+    ("computed torque", soft, "compiled"),
+    ("half-sample preview", soft, "compiled"),
+    ("LQR along the path", along, "Python"),
+    ("adaptive law", adapt_k, "Python"),
 ):
     lines.append(
-        f"| {name} | {1e3 * right[name].y[-1]:.3g} | {1e3 * wrong[name].y[-1]:.3g} | {timed[name]} |"
+        f"| {name} | {stiffness:.2g} | {1e3 * right[name].y[-1]:.3g} | "
+        f"{1e3 * wrong[name].y[-1]:.3g} | {timed[name]}, {loop_} |"
     )
     if name == "PD + gravity":
         for words, equal in (("", False), (", as stiff as computed torque", True)):
@@ -1590,23 +1596,26 @@ for name in (
                     gains = tracking.springs(model, tracking.KP, tracking.KD)
                 ahead.append(1e3 * tracking.error(JointLaw("feedforward", model, *gains), 1e-3))
             lines.append(
-                f"| PD + feed-forward{words} | {ahead[0]:.3g} | {ahead[1]:.3g} | not timed |"
+                f"| PD + feed-forward{words} | {soft if equal else tracking.STIFF[1]:.2g} | "
+                f"{ahead[0]:.3g} | {ahead[1]:.3g} | not timed |"
             )
 # A rate of 1e-9 switches the adaptation off.
 off = [
     1e3 * tracking.error(tracking.adaptive(model, 1e-3, rate=1e-9), 1e-3)
     for model in (tracking.ARM, tracking.WRONG)
 ]
-lines.append(f"| the same law, adaptation off | {off[0]:.3g} | {off[1]:.3g} | the same |")
+lines.append(
+    f"| the same law, adaptation off | {adapt_k:.2g} | {off[0]:.3g} | {off[1]:.3g} | the same |"
+)
 Markdown("\n".join(lines))
 
 # %% [markdown]
-# With the right model, half-sample preview reduces the error of computed torque by a factor of several hundred, in
-# about the same time. At equal stiffness, PD with feed-forward is better than computed torque without preview.
+# With the exact model and no noise, half-sample preview reduces the error of computed torque by a factor of several
+# hundred. At equal stiffness, PD with feed-forward is better than computed torque without preview.
 #
-# With the wrong model, a part of the differences comes from the gains. LQR has the highest gains: neither delay nor
-# noise limits them here. Even with adaptation off, the stiffer adaptive law has only a ninth of computed torque's
-# error. Adaptation then reduces it by a factor of about fifty.
+# With the wrong model, the table mostly ranks the stiffness. LQR is the stiffest, because neither delay nor noise
+# limits its gains here; its small error is not robustness. Even with adaptation off, the stiffer adaptive law has
+# only a ninth of computed torque's error. Adaptation then reduces it by a factor of about fifty.
 #
 # <details><summary>PD with gravity compensation and computed torque at equal stiffness</summary>
 #
@@ -1645,8 +1654,8 @@ Markdown("\n".join(lines))
 # ### The simulator's hold
 #
 # Gains that work in simulation can shake the robot. One cause is how a simulator steps. MuJoCo's default integrator
-# (version 4 here) is **semi-implicit Euler**: it first updates the velocity with the torque, and then moves the
-# position with the *new* velocity.
+# is **semi-implicit Euler**: it first updates the velocity with the torque, and then moves the position with the
+# *new* velocity.
 
 # %%
 predict("one_step_a_sample")
@@ -1674,10 +1683,9 @@ _ = axis.legend(fontsize=9, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. This matters where the hold is
-# the largest delay. With 5 ms of other delay that you also simulate, one step per sample raises the limit by only a
-# tenth. Otherwise close the loop outside of the simulator, at the robot's rate, with ten physics steps per sample (at
-# ten times the cost).
+# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. With 5 ms of other delay that
+# you also simulate, one step per sample raises the limit by only a tenth. But if the hold is the largest delay,
+# compute the torque in your own controller, at the robot's sample rate, and hold it for ten physics steps.
 #
 # <details><summary>The limits of a PID loop: theory, the exact joint and MuJoCo</summary>
 #
@@ -1689,9 +1697,9 @@ plt.show()
 #
 # </details>
 #
-# MuJoCo evaluates its built-in position servo in every physics step, so the servo has no hold. The right chart of
-# *Stable PD gains* shows its limits: they depend on the integrator, and differ from those of sampled PD (dashed).
-# Triangles mean that no limit was found.
+# MuJoCo evaluates its built-in position servo in every physics step. So it never holds a torque over several steps,
+# and has no delay. The right chart of *Stable PD gains* shows its limits: they depend on the integrator, and differ
+# from those of sampled PD (dashed). For MuJoCo's integrator *discrete*, no limit was found (triangles).
 #
 # <details><summary>Force control at MuJoCo's soft contact</summary>
 #
@@ -1792,7 +1800,8 @@ show("overshoot_means_p")
 #   the delay. Halve one, then the other: lower the one that slows the growth. If the vibration dies out, raise the
 #   damping as far as the delay allows, because the wall has raised the stiffness to $K + k_e$.
 # * Force control: lower the gain on the force. The impedance stiffness is not part of this loop.
-# * Admittance control: raise the virtual mass, or soften the inner position loop.
+# * Admittance control: raise the virtual mass or damping. Soften the inner position loop only if it is
+#   too stiff for its own delay.
 #
 # If the hand loses contact again and again, approach more slowly.
 #
@@ -2048,13 +2057,13 @@ your_robot(6)
 # %% [markdown]
 # ## 9 · Frontier: learned controllers
 #
-# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} + \pi_\theta(x)$.
-# Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state. Residual policy
-# learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with reinforcement learning,
-# the subject of chapter 9. The example below fits it to data instead.
+# A **residual** controller adds a learned correction to a classical one, $\tau = \tau_{\text{model}} +
+# \pi_\theta(x)$. Here $\pi_\theta$ is a function with learned numbers $\theta$. Its input $x$ is often the state.
+# Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with
+# reinforcement learning (chapter 9). The example below fits it to data instead.
 #
 # But the torque that is missing for an unknown payload also depends on the acceleration. So in the example, $x$
-# contains the accelerations, too: when the controller runs, those that computed torque requests.
+# contains the accelerations, too. While the controller runs, they are the ones that the computed-torque law requests.
 
 # %%
 predict("taught_elsewhere")
@@ -2076,11 +2085,10 @@ off = [tracking.error(still, 4e-3, size=size) for size in (1.0, 1.6)]
 print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:.2g} rad")
 
 # %% [markdown]
-# On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error
-# is about 35 times as large, because it has no data there. The adaptive law's is about three times as large: its
-# model has the form of the arm's equations, and it goes on adapting. Its gains are also higher. Compared with the
-# same controller without adaptation (last line), adaptation divides the error on the larger motion by about 22,
-# learning by about 11.
+# On the trained motion both are accurate to a few milliradians. On the larger motion, the learned
+# correction's error is about 35 times as large, because it has no data there. The adaptive law's is about three times
+# as large: its model has the form of the arm's equations, and it goes on adapting. Its gains are also higher (the
+# last line is its error without adaptation). So the numbers do not rank learning against adaptation.
 #
 # <details><summary>Five works to read</summary>
 #
@@ -2124,7 +2132,7 @@ for price in (1e-4, 1.0):
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open the answers. Questions on legged robots, stops and people go beyond this page.
+# Answer aloud, then open the answers. Questions on legged robots and on safety go beyond this page.
 
 # %%
 interview("control")

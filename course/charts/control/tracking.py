@@ -24,6 +24,7 @@ WRONG = TwoLink(gravity=9.81)  # neither payload nor this friction
 DOWN = (0.0, -9.81, 0.0)
 KP, KD = 100.0, 20.0  # before the inertia [1/s^2, 1/s]
 STIFF, DAMP = (60.0, 30.0), (8.0, 3.0)  # of the joints [N m/rad, N m s/rad]
+SLOPE, ADAPTIVE_DAMP = 10.0, (5.0, 2.5)  # of the adaptive law [1/s, N m s/rad]
 SECONDS = 4.0
 Q, R = np.diag([1e4, 1e4, 1e2, 1e2]), 0.01 * np.eye(2)
 
@@ -158,7 +159,7 @@ def adaptive(
     model: TwoLink, dt: float, rate: float = 5.0, bounds: ArrayLike | None = None
 ) -> Adaptive:
     """Return the adaptive law, which starts from the model's numbers."""
-    return Adaptive(model, 10.0, (5.0, 2.5), rate, dt, model.parameters, bounds)
+    return Adaptive(model, SLOPE, ADAPTIVE_DAMP, rate, dt, model.parameters, bounds)
 
 
 LAWS: dict[str, Callable[[TwoLink, float], Any]] = {
