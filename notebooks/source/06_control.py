@@ -1569,22 +1569,25 @@ simulation("joint", "Hunting")
 right, wrong = stored("tracking_laws")[:2]
 timed = dict(re.findall(r"^(\S.*?) {2,}(\d+\.\d) us a sample", read("tracking_laws"), re.M))
 lines = [
-    "| controller at 1 kHz | elbow stiffness [N m/rad] | largest error, right model [mrad] | "
-    "wrong model [mrad] | time per sample [µs] |",
+    "| controller at 1 kHz | elbow stiffness, right / wrong model [N m/rad] | "
+    "largest error, right model [mrad] | wrong model [mrad] | time per sample [µs] |",
     "|---|---|---|---|---|",
 ]
-soft = tracking.springs(tracking.ARM, tracking.KP, tracking.KD)[0][1]
-along = np.mean([K[1, 1] for K in tracking.PathLQR(tracking.ARM, 1e-3).gains])
-adapt_k = tracking.SLOPE * tracking.ADAPTIVE_DAMP[1]
+models = tracking.ARM, tracking.WRONG
+soft = " / ".join(f"{tracking.springs(m, tracking.KP, tracking.KD)[0][1]:.0f}" for m in models)
+along = " / ".join(
+    f"{np.mean([K[1, 1] for K in tracking.PathLQR(m, 1e-3).gains]):.0f}" for m in models
+)
+adapt_k = f"{tracking.SLOPE * tracking.ADAPTIVE_DAMP[1]:.0f}"
 for name, stiffness, loop_ in (
-    ("PD + gravity", tracking.STIFF[1], "compiled"),
+    ("PD + gravity", f"{tracking.STIFF[1]:.0f}", "compiled"),
     ("computed torque", soft, "compiled"),
     ("half-sample preview", soft, "compiled"),
     ("LQR along the path", along, "Python"),
     ("adaptive law", adapt_k, "Python"),
 ):
     lines.append(
-        f"| {name} | {stiffness:.2g} | {1e3 * right[name].y[-1]:.3g} | "
+        f"| {name} | {stiffness} | {1e3 * right[name].y[-1]:.3g} | "
         f"{1e3 * wrong[name].y[-1]:.3g} | {timed[name]}, {loop_} |"
     )
     if name == "PD + gravity":
@@ -1596,7 +1599,7 @@ for name, stiffness, loop_ in (
                     gains = tracking.springs(model, tracking.KP, tracking.KD)
                 ahead.append(1e3 * tracking.error(JointLaw("feedforward", model, *gains), 1e-3))
             lines.append(
-                f"| PD + feed-forward{words} | {soft if equal else tracking.STIFF[1]:.2g} | "
+                f"| PD + feed-forward{words} | {soft if equal else round(tracking.STIFF[1])} | "
                 f"{ahead[0]:.3g} | {ahead[1]:.3g} | not timed |"
             )
 # A rate of 1e-9 switches the adaptation off.
@@ -1605,7 +1608,7 @@ off = [
     for model in (tracking.ARM, tracking.WRONG)
 ]
 lines.append(
-    f"| the same law, adaptation off | {adapt_k:.2g} | {off[0]:.3g} | {off[1]:.3g} | the same |"
+    f"| the same law, adaptation off | {adapt_k} | {off[0]:.3g} | {off[1]:.3g} | the same |"
 )
 Markdown("\n".join(lines))
 
