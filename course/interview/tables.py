@@ -155,7 +155,7 @@ def reading() -> Table:
         for entry in data("reading")[kind]:
             result = work(entry["work"])
             named = f"{entry['name']}: " if "name" in entry else ""
-            cited = named + ", ".join(str(result[k]) for k in ("authors", "title", "venue", "year"))
+            cited = named + ", ".join(str(result[k]) for k in ("authors", "title", "year", "venue"))
             serves = "; ".join(entry["serves"])
             found = f"github.com/{entry['name']}" if kind == "repository" else link(entry["work"])
             rows.append((cited, found, entry["says"], serves))

@@ -339,7 +339,10 @@ def frame(pen, state, controls):
     if observed:
         days = np.linspace(0.0, far, 60)
         draw.curve(pen, days, recall(days, known), draw.BLUE, 2.2)
-        draw.spot(pen, since, recall(since, known), 0.015 * far, draw.ORANGE, draw.INK)
+        # The spot has the colour of the card's bar: orange once the card is due by its chance.
+        here = recall(since, known)
+        ink = draw.BLUE if here >= WANTED else draw.ORANGE
+        draw.spot(pen, since, here, 0.015 * far, ink, draw.INK)
     draw.segment(pen, 0.0, WANTED, far, WANTED, draw.INK, 1.4, 0.8, 5.0, 4.0)
     draw.window(pen)
     draw.text(pen, 5.3, 1.35, _OF, draw.INK, 12.0)
@@ -364,13 +367,13 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Mock question": Preset(
-        {}, "Answer aloud while the blue bar runs out: a minute. Then click Reveal, compare, and "
-        "rate how well you knew it. The curve jumps at once to its new course, the number below it "
+        {}, "Answer aloud while the thin bar below the card shrinks: a minute. Then click Reveal, "
+        "compare, and rate how well you knew it. The curve jumps at once to its new course, the number below it "
         "says when you are asked again, and the next question starts its own minute."),
     "Days pass": Preset(
-        {"speed": 1.0}, "A second is a day. Four answers that were rated some days ago: the orange "
-        "spot slides down, and below the dashed line the question is asked again. Reveal and rate "
-        "it: the curve starts again, and falls more slowly."),
+        {"speed": 1.0}, "A second is a day. Four answers that were rated some days ago: the spot "
+        "slides down the curve. Below the dashed line it turns orange, and the question is asked "
+        "again. Reveal and rate it: the curve starts again, and falls more slowly."),
     "Asked when due": Preset(
         {"reviewer": "when due", "speed": 5.0}, "Each review comes when nine in ten would still "
         "know it. The waits grow. How many reviews are there after sixty days?"),

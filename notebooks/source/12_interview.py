@@ -13,10 +13,10 @@ from course.simulations import simulation
 simulation("interview")
 
 # %% [markdown]
-# Start here: answer the question aloud while the blue bar runs out. Then click *Reveal*, compare, and rate yourself.
-# Sections 1 and 9 explain the answer, a fold in section 4 the curve and the bars (orange: below 90 %). A **policy** is
-# the part of a robot's program that chooses its actions. A **gate** is a success rate that a policy has to reach before
-# it may go on.
+# Start here: answer the question aloud while the thin bar under it shrinks. Then click *Reveal*, compare, and rate
+# yourself. Sections 1 and 9 explain the answer, a fold in section 4 explains the curve. A **policy** is the part of a
+# robot's program that chooses its actions. A **gate** is a true success rate that a policy has to show before it may go
+# on.
 
 # %%
 predict("hundred_runs")
@@ -28,10 +28,11 @@ predict("hundred_runs")
 #
 # ## How this chapter works
 #
-# Interviews for robotics jobs often have four rounds and a last question. The picture shows where each is on this page.
-# On the phone you explain a concept in half a minute, judge a statement and estimate a number. At the whiteboard you
-# design a system. In the coding round you write twenty lines, and a program tests them. In the debugging round you find
-# out why a program fails. The last question is broad: would you learn a component or write it?
+# Interviews for robotics jobs often have four rounds and a last question. The picture shows where you practise each,
+# and section 9 has questions from all of them. On the phone you explain a concept in half a minute, judge a statement
+# and estimate a number. At the whiteboard you design a system. In the coding round you write twenty lines, which a
+# program tests. In the debugging round you find out why a program fails. The last question is broad: would you learn a
+# component or write it?
 
 # %% tags=["hide-code"]
 import matplotlib.pyplot as plt
@@ -97,9 +98,9 @@ badges(12)
 # point where the method stops working.
 #
 # The table has eight subjects, one from each of eight chapters. Below it, each has a text of thirty seconds. Speak
-# about the subject first, then open its text and compare. Each text ends with a measured task, the computing time of
-# our method and of an established library, and a limit. The times are from one machine and one task, so they don't rank
-# the methods in general.
+# about the subject first, then open its text and compare. Each text ends with a task, the time that our method and an
+# established library need for it, and a limit. The times are from one machine, so they don't rank the methods in
+# general.
 
 # %% tags=["hide-code"]
 sheet = tables.cheat_sheet()
@@ -115,9 +116,9 @@ Markdown("\n\n".join([overview.markdown(), *texts]))
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** For a concept, say first the answer, then its number, then its limit; then stop. "I use
-# semi-implicit Euler. For 1 kg on an undamped spring of 100,000 N/m it is stable up to a step of 6.3 ms. Without
-# damping, the limit is two divided by the angular frequency. Damping that uses the old speed lowers it."
+# **Interview tip.** Say first the answer, then its number, then its limit; then stop. For example: "Which integrator do
+# you use?" "Semi-implicit Euler. For 1 kg on an undamped spring of 100,000 N/m it is stable up to a step of 6.3 ms. The
+# limit is two divided by the angular frequency. Damping that uses the old speed lowers it."
 #
 # </div>
 #
@@ -147,20 +148,20 @@ plt.show()
 # halve this width you need four times as many trials.
 #
 # In practice you know the observed rate and look for the true one. A **confidence interval** is the set of true rates
-# that are compatible with the observed count, at a chosen **level of confidence**. Suppose that you repeat the test
-# many times, and compute an interval each time. The level is the share of these intervals that contain the true rate.
-# Two standard deviations correspond to a level of about 95 %.
+# that are compatible with the observed count. If you repeat the test many times and compute an interval each time, some
+# of these intervals contain the true rate. The share that does is the **level of confidence**. Two standard deviations
+# correspond to a level of about 95 %.
 #
 # A shortcut is to insert the observed rate for $p$ in the formula. But after ten successes in ten trials this returns a
 # standard deviation of zero, as if the true rate were certain.
 #
 # The **Wilson interval** avoids this. Try each possible $p$: compute the standard deviation with this $p$, and keep $p$
 # if the observed rate lies within two of these standard deviations of $p$. The values that you keep are the interval.
-# For 70 successes in 100 trials it goes from 60 % to 78 %.
+# For 70 successes in 100 trials it goes from 60 % to 78 %. (61 % to 79 % above were observed rates.)
 #
 # Robot teams use such counts to test whether the true rate of a policy reaches a gate, for example before it may go
 # from the simulator to the robot. Judge the following claim. On such cards, choose *Only under a condition* if the
-# claim is false as it stands, but becomes true when you add a condition.
+# claim is true in some of the cases that occur in practice, but not in all of them.
 
 # %%
 show("hundred_trials")
@@ -168,8 +169,8 @@ show("hundred_trials")
 # %% [markdown]
 # A policy whose true rate is exactly 70 % reaches 70 or more successes in 100 trials about half of the time. So careful
 # teams demand more successes. In a **one-sided test at 5 %** they demand so many that a policy exactly at the gate
-# passes in at most one of twenty tests. The chart is for the simple rule "at least 70 % of the trials": how likely is a
-# policy to pass, depending on its true rate?
+# passes with a probability of at most 5 %. The chart is for the simple rule "at least 70 % of the trials": how likely
+# is a policy to pass, depending on its true rate?
 
 # %% tags=["hide-code"]
 rate = np.linspace(0.4, 1.0, 121)
@@ -254,7 +255,8 @@ plt.show()
 
 # %% [markdown]
 # The orange arcs are the sums of the angles so far. Each is the angle between a link and the horizontal (dashed). In
-# code, `np.cumsum(angles)` computes these sums. A second cumulative sum, over the link vectors, returns the joints.
+# code, `np.cumsum(angles)` computes these sums. A second cumulative sum, over the vectors along the links, returns the
+# joints.
 #
 # ### What does a sampled controller cost?
 #
@@ -282,14 +284,13 @@ show("hold_is_half_a_sample")
 # sample to the next. The largest possible angle is $\pi$: two samples per period. At 1 rad per sample, half a sample is
 # 0.5 rad of phase.
 #
-# But the staircase also contains higher frequencies, which the samples cannot tell from the motion itself. How much of
-# them passes depends on the inertia and friction of the joint, so we computed the exact lag for many joints. At 1 rad
-# per sample it differs from half a sample by at most 0.015 rad, whatever the inertia and friction. At 3 rad per sample
-# it differs by up to 0.9 rad: too much.
+# We computed by how much the measured position of a joint lags behind its position under the ideal command. The joint
+# is rigid, with friction proportional to its speed. We tried ratios of inertia to friction from 0.01 to 1,000 sample
+# times. At 1 rad per sample, the lag differs from half a sample by at most 0.015 rad for all of them. At 3 rad per
+# sample it differs by up to 0.9 rad: too much.
 #
-# So for motions up to 1 rad per sample, a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands. Computing and
-# the bus add their own delays. A late command pushes when the joint has already moved on. With a high gain this makes
-# the joint oscillate.
+# So for motions up to 1 rad per sample, a loop at 1,000 Hz pays 0.5 ms of delay for holding its commands. A late
+# command pushes when the joint has already moved on. With a high gain this makes the joint oscillate.
 
 # %%
 more_claims("stiff_is_position")
@@ -371,13 +372,12 @@ more_claims("rare_contact_is_cheap", "bytes_by_fields")
 # The table has six numbers about an arm that you should be able to estimate aloud. The **stopping distance** is the
 # distance that a robot travels from the moment at which its sensor could notice the reason to stop until it stands
 # still. The **effective mass** is the mass that you would feel if a given point of the arm hit you in a given
-# direction. It is often smaller than the mass of the arm, because not all links have to change their speed for the tip
-# to stop. But geared motors and stretched postures can make it larger.
+# direction. It is not the mass of the arm, and it depends on the posture.
 #
 # The position error is the sum of two kinds of errors. A systematic error is the same in each pick: here, the part lies
-# on a moving belt, and moves by $vt$ while its image is processed. Random errors differ between picks, with the
-# standard deviations $\sigma_i$. If they are independent, their sum has the standard deviation $\sqrt{\sum\sigma_i^2}$.
-# We count twice this value.
+# on a moving belt, and moves by $vt$ while its image is processed. (This robot does not correct for it.) Random errors
+# differ between picks, with the standard deviations $\sigma_i$. If they are independent, their sum has the standard
+# deviation $\sqrt{\sum\sigma_i^2}$. Most picks, about 95 %, stay within twice this value.
 #
 # The error of the hand-eye angle (between camera and arm) is the same in each pick once the robot is calibrated. But
 # this robot is not built yet, so nobody knows the error, and we count it as random. The table is for another robot than
@@ -415,7 +415,7 @@ LABELS = {
     "computing_share": ("Share of computing in that time", "waiting / cycle"),
     "finger_error": ("Position error at the fingertip", POSITION),
     "grip_force": (
-        "Force of each finger that lifts a part",
+        "Force with which each finger presses to lift a part",
         r"$S\,m(g + a)/(n\mu)$<br>a points upward",
     ),
     "stopping": ("Stopping distance of the arm", r"$vt + v^2/(2a)$"),
@@ -518,10 +518,11 @@ plt.show()
 # Many interviewers grade with a **rubric**, a list of the points that a good answer covers. On this page, each point
 # gets one of four grades: missing; mentioned; given with a number; or defended, which means that you also said what
 # would change your mind. A **red flag** is a mistake so serious that you can fail because of it alone. An example is a
-# design for a robot among people that doesn't say who is responsible for their safety. A **follow-up** is the question
+# design for a robot among people that doesn't say which part of it keeps them safe. A **follow-up** is the question
 # that the interviewer asks next, usually about your weakest point.
 #
-# Here is a whiteboard for the first of the four designs as it could look after 30 minutes:
+# Here is a whiteboard for the first of the four designs as it could look after 30 minutes. The time on an arrow is that
+# of the box where it begins:
 
 # %% tags=["hide-code"]
 SVG(designs.svg(designs.read("pick_and_place")))
@@ -552,15 +553,15 @@ mine = "I would ask first which decision depends on the simulation: may a releas
 result = designs.levels(fleet, mine)
 print(f"score: {designs.score(fleet, result):.0%} of the points")
 print("mentioned:", *(name for name, grade in result.items() if grade != "missing"))
-print(f"the weakest point asks for: {designs.weakest(fleet, result).asks}")
+print(f"next missing point: {designs.weakest(fleet, result).asks}")
 
 # %% [markdown]
 # ## 4 · Code: four coding questions, and how to remember
 #
 # Each of these four coding questions takes at most twenty minutes and has its usual mistake:
 #
-# * **Forward kinematics** of a three-link arm. Sum the angles, then the link vectors (section 1). The usual mistake is
-#   to mix up the angle between a link and the ground with the angle between two links.
+# * **Forward kinematics** of a three-link arm. Sum the angles, then the vectors along the links (section 1). The usual
+#   mistake is to mix up the angle between a link and the ground with the angle between two links.
 # * **RRT** (rapidly-exploring random tree), a planner that grows a tree of random samples. The usual mistake is to
 #   check only the two ends of an edge for collisions, and not the segment between them.
 # * **PID** (proportional, integral and derivative control) with a motor that reaches its limit. The usual mistake is to
@@ -651,10 +652,10 @@ case.show()
 # 6. Contacts are detected only every few steps. In between, a stop pushes with an old depth. So it pushes too late,
 #    which adds energy.
 # 7. The encoder of the drive counts the wrong way, so the drive pushes away from the middle.
-# 8. The integral term of the drive is too strong, so that the damping is too weak to stop the oscillation.
+# 8. The integral term of the drive is too strong for the damping, so the oscillation grows.
 #
-# Each of the six cases has eight causes. Its fold of possible causes offers seven of them and `none_of_these`. Here
-# number 8 is missing from the fold.
+# Each of the six cases has eight causes, but its fold of possible causes has only seven. If the eighth is the true one,
+# the answer is `none_of_these`. Here number 8 is the missing one.
 
 # %%
 predict("first_probe")
@@ -729,13 +730,13 @@ diagnose("sure", seed=1).show()
 # differ by more than the noise of the result. The chart shows the share of pairs that each probe tells apart, and its
 # price in minutes.
 #
-# Blue are the probes of the model answer. This answer always takes next the probe that tells the most pairs apart per
-# minute. Each probe that has already told a pair apart halves the weight of this pair. The list is long enough to
-# exclude seven of the eight causes, whichever one is true. A grey probe with a long bar is expensive, or earlier probes
-# have done most of its work.
+# Blue are the probes of the model answer. Its list is fixed before the first result, and long enough to exclude seven
+# causes whichever one is true. Next on the list comes the probe that tells the most pairs apart per minute. A pair that
+# earlier probes have told apart counts less, but it still counts: a second, independent result makes you surer. So a
+# grey probe with a long bar is expensive, or earlier probes have done most of its work.
 #
-# The example above began with two probes that are easy to predict by hand. `log_brake` tells few pairs apart, but it
-# can confirm the cause that is left.
+# In an interview, choose the next probe from the last result. Then fewer are enough: the example above needed two.
+# `log_brake` tells few pairs apart, but it can confirm the cause that is left.
 
 # %% tags=["hide-code"]
 import textwrap
@@ -777,20 +778,19 @@ more_claims("error_by_its_shape", "complete_planners")
 # ## 6 · Debug: a museum of public bugs
 #
 # How do you test code when nobody knows the correct output? You test a property that the output must have. An
-# **invariant** is a property that every correct result has, whatever the code does inside. Three examples: a quaternion
-# that stores a rotation keeps the length one, the momentum of a body without forces stays the same, and the contact
-# forces under a body at rest add up to its weight.
+# **invariant** is a property that every correct result has, whatever the code does inside. Two examples: the momentum
+# of a body without forces stays the same, and the contact forces under a body at rest add up to its weight.
 
 # %%
 predict("round_trip")
 
 # %% [markdown]
 # Each bug in this museum was in public open-source code and is documented in a public thread. The course has a minimal
-# version of each bug, next to a correct version. Two examples show why an obvious test misses it.
+# version of each bug, next to a correct version. In two examples you see how an obvious test misses a bug.
 #
-# **A free fall that slows down (number 4 below).** PyBullet damps every motion by default. The deceleration is 0.04
-# times the sum of the speed and its square (in SI units). Drop a body, and compare its speed with the gravitational
-# acceleration times the time:
+# **A free fall that slows down (number 4 below).** PyBullet by default damps the motion of a body that you load. The
+# deceleration is 0.04 times the sum of the speed and its square (in SI units). Drop a body, and compare its speed with
+# the gravitational acceleration times the time:
 
 # %% tags=["hide-code"]
 seconds = np.linspace(0.0, 5.0, 21)
@@ -847,16 +847,17 @@ LABELS = (
 )
 PROPERTIES = (
     "at rest, the contact forces add up to the weight (relative)",
-    "a symmetric robot: from the mirrored state, the mirrored input causes the mirrored motion",
+    "a symmetric robot: from the mirrored state, the mirrored input causes the mirrored motion "
+    "(m/s, after 0.01 s)",
     "the error of the energy shrinks with the step (ratio)",
-    "speed = gravitational acceleration × time (relative)",
-    "writing back what was read changes nothing",
+    "speed = gravitational acceleration × time (relative, after 1 to 19 s)",
+    "writing back what was read changes nothing (rad/s, for a rate of 2 rad/s)",
     "the angular momentum of a body without torque is constant (relative)",
     "the acceleration is the time derivative of the velocity (relative)",
-    "$R^\\top R$ is the identity, the determinant is +1",
-    "a path that counts as solved ends at the goal",
-    "the cost of a node is the length of its path from the root",
-    "an episode has the same advantages alone and in a buffer with others",
+    "$R^\\top R$ is the identity, the determinant is +1 (difference, no unit)",
+    "a path that counts as solved ends at the goal (distance, in a square of side 1)",
+    "the cost of a node is the length of its path from the root (in a square of side 1)",
+    "an episode has the same advantages alone and in a buffer with others (for rewards of typical size 1)",
     "a reward of 1 in each step, for ever, is worth 1 / (1 - discount) (relative)",
     "a stored step goes forward in time, and none is missing (number of wrong steps)",
     "each layer has a gradient (number of layers without one)",
@@ -873,8 +874,8 @@ Markdown("\n".join(rows))
 
 # %% [markdown]
 # Each invariant is a function of the module `course.interview.invariants`. You can test your own code with it, in a
-# unit test. Choose the tolerance and the time step with care, or you get a **false alarm**: the check rejects a correct
-# implementation.
+# unit test. Too small a tolerance causes a **false alarm**: the check rejects a correct implementation. Too large a
+# tolerance misses the bug.
 #
 # <details><summary>Four invariants of the module that the table doesn't use</summary>
 #
@@ -894,9 +895,9 @@ predict("learned_or_not")
 
 # %% [markdown]
 # The useful question is under which conditions the learned method wins, for example at which limit on the computing
-# time. The limit at which the best choice changes is the *crossover*. ICP (iterative closest point) fits the model of a
-# part to the camera's points. It needs a first guess of the part's rotation, the *start*. Either a network guesses it,
-# or ICP runs from several fixed starts and the best fit counts.
+# time. ICP (iterative closest point) fits the model of a part to the camera's points. It needs a first guess of the
+# part's rotation, the *start*. Either a network guesses it, or ICP runs from several fixed starts and the best fit
+# counts.
 #
 # The left panel of the picture shows how often the pose is right, and what it costs in computing time. The labels 1, 4
 # and 8 are numbers of fixed starts. "Axis" starts along the longest direction of the points. Orange squares are for
@@ -905,17 +906,17 @@ predict("learned_or_not")
 # ![Share of right poses and time per picture: network start, several fixed starts](../docs/charts/learned_start.png)
 #
 # With the normal noise, the network and four starts were both right in all hundred pictures (Wilson's interval begins
-# at 96 %). The network needed less than half of the computing time. So the crossover is at most the time of four
-# starts: we did not measure two or three. Between the network's time and the crossover, take the network. With more
-# time than that we saw no difference, and four starts need no training.
+# at 96 %). The network needed less than half of the computing time. So if there is time for the network, but not for
+# four starts, take the network. With more time we saw no difference, and four starts need no training. We did not
+# measure two or three starts.
 #
 # The right panel is about the poses that begin with the network's guess. Each has an error of its rotation ("turn" in
-# the picture) and a *see-through share*: at this share of the part's pixels, the camera sees something farther away
-# than the estimated part. Above the dotted line, the pose is refuted.
+# the picture) and a *see-through share*: the share of the estimated part's pixels at which the camera sees something
+# farther away than the estimated part. Above the dotted line, the pose is refuted.
 #
-# The green points belong to a mirror image of the part. The network has never seen it, and no rotation of the model
-# fits it. (Their error is the angle to the rotation of the mirrored part.) All of these rotations are wrong, and the
-# check refutes most of them. It lets all orange poses pass, also the wrong ones: their errors are too small.
+# The green points belong to a mirror image of the part, which the network has never seen. No rotation of the model is
+# right for it, so here only the height of the points matters. The check refutes most of these poses. It lets all orange
+# poses pass, also the wrong ones: their errors are too small.
 
 # %% tags=["hide-code"]
 both = tables.classical_or_learned()
@@ -931,14 +932,15 @@ Markdown(
 )
 
 # %% [markdown]
-# Our measurements allow you to say: on data like those of its training, a learned component can win. In planning it
-# needed fewer collision checks, not counting its computing time and the image of the world that it needs. In perception
-# it needed less time than four starts. It also beat fixed models that were wrong or incomplete, but not an adaptive
-# law. Outside of its training data it lost in planning, and its error grew in control. For the mirrored part it
-# returned a wrong pose without a warning.
+# Our measurements allow you to say: on data like those of its training, a learned component can win. In planning, the
+# network needed fewer collision checks than uniform samples. (We did not count its computing time, nor the image of the
+# world that it needs.) In perception, it needed less time than four starts. In control, a learned correction beat PD
+# with gravity compensation, but never an adaptive law, which corrects its model while it runs. Outside of the training
+# data, the planning network needed more checks than uniform samples, the error of the learned correction grew, and the
+# pose of the mirrored part was wrong without a warning.
 #
-# So fit the classical model to measured data first: in our test with one simulated arm, the learned model never beat
-# the complete equations with fitted parameters.
+# So fit the classical model to measured data first. In our test with one simulated arm, a learned model beat equations
+# that lack friction and delay, but never the complete equations with fitted parameters.
 #
 # What to read:
 
@@ -1076,10 +1078,9 @@ check(silent_gate)
 # ## 9 · Interview
 #
 # The questions have three levels: *Screen* for the first phone call, *Senior* for an experienced engineer, and *Staff*
-# for a leading engineer. Answer aloud, then open the answer. First comes what you could say in a minute, then the full
-# answer, the likely follow-up, and what the interviewer listens for. Two terms occur in the questions. In **hardware in
-# the loop**, the real controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each
-# change of the code.
+# for a leading engineer. Answer aloud, then open the answer. Two terms occur in the questions. In **hardware in the
+# loop**, the real controller drives a simulated robot. **Continuous integration** (CI) runs the tests after each change
+# of the code.
 
 # %%
 interview("interview")
@@ -1096,7 +1097,7 @@ print("written" if len(mine.split()) >= 30 else "open: thirty words or more")
 # %% [markdown]
 # Five questions, drawn at random by a seed:
 #
-# <details><summary>Ideas for three of the formulas</summary>
+# <details><summary>Ideas for three of the formulas that can be drawn</summary>
 #
 # - The peak force of a contact: all kinetic energy is in the spring (section 2).
 # - The derivative of a mean reward (chapter 9): start with the mean reward as a function of the probability $p$, which

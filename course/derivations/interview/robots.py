@@ -379,9 +379,8 @@ def error_by_its_shape(result):
 
 
 @claim(
-    "Each joint angle of a planar arm is measured against the previous link. Then the direction of "
-    "a link is the sum of all angles up to it, and each joint lies one such link vector after the "
-    "previous joint.",
+    "If each joint angle of a planar arm is measured against the previous link, the sum of all "
+    "angles up to a link is the direction of this link, measured against the ground.",
     "The tip of three links is at the height {formula}, and a product of transforms agrees to "
     "{digits:.0f} digits. If the angles are absolute, measured against the ground, sum the link "
     "vectors, but not the angles.",
