@@ -368,8 +368,9 @@ def frame(pen, state, controls):
 PRESETS = {
     "Mock question": Preset(
         {}, "Answer aloud while the thin bar below the card shrinks: a minute. Then click Reveal, "
-        "compare, and rate how well you knew it. The curve jumps at once to its new course, the number below it "
-        "says when you are asked again, and the next question starts its own minute."),
+        "compare, and rate how well you knew it. The curve jumps at once to its new course, the "
+        "number below it says when you are asked again, and the next question starts its own "
+        "minute."),
     "Days pass": Preset(
         {"speed": 1.0}, "A second is a day. Four answers that were rated some days ago: the spot "
         "slides down the curve. Below the dashed line it turns orange, and the question is asked "

@@ -286,7 +286,8 @@ SCENARIO = Scenario(
         ),
         Probe(
             "turn_hand",
-            "distance between the original estimate and one with the camera rotated by 180 degrees about its viewing direction",
+            "distance between the original estimate and one with the camera rotated by 180 degrees "
+            "about its viewing direction",
             "mm",
             6,
             difference_after(turned_hand, 7),
