@@ -25,8 +25,8 @@ predict("lost_plate")
 simulation("perception")
 
 # %% [markdown]
-# *Predicted* is the standard deviation that the program itself expects of its pose. The last number, see-through,
-# should be near zero; section 3 explains it.
+# *Predicted* is the standard deviation that the program itself expects of its pose. The list's last number should
+# be near zero; section 3 explains it.
 #
 # **You will be able to** estimate a depth camera's noise from its data sheet and an assumed matching error; follow a
 # part through every stage of a perception pipeline and name the stage that loses it; compute a pose together with its
