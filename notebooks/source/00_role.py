@@ -103,9 +103,9 @@ predict("never_late")
 # %% [markdown]
 # <details><summary>Which drawings of a stack are wrong?</summary>
 #
-# The function `check_stack` tests the drawing. Each box must have an input and an output, and each closed path of
-# arrows must pass through the robot or its simulation. In any other closed path, each program may wait for the one
-# before it. Then none of them ever starts.
+# The function `check_stack` tests the drawing. Each box must have an input and an output. By convention, each closed
+# path of arrows must also pass through the robot or its simulation. In any other closed path, each program may wait
+# for the one before it. Then none of them ever starts.
 #
 # </details>
 #
@@ -287,7 +287,7 @@ predict("where_to_spend")
 
 # %% [markdown]
 # A stage can get a faster clock, which costs cores. Or somebody shortens its execution time: then the age falls by
-# what is saved. There are two other changes:
+# what is saved, or more. There are two other changes:
 #
 # * A stage that starts **on arrival** has no clock. Each new input starts it. So no input waits, as long as the stage
 #   is free when the input comes.
@@ -295,11 +295,11 @@ predict("where_to_spend")
 #   last one. Results come more often; a single sample takes as long as before. For that, each worker needs hardware
 #   of its own: two that share a graphics card may slow each other down.
 #
-# A stage is in **overload** if it is started more often than one worker can finish. If poses start our planner, it is
-# in overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule. With *skip* it ignores the poses
-# that come while it is busy, and starts with the next one that comes. With *queue* there is room for one waiting
-# pose. A newer pose replaces it, and the planner takes the pose that waits as soon as it is free. Or the planner is
-# *pipelined*: then it plans for every pose.
+# A stage is in **overload** if it is started more often than one worker can finish. (So perception has two workers.)
+# If poses start our planner, it is in overload: it needs 60 ms, and a pose comes every 33.3 ms. So it needs a rule.
+# With *skip* it ignores the poses that come while it is busy, and starts with the next one that comes. With *queue*
+# there is room for one waiting pose. A newer pose replaces it, and the planner takes the pose that waits as soon as
+# it is free. Or the planner is *pipelined*: then it plans for every pose.
 
 # %%
 show("start_when_free")
@@ -309,8 +309,7 @@ show("start_when_free")
 # change the chain uses $0.045 \cdot 30 + 0.060 \cdot 10 + 0.0002 \cdot 1000 = 2.15$ cores.
 #
 # With *skip* a pose does not wait, which saves 16.7 ms. And a plan comes with every second pose, every 66.7 ms
-# instead of every 100 ms. Half of this difference is another 16.7 ms. (A plan that takes longer than 66.7 ms costs
-# one more pose.)
+# instead of every 100 ms. Half of this difference is another 16.7 ms.
 #
 # <details><summary>What <em>queue</em> and <em>pipelined</em> save</summary>
 #
@@ -357,9 +356,10 @@ table(
 # **phase lag** is $2\pi f A$. If the arm's speed is proportional to the error in the image, a correction that lags by
 # more than 90 degrees pushes the swing instead of braking it (chapter 6).
 #
-# The chart shows the errors at speeds up to 1 m/s, for a part on a belt that starts, with 1 m/s², and whose speed is
-# known exactly at the capture. The table shows the errors at 0.3 m/s, and a phase lag. The first three errors shift
-# all positions in one direction. The fourth scatters around this shift:
+# In the chart the belt speeds up with 1 m/s². At the capture the part has the speed on the axis, and we know this
+# speed exactly. The table shows the errors at 0.3 m/s, and a phase lag. Its first three rows are mean errors, all in
+# one direction. (The first two also vary, with the age.) The fourth row is a scatter. Without stamps, it comes on top
+# of the third:
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -406,8 +406,8 @@ table(
 # <tr><th>option</th> <th>year</th> <th>which part</th> <th>source</th></tr>
 # <tr><td>ROS 2</td> <td>2022</td> <td>middleware: topics, services, actions over DDS</td> <td>Macenski and others,
 # Science Robotics 7</td></tr>
-# <tr><td>ros2_control</td> <td>2017</td> <td>the joint loop inside one process, apart from topics</td> <td>Chitta and
-# others, ros_control, JOSS 2(20), on which it builds</td></tr>
+# <tr><td>ros2_control</td> <td>2017 (ros_control)</td> <td>the joint loop inside one process, apart from
+# topics</td> <td>Chitta and others, ros_control, JOSS 2(20), on which it builds</td></tr>
 # <tr><td>MoveIt</td> <td>2014</td> <td>planning behind one interface</td> <td>Coleman and others, J. Software Eng. for
 # Robotics</td></tr>
 # <tr><td>behaviour trees</td> <td>2018</td> <td>above planning</td> <td>Colledanchise and Ögren, Behavior Trees in
@@ -460,8 +460,8 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {simulated:.1f} ± 
 # the newest result of the box where the arrow begins. On the arrow from control to the robot it is the command in
 # force. Blue arrows belong to the selected box; wider arrows carry more messages per second.
 #
-# In the thirty seconds behind the bars the clocks run through all phases, because they drift much faster than real
-# ones. The switch *all clocks from one* stops the drift.
+# The bars come from a run of thirty seconds. In this time the clocks run through all phases, because here they drift
+# much faster than real ones. The switch *all clocks from one* stops the drift.
 #
 # Try the presets, and predict the bars before you look. In the preset *Deep queue* up to ten poses wait for the
 # planner:
@@ -616,7 +616,7 @@ plt.show()
 # receives it? The later the stamp, the younger every image looks.
 #
 # Ask a third question about the chain: are its clocks locked? Independent clocks run through all phases, but slowly:
-# two clocks at 30 Hz that differ by 10 ppm need almost an hour. Synchronised clocks do not drift. If the clocks that
+# two clocks at 30 Hz that differ by 10 ppm need almost an hour. Synchronised clocks hardly drift. If the clocks that
 # start our stages are synchronised, they are locked, because the rates of camera, planner and joint loop are 3 to 1
 # to 100. Then the mean age depends on the start of the robot, and lies between about 155 and 190 ms.
 #
@@ -708,7 +708,7 @@ show("jitter_leaves_the_mean")
 #   little too slow. If it is a little too fast, the age falls slowly and rises at once.
 # * All ages are larger than computed, by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit. Or the clocks of two computers drift apart: then
-#   only the log is wrong.
+#   the information is as young as before, but the logged ages are wrong, and so is every prediction with them.
 # * The ages are scattered without a pattern: jitter, lost samples, or rates that do not fit together.
 # * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
@@ -943,7 +943,7 @@ table(*rows)
 # The age of a command still follows the formula of section 1, with one stage before the joint loop. The robot
 # executes a chunk until the next one arrives, so the interval of this stage is the time between two observations. If
 # each action is executed at the moment for which it was chosen, its age does harm only where something happens that
-# the policy did not foresee. The same holds for a trajectory that was planned for a moving part.
+# the policy did not foresee.
 #
 # <details><summary>For how many seconds must the actions of a chunk last?</summary>
 #
@@ -979,10 +979,11 @@ table(
     ("X", "I wrote a model of the data age in a picking stack with three stages."),
     (
         "Y",
-        "It showed, before anything was built, which change saves most for each additional core: "
+        f"With it I compared {len(options)} changes before anything was built. (A stage's cores are "
+        "its execution time over its interval.) Per additional core, the best of them is "
         "a planner that starts with a fresh pose and skips the poses that come while it is busy. "
-        f"By the formula this saves {1000 * options[0].gain:.0f} of {1000 * age(CHAIN).mean:.0f} "
-        f"ms, for {options[0].load:.1f} more cores.",
+        f"This saves {1000 * options[0].gain:.0f} of {1000 * age(CHAIN).mean:.0f} ms, for "
+        f"{options[0].load:.1f} more cores.",
     ),
     (
         "Z",
