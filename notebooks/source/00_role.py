@@ -460,8 +460,8 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {simulated:.1f} ± 
 # the newest result of the box where the arrow begins. On the arrow from control to the robot it is the command in
 # force. Blue arrows belong to the selected box; wider arrows carry more messages per second.
 #
-# The bars come from a run of thirty seconds. In this time the clocks run through all phases, because here they drift
-# much faster than real ones. The switch *all clocks from one* stops the drift.
+# The bars come from thirty seconds in which the clocks run through all phases: they drift much faster than real
+# clocks. The switch *all clocks from one* stops the drift.
 #
 # Try the presets, and predict the bars before you look. In the preset *Deep queue* up to ten poses wait for the
 # planner:
