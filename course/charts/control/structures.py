@@ -477,13 +477,13 @@ def adaptation_limits(points: int = 6, sides: tuple[float, float] = (1.1, 0.9)) 
             None,
         ),
     ):
-        found = np.array([largest_adaptation(run(float(dt)), theory(float(dt))) for dt in times])
-        over = found / [theory(float(dt)) for dt in times]
+        measured = np.array([largest_adaptation(run(float(dt)), theory(float(dt))) for dt in times])
+        over = measured / [theory(float(dt)) for dt in times]
         panel.series.append(
             Series(
                 label,
                 times,
-                found,
+                measured,
                 "",
                 "",
                 theory=shown,

@@ -330,8 +330,8 @@ def twin_limits(camera: Camera, distance: float) -> tuple[float, float]:
     """
     length, width, _ = BOX.sizes[:, 0]
     ends = width / (length + width)
-    off = math.sqrt(perception.pose._OFF_OUTLINE**2 - 1.0 / 12.0) * distance / camera.fx
-    return off * math.sqrt(2.0 / ends), 2.0 * off / math.sqrt(ends)
+    allowed = math.sqrt(perception.pose._OFF_OUTLINE**2 - 1.0 / 12.0) * distance / camera.fx
+    return allowed * math.sqrt(2.0 / ends), 2.0 * allowed / math.sqrt(ends)
 
 
 @chart(columns=2)
@@ -362,7 +362,7 @@ def near_twins(
             sensor = Sensor(SENSOR.baseline, times * SENSOR.noise)
             shares, far = [], [0.0]
             for difference in differences:
-                part, found = shape("box", half[0] + 0.5 * sign * difference, *half[1:]), 0
+                part, accepted = shape("box", half[0] + 0.5 * sign * difference, *half[1:]), 0
                 for yaw in np.linspace(0.2, 2.9, pictures):
                     x, y = rng.uniform(-0.05, 0.05, 2)
                     true = on_table(part, x, y, yaw)
@@ -370,9 +370,9 @@ def near_twins(
                     depth = sense(render(scene, camera)[0], camera, sensor, rng)
                     (one, *_) = locate(depth, camera, sensor, BOX)
                     if one.status == "found":
-                        found += 1
+                        accepted += 1
                         far.append(1e3 * pose_distance(BOX, true, one.pose)[0])
-                shares.append(found / pictures)
+                shares.append(accepted / pictures)
             # The shares fall; np.interp needs them to rise.
             middle = float(np.interp(-0.5, -np.array(shares), mm))
             panel.series.append(
