@@ -366,8 +366,9 @@ def same_rate_in_step(result):
     "{ppm:.0f} parts in a million and the answer comes after {held_s:.0f} s, {drift_us:.0f} "
     "microseconds come on top.",
     ask=(
-        "One computer asks another for the time. The question takes d1, the answer d2, and the "
-        "estimate of the offset assumes that both take the same time. By how much is it too large?",
+        "One computer asks another for the time. The question takes d1, the answer d2. From this "
+        "exchange it estimates how far the other clock is ahead of its own, and assumes that both "
+        "take the same time. By how much is the estimate too large?",
         "(d1 - d2)/2",
         {
             "(d1 + d2)/2": "That is the bound: half of the round trip.",

@@ -1,9 +1,12 @@
 """PyBullet asked for the scenes of chapter 3.
 
-PyBullet has no loop of its own: Python pays for one call a step, and for another one for every
-constant force or torque, which it forgets after each. It prints while it is imported and while it
-reads a model, and keeps its worlds in the library: every run has a client of its own, whose number
-goes with each call, and what is printed is caught (`quiet`).
+Python pays for one call a step here, and for another one for every constant force or torque, which
+PyBullet forgets after each call. (PyBullet's `numSubSteps` would make several equal steps in one
+call. It stays at its default, so that the torque of a controller can change at each step.)
+
+PyBullet prints while it is imported and while it reads a model, and keeps its worlds in the
+library: every run has a client of its own, whose number goes with each call, and what is printed is
+caught (`quiet`).
 """
 
 from __future__ import annotations

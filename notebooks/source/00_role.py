@@ -84,8 +84,8 @@ def table(*rows):
 # * The **simulation** takes torques (turning moments) and returns images and **joint states**: the angles, speeds and
 #   torques of the joints. It stands for the robot (chapters 1 to 4).
 # * The **middleware** carries messages from one program to another. (Poses and trajectories pass through it, too, but
-#   are drawn without it.) Each image has a **time stamp**, the moment of its capture. The camera sets it, or its
-#   *driver*, the program that reads the camera (chapter 10).
+#   are drawn without it.) Each image has a **time stamp**, at best the moment of its capture. The camera sets
+#   it, or its *driver*, the program that reads the camera (chapter 10).
 # * **Perception** turns images (*frames*) into poses, the positions and orientations of things, with their
 #   uncertainty, the *covariance* (chapter 7).
 # * **Planning** turns poses into trajectories, motions over time (chapter 5).
@@ -115,7 +115,7 @@ predict("never_late")
 # \cdot 8 = 168$ bytes.
 #
 # The table lists the arrows with the largest bandwidth. The arrows of the simulation have no deadlines, because this
-# simulation waits for its readers. A log has none either.
+# simulation waits for its readers and for the torques. A log has none either.
 
 # %% tags=["hide-code"]
 role.check_stack(STACK)
@@ -130,7 +130,7 @@ table(
 # %% [markdown]
 # Nearly all bytes belong to images. Nearly all messages are joint states and torques. Only the arrows between the
 # joint loop and the robot have hard deadlines. So the joint loop runs with *real-time priority*: when it has to
-# start, other programs wait (on Linux with a real-time kernel). Often it also has a processor *core* to itself.
+# start, other programs wait. Often it also has a processor *core* to itself.
 #
 # ### How old is a command?
 #
@@ -201,7 +201,8 @@ table(
 #
 # **A worked example.** The execution times add up to $45 + 60 + 0.2 = 105.2$ ms. Half of each period comes on top:
 # $16.7 + 50 + 0.5 = 67.2$ ms. Together that is a mean age of 172.4 ms. In this time a part on a belt at 0.3 m/s moves
-# by $0.3 \cdot 172.4 \approx 52$ mm. A robot that follows the part reaches 52 mm behind it.
+# by $0.3 \cdot 172.4 \approx 52$ mm. A robot that aims at the pose as it came reaches, on average, 52 mm behind the
+# part.
 #
 # At worst, whole periods come on top instead of halves: $105.2 + 33.3 + 100 + 1 = 239.5$ ms. This is the *bound* in
 # the table. No age exceeds it if every stage starts on time and never needs longer than its $C$, no result is lost,
@@ -242,8 +243,8 @@ show("polling_makes_fresh")
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Information ages while it is worked on *and while it waits*. A reader with a clock of its own finds
-# a result that has waited, on average, for half of the *producer's* interval. The command in force ages as well,
-# until the next one replaces it.
+# a result that has waited, on average, for half of the *producer's* interval. The command in force ages as well, until
+# the next one replaces it.
 #
 # </div>
 #
@@ -287,7 +288,7 @@ predict("where_to_spend")
 
 # %% [markdown]
 # A stage can get a faster clock, which costs cores. Or somebody shortens its execution time: then the age falls by
-# what is saved, or more. There are two other changes:
+# what is saved. There are two other changes:
 #
 # * A stage that starts **on arrival** has no clock. Each new input starts it. So no input waits, as long as the stage
 #   is free when the input comes.
@@ -343,9 +344,9 @@ table(
 #
 # In the time $A$ a part with the speed $v$ moves by $v A$. If its position is $A$ seconds old and you use it as it
 # came, you are wrong by this distance. If you know the age and the speed, you can **predict**: you add $v A$ to the
-# old position. Here the joint loop does this at each command. (A planner would predict for the moment of the grasp.)
-# Two errors remain. An error of the speed is multiplied by $A$: 1 cm/s becomes 1.7 mm. And if the part accelerates by
-# $a$, it moves by another $\tfrac12 a A^2$.
+# old position. Here the joint loop also receives the speed of the belt, and shifts the planned path by $v A$ at each
+# command. Two errors remain. An error of the speed is multiplied by $A$: 1 cm/s becomes 1.7 mm. And if the part
+# accelerates by $a$, it moves by another $\tfrac12 a A^2$.
 #
 # To know the age of every sample, you need its time stamp. Without stamps you know only the mean age, so the
 # prediction has an additional error. The **standard deviation** measures how much a value varies around its mean. The
@@ -358,8 +359,8 @@ table(
 #
 # In the chart the belt speeds up with 1 m/s². At the capture the part has the speed on the axis, and we know this
 # speed exactly. The table shows the errors at 0.3 m/s, and a phase lag. Its first three rows are mean errors, all in
-# one direction. (The first two also vary, with the age.) The fourth row is a scatter. Without stamps, it comes on top
-# of the third:
+# one direction. (All three also vary, with the age.) The fourth row is a scatter. Without stamps, it comes on top of
+# the third:
 
 # %% tags=["hide-code"]
 speeds = np.linspace(0.0, 1.0, 50)
@@ -430,8 +431,8 @@ source(role.read, role.Trace.age, role.Trace.reaction)
 # %% [markdown]
 # A chain is a list of stages. Each has a name, an execution time and, if it has a clock, a period, both in seconds. A
 # stage in overload also has a rule. Here the planner starts on arrival, with the rule *skip*. The next cell compares
-# the formula of section 1, the **closed form**, with 300 simulated runs with random phases. (The function `age` is
-# the closed form. The method `age` belongs to a simulated run.)
+# the **closed form**, the formula of section 1 adapted to this planner, with 300 simulated runs with random phases.
+# (The function `age` is the closed form. The method `age` belongs to a simulated run.)
 
 # %% tags=["show-code"]
 chain = [
@@ -452,7 +453,7 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {simulated:.1f} ± 
 
 # %% [markdown]
 # The ± is the **standard error**: the standard deviation of such a mean, estimated from the means of the 300 runs.
-# The difference of the two values is smaller, so it can be chance.
+# The two values differ by less, which can be chance.
 #
 # ## 4 · The simulation in full
 #
@@ -463,8 +464,7 @@ print(f"predicted {1000 * age(chain).mean:.1f} ms, simulated {simulated:.1f} ± 
 # The bars come from thirty seconds in which the clocks run through all phases: they drift much faster than real
 # clocks. The switch *all clocks from one* stops the drift.
 #
-# Try the presets, and predict the bars before you look. In the preset *Deep queue* up to ten poses wait for the
-# planner:
+# Try the presets, and predict the bars first. In the preset *Deep queue* up to ten poses wait for the planner:
 
 # %%
 predict("queue_of_ten")
@@ -534,7 +534,7 @@ figures(read("age_limits"), "10 Hz", "9.73 Hz", "drift", summary="All figures")
 # Upper left: the clock of a reader at 10 Hz is locked to the camera's, so the mean depends on the phase at the start.
 # The curve has three teeth because three images come in one period of the reader. A reader at 9.73 Hz is not locked,
 # even with the same quartz: its mean stays near half of the camera's period, marked $T/2$. Small waves remain,
-# because the phase takes only about twelve values in this run.
+# because the phase takes only about twelve values.
 #
 # Upper right: the reader's clock is slower than the camera's by 100 **ppm**, parts per million. The age rises slowly,
 # falls at once by one period, and rises again. This shape is a *sawtooth*.
@@ -608,7 +608,7 @@ plt.show()
 # hardly any unequal delays remain, if all these devices support PTP.
 #
 # For a camera there is a third solution: a **trigger line**, a wire whose signal tells the camera when to take an
-# image. The computer that sends the signal knows the time of capture without any network. But after one lost image,
+# image. The sender knows the time of capture without any network. But after one lost image,
 # all later ones may get the time of a wrong signal.
 #
 # Ask two questions about each sensor. Which clock makes its time stamp? And at which moment: in the middle of the
@@ -709,7 +709,7 @@ show("jitter_leaves_the_mean")
 # * All ages are larger than computed, by whole periods of one producer: a full queue.
 # * The age grows without end: overload, and a queue without a limit. Or the clocks of two computers drift apart: then
 #   the information is as young as before, but the logged ages are wrong, and so is every prediction with them.
-# * The ages are scattered without a pattern: jitter, lost samples, or rates that do not fit together.
+# * The ages are scattered without a pattern: jitter or lost samples.
 # * Ages are below the sum of the execution times: the stamp is taken too late, or two clocks have an offset.
 #
 # </div>
@@ -906,8 +906,8 @@ table(*rows)
 
 # %% [markdown]
 # Another sentence without a source: *"A policy fell from 94 to 35 % because of 20 ms of delay."* No data are known.
-# (Chapter 8 measures a delay on an arm.) But you can compute the phase lag. How much is too much depends on the loop:
-# the 90 degrees of section 2 hold only for the loop there.
+# But you can compute the phase lag. How much is too much depends on the loop: the 90 degrees of section 2 hold only
+# for the loop there.
 
 # %% tags=["hide-code"]
 table(
@@ -940,10 +940,11 @@ for looks in (0.1, 0.4, 0.8):
 table(*rows)
 
 # %% [markdown]
-# The age of a command still follows the formula of section 1, with one stage before the joint loop. The robot
-# executes a chunk until the next one arrives, so the interval of this stage is the time between two observations. If
-# each action is executed at the moment for which it was chosen, its age does harm only where something happens that
-# the policy did not foresee.
+# If the policy's start also triggers the camera, the age of a command still follows the formula of section 1, with one
+# stage before the joint loop. (With a camera that runs freely at 30 Hz, half of its interval comes on top, 17 ms.) The
+# robot executes a chunk until the next one arrives, so the interval of this stage is the time between two
+# observations. If each action is executed at the moment for which it was chosen, its age does harm only where
+# something happens that the policy did not foresee.
 #
 # <details><summary>For how many seconds must the actions of a chunk last?</summary>
 #

@@ -109,7 +109,7 @@ def platform_scaling(
             words = f"{label}, chain of n links: time saved by 100 steps in one call"
             name, style = label, "-"
         else:
-            # It has no loop: what a call costs is a step of a world in which there is nothing.
+            # It is called once per step: a call costs at most a step of a world with nothing in it.
             (empty, steps) = step_costs([(engine, _nothing(), 100)], dt, repeats)[0]
             share = np.minimum(empty.best / steps / each[:, 1], 1.0)
             words = f"{label}, chain of n links: an empty world's step as a share"
