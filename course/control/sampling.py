@@ -61,7 +61,7 @@ def mppi(
     tries = _tries(plan, spread, limit, rng, count("samples", samples, 2))
     cost = _costs(rollout, tries)
     best = float(cost.min())
-    # No rollout came to an end: there is nothing to average.
+    # Every rollout failed: there is nothing to average.
     if best == np.inf:
         return Sampled(plan, best, 0.0)
     # Softmax of the costs. Subtracting the lowest one changes no weight, and they cannot all

@@ -38,9 +38,9 @@ simulation("joint")
 #
 # ## How this chapter works
 #
-# Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if
-# the claim needs a condition that it does not state. Measured numbers come from cells on this page or from `python -m
-# course.derivations 6`. The code is in `course.control`. These are the exercises of section 8:
+# Cards with a common claim offer three verdicts: *true*, *false*, and *only under a condition*. Choose the third if the
+# claim needs a condition that it does not state. Numbers come from cells on this page or from `python -m
+# course.derivations 6`. These are the exercises of section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint, your_robot
@@ -104,7 +104,7 @@ def print_figures(chart, *rows):
 #
 # The **set-point** $q_d$ is the angle that the joint should have, $q$ is the measured angle, and $e = q_d - q$ is the
 # error. The controller turns the error into a torque, the motor turns the joint, and the encoder measures the new
-# angle. This circle is the control loop. Its torque limit and delay follow later:
+# angle. This circle is the control loop:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(figsize=(9, 1.9), layout="constrained")
@@ -140,8 +140,7 @@ plt.show()
 # $$\boxed{\;\tau = K_p\,e + K_i\int e\,dt + K_d\,\dot e\;}$$
 #
 # * The **P term** acts like a spring to the set-point. $K_p$ is its stiffness, in N m/rad.
-# * The **I term** sums the error over time. It keeps changing until the error is gone. $K_i$ has the unit N m/(rad
-#   s).
+# * The **I term** sums the error over time. It changes as long as there is an error. $K_i$ has the unit N m/(rad s).
 # * The **D term** acts like a damper. $K_d$ has the unit N m s/rad.
 #
 # The joint has an inertia $J$ and **viscous friction**, a torque $b\,\dot q$ against the motion. Our joint has $J$ =
@@ -164,20 +163,25 @@ for label, gains in (
     run = run_joint(Joint(0.5, 0.5, 2.0), Actuator(), Encoder(), gains, 1.0, 1e-3, 6.0)
     _ = axes.plot(run.times, run.q, label=label)
 _ = axes.axhline(1.0, color="0.3", ls="--", lw=1)
-_ = axes.set(xlabel="time [s]", ylabel="angle [rad]", title="A step of the set-point, with a load")
+_ = axes.set(
+    xlabel="time [s]",
+    ylabel="angle [rad]",
+    title="A step of the set-point, with a load (gains in SI units)",
+)
 _ = axes.legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# Here P alone oscillates. PD stops beside the dashed set-point. PID goes past it, and then returns to it slowly.
-# Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b + K_d)/(2\sqrt{J K_p})$: below 1
-# it does. The value 1 is called **critical damping**.
+# Here P alone oscillates. PD comes to rest past the dashed set-point, by $2/20$ = 0.1 rad. PID goes past it, too, but
+# then returns to it slowly. Whether a mass on a spring oscillates depends on its **damping ratio** $\zeta = (b +
+# K_d)/(2\sqrt{J K_p})$: below 1 it does. The value 1 is called **critical damping**.
 #
-# The I term stops changing only when the error is zero. So if the joint settles, no error is left. Dry friction can
-# keep the joint from settling. It has two parts: **Coulomb friction** is a torque of constant size against the
-# motion, and **static friction** holds a joint at rest. While static friction holds the joint away from the
-# set-point, the I term grows, until the joint breaks loose. If static friction is larger than Coulomb friction, the
-# joint can jump past the set-point and stick on the other side, again and again. This is called **hunting**.
+# With an I term, the joint can stay at rest only where the error is zero, unless the command is at its limit or a stop
+# is in the way. Dry friction can keep the joint from getting there. It has two parts: **Coulomb friction** is a torque
+# of constant size against the motion, and **static friction** holds a joint at rest. While static friction holds the
+# joint away from the set-point, the I term grows, until the joint breaks loose. If static friction is larger than
+# Coulomb friction, the joint can jump past the set-point and stick on the other side, again and again. This is called
+# **hunting**.
 
 # %%
 show("integral_removes_the_error")
@@ -232,10 +236,10 @@ predict("jammed")
 # * **Back-calculation** takes the difference between the limited and the requested torque, and feeds it back into the
 #   I term, so that the I term shrinks while the command is at the limit.
 #
-# The chart shows another joint, which is blocked for 2 s. A load pushes forwards, and the set-point is 0.25 rad. In
-# the right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed
-# the set-point. With conditional integration (blue), it leaves the limit at once. The joint still overshoots, as
-# without a jam. Lines are the exact solution, dots are from the simulator MuJoCo:
+# The chart shows another joint, which is blocked for 2 s. A load pushes forwards, and the set-point is 0.25 rad. In the
+# right chart, the command without anti-windup (orange) stays at the upper limit even after the joint has passed the
+# set-point. With conditional integration (blue), it leaves the limit at once. The joint still overshoots, but so it
+# does without a jam. Lines are the exact solution, dots are from the simulator MuJoCo:
 #
 # ![A jam of two seconds, with anti-windup and without](../docs/charts/pid_windup.png)
 
@@ -312,10 +316,10 @@ predict("more_p")
 show("hold_is_half_a_sample")
 
 # %% [markdown]
-# So count the hold as a delay of $dt/2$, which is a good approximation for slow motions. Let $D$ be the sum of all
-# other delays in the loop (not the D term). The **ultimate gain** $K_u$ is the P gain on the border between stable
-# and unstable. There the loop oscillates with constant amplitude. The first equation below gives the angular
-# frequency $\omega$ of this oscillation (its smallest positive solution), and the second gives $K_u$:
+# So count the hold as a delay of $dt/2$. Let $D$ be the sum of all other delays in the loop (not the D term). The
+# **ultimate gain** $K_u$ is the P gain on the border between stable and unstable. There the loop oscillates with
+# constant amplitude. The first equation below gives the angular frequency $\omega$ of this oscillation (its smallest
+# positive solution), and the second gives $K_u$:
 #
 # $$\omega\tan\!\big(\omega\,(D + \tfrac12 dt)\big) = \frac{b}{J}, \qquad
 # K_u = \omega\,\sqrt{(J\omega)^2 + b^2} .$$
@@ -338,12 +342,12 @@ for late in (0.0, 0.005, 0.02, 0.05):
     rule = sampled.delay_limit(inertia, damping, late + dt / 2)[0]
     print(
         f"delay {1e3 * late:3.0f} ms: ultimate gain {gain:8.3f} N m/rad, period {period:.3f} s; "
-        f"relative error of the rule {abs(gain / rule - 1):.0e}"
+        f"formula's relative error {abs(gain / rule - 1):.0e}"
     )
 
 # %% [markdown]
 # A delay of 20 ms lowers the ultimate gain from 1000 to 24 N m/rad. The left chart shows it for all delays. The right
-# one shows that a simulator can hide the limit; section 7 explains why:
+# one shows how a simulator with one physics step per sample hides it (section 7):
 #
 # ![Ultimate gain against delay, and against a simulator's steps](../docs/charts/delay_limit.png)
 
@@ -354,9 +358,9 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # ### Stability margins
 #
 # Imagine that you cut the loop at the motor and send a sine of torque into it. The joint moves, and the controller
-# answers with another sine of torque. This torque opposes the motion, so it has a minus sign; ignore this sign at
-# first. The size of the answer, divided by that of the sent sine, is the **open-loop gain**. The shift between the
-# two sines is the **phase lag**.
+# answers with another sine of torque. The controller pushes against the deflection, so its answer has a minus sign;
+# leave this sign out at first. The size of the answer, divided by that of the sent sine, is the **open-loop gain**. The
+# shift between the two sines is the **phase lag**.
 #
 # A lag of 180 degrees turns a sine into its negative, and the minus sign turns it back. So with gain 1 and a lag of
 # 180 degrees, the answer equals the sine that you sent in. In the closed loop, this oscillation keeps itself going.
@@ -366,7 +370,7 @@ more_claims("p_at_any_gain", "pade_is_enough")
 # * The **crossover frequency** is the frequency at which the open-loop gain is 1. The **phase margin** is the
 #   additional phase lag there that makes the loop unstable.
 # * The **delay margin** is the additional delay that makes the loop unstable. It is the phase margin in radians,
-#   divided by the crossover frequency. (With several crossover frequencies, the smallest result counts.)
+#   divided by the crossover frequency in rad/s. (With several crossover frequencies, the smallest result counts.)
 #
 # A **Bode plot** draws gain and phase over the frequency, with logarithmic axes for gain and frequency:
 
@@ -403,15 +407,15 @@ _ = bottom.set(xlabel="angular frequency [rad/s]", ylabel="phase [degrees]", yli
 plt.show()
 
 # %% [markdown]
-# For a robot, quote the delay margin: compare it with the milliseconds that communication, motor drive and filters
-# add.
+# For a robot, quote the delay margin: compare it with the milliseconds that communication, motor drive and filters add.
+# It does not cover a wrong gain; the gain margin does.
 #
 # ### Nyquist plot, sensitivity and bandwidth
 #
 # Margins look at two frequencies only. The **Nyquist plot** shows all of them. For each frequency, gain and phase
 # together form one complex number $L$. Its distance from zero is the open-loop gain, and its angle is negative for a
-# lag. The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees. The
-# distance of the curve from $-1$ is the smallest change of $L$ that can make the loop unstable.
+# lag. The plot draws all these points as a curve. The critical point is $-1$: gain 1 and a lag of 180 degrees. So the
+# smallest distance of the curve from $-1$ shows how close the loop is to instability.
 #
 # What does the closed loop do to a disturbance that is a sine? Let $d$ be the error that it would cause without
 # control, and $e$ the error that remains. The loop turns $e$ into the motion $L\,e$ of the joint, and this motion is
@@ -437,17 +441,18 @@ plt.show()
 simulation("nyquist")
 
 # %% [markdown]
-# The orange disc around $-1$ has the radius $1/M_s$, and the curve touches it. Raise the gain by the gain margin: the
-# curve now passes through $-1$, and the step response oscillates at the frequency of that point, the *phase
-# crossover*. Compare $\lvert S\rvert$ between 100 and 1000 rad/s in the presets *High sensitivity* and *Comfortable*:
+# The orange disc around $-1$ has the radius $1/M_s$, and the Nyquist curve touches it. Multiply the gain by the gain
+# margin: the curve passes through $-1$, and the step response oscillates at the frequency of that point, the *phase
+# crossover*. Before the next claim, compare $\lvert S\rvert$ between 100 and 1000 rad/s in the presets *High
+# sensitivity* and *Comfortable*.
 
 # %%
 show("more_gain_rejects_everywhere")
 
 # %% [markdown]
 # This is the **waterbed effect**: in a loop with a hold or a delay, if you push $\lvert S\rvert$ down at some
-# frequencies, it rises at others. So decide which frequencies matter for the task. A common design rule is
-# $M_s \le 2$.
+# frequencies, it rises at others. So decide which frequencies matter for the task. A common design rule is $M_s \le 2$:
+# it bounds gain margin and phase margin at once.
 
 # %%
 more_claims("peak_sensitivity_bounds_margins")
@@ -460,9 +465,9 @@ more_claims("peak_sensitivity_bounds_margins")
 # exact rate, or it takes the difference of two angles. In the curves *a sample late*, its whole command also comes a
 # sample later.
 #
-# With the exact rate, the stable gains form a triangle. If $K_d$ is too small, the delay of the hold makes the loop
-# unstable, as in the worked example of the matrix. If $K_d$ is too large, the held damping torque reverses the
-# velocity within one sample and makes it larger.
+# With the exact rate, the stable gains form a triangle: below the blue line, and left of $K_d\,dt/J$ = 2. If $K_d$ is
+# too small, the delay of the hold makes the loop unstable, as in the worked example of the matrix. If $K_d$ is too
+# large, the held damping torque reverses the velocity within one sample and makes it larger.
 #
 # ![Stable gains of PD, and MuJoCo's position servo](../docs/charts/pd_triangles.png)
 
@@ -472,9 +477,9 @@ for one in stored("pd_triangles")[0].series:
     print(f"{one.label:<28}{np.nanmax(one.y):6.3f} J/dt^2")
 
 # %% [markdown]
-# Few joints have a sensor for the rate. The difference of two angles, divided by $dt$, is the rate of half a sample
-# ago. If computing takes one sample, the whole command comes late, too. Both delays together divide the highest
-# stable $K_p$ by more than twenty. The right chart belongs to section 7.
+# The difference of two angles, divided by $dt$, is the rate of half a sample ago. If computing takes one sample, the
+# whole command comes late, too. Both delays together divide the highest stable $K_p$ by more than twenty. The right
+# chart belongs to section 7.
 #
 # ### Encoder, friction and torque limit
 #
@@ -486,10 +491,9 @@ for one in stored("pd_triangles")[0].series:
 predict("faster_loop")
 
 # %% [markdown]
-# Every estimate of the rate from angles has noise and lag. For one kind of estimate, less noise means more lag. A
-# plain difference has the least lag and the most noise. A low-pass filter averages the difference over about its time
-# constant. A **tracking observer** predicts angle and rate one sample ahead, and corrects both with the error of the
-# predicted angle.
+# Every estimate of the rate from angles trades noise for lag. A plain difference has the least lag and the most noise.
+# A low-pass filter averages the difference over about its time constant. A **tracking observer** predicts angle and
+# rate one sample ahead, and corrects both with the error of the predicted angle.
 #
 # The chart compares the three at 1 kHz; the lag is the one under a steady acceleration. At the same lag, the observer
 # (green), a second-order filter, has less noise than the first-order one (orange):
@@ -501,7 +505,7 @@ print("from the fastest to the slowest setting:")
 for one in stored("rate_estimates")[0].series:
     print(
         f"{one.label:<20} lag {1e3 * one.x[0]:4.1f} to {1e3 * one.x[-1]:5.1f} ms, noise "
-        f"{one.y[0]:4.0f} to {one.y[-1]:4.0f} rad/s per rad of the angle"
+        f"{one.y[0]:4.0f} to {one.y[-1]:4.0f} rad/s per rad of noise"
     )
 
 # %% [markdown]
@@ -586,8 +590,9 @@ more_claims("encoder_ripple", "filtered_rate_is_late", "friction_leaves_an_error
 show("ziegler_nichols_is_safe")
 
 # %% [markdown]
-# Another method uses three numbers: $J$, $b$ and the delay. Let $D_t$ be the total delay of D: hold, difference and
-# communication. For simplicity, let P be as late. With PD, a motion $e^{st}$ is possible if
+# Another method uses three numbers: $J$, $b$ and the delay. Let $D_t$ be the total delay of the D term: hold,
+# difference and communication. For simplicity, we give the P term the same delay. With PD, a motion $e^{st}$ is
+# possible if
 #
 # $$J s^2 + b s + (K_p + K_d\,s)\,e^{-sD_t} = 0 .$$
 #
@@ -619,8 +624,8 @@ tried["often quoted"] = (27.0, 120.0, 1.5)
 tried["equal poles"] = (kp, 0.0, kd)
 
 # %% [markdown]
-# This output checks all rows with the growth of the matrix, and with a simulated step of 1 rad. The row *often
-# quoted* has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, not the values of our joint:
+# This output checks all rows with the growth of the matrix, and with a simulated step of 1 rad. The row *often quoted*
+# has gains from many tutorials. They follow from $K_u$ = 45 and $T_u$ = 0.45 s, not the values of our joint:
 
 # %% tags=["hide-code"]
 plant = control.held(A, B, dt, late)
@@ -654,10 +659,12 @@ print(", ".join(f"{pole:.1f}" for pole in slowest))
 #
 # </details>
 #
-# The chart repeats the test over a wide range of delays, without load, noise or torque limit. The three rules
-# overshoot far, or are unstable (triangles at the top). The equal poles do not overshoot. But they use the exact $J$,
-# $b$ and delay, the rules only the experiment. And the rules aim at loads: without an I term, a load would leave an
-# error of $\tau_L/K_p$. Their $K_p$ may be above $K_u$: that is the limit of P alone, and D raises the limit.
+# The chart repeats the test over many delays, without load, noise or torque limit. The three rows of the table
+# overshoot far, or are unstable (triangles at the top). The equal poles do not overshoot.
+#
+# The $K_p$ of the equal poles can be above $K_u$, because $K_u$ is the limit of P alone, and the D term raises it. But
+# the equal poles need the exact $J$, $b$ and delay, the table only the experiment. And without an I term, a load leaves
+# an error of $\tau_L/K_p$.
 #
 # ![The rows on a joint with its true delay](../docs/charts/ziegler_nichols_rows.png)
 
@@ -682,7 +689,7 @@ more_claims("every_joint_has_ku", "quoted_gains_overshoot", "quoted_ku_tu", "saf
 # | PD | $K_p e + K_d\dot e$ | nothing |
 # | PD with **gravity compensation** | $K_p e + K_d\dot e + g(q)$ | the gravity torque |
 # | PD with **feed-forward** | $K_p e + K_d\dot e + M(q_d)\ddot q_d + h(q_d,\dot q_d)$ | the torque of the planned motion |
-# | **computed torque** | see below | the torque of the actual motion |
+# | **computed torque** | see below | the whole model, at the measured angles and rates |
 #
 # $$\boxed{\;\tau = M(q)\,\big(\ddot q_d + K_d(\dot q_d - \dot q) + K_p(q_d - q)\big) + C(q,\dot q)\,\dot q +
 # g(q)\;}$$
@@ -708,8 +715,8 @@ plt.show()
 
 # %% [markdown]
 # The remaining errors of the two controllers with the full model come from the hold: each torque is constant for a
-# sample while the arm moves on. PD with feed-forward even has the smaller error here, also at equal stiffness
-# (section 6). But it computes the torque for the planned motion only.
+# sample while the arm moves on. PD with feed-forward even has the smaller error here, also at equal stiffness (section
+# 6). But its model torque belongs to the planned motion: away from the plan, this torque is wrong.
 #
 # Computed torque uses the measured angles and rates. Put its torque into the equation of motion: the velocity terms
 # and gravity cancel. Both sides are then $M$ times an acceleration, so $M$ cancels, too.
@@ -719,16 +726,15 @@ show("computed_torque_law")
 
 # %% [markdown]
 # With diagonal gain matrices, every joint's error obeys its own linear equation, with the same poles in every pose.
-# **Worked example:** $K_p = 100\,/\mathrm{s}^2$ and $K_d = 20\,/\mathrm{s}$ give two poles at $-10\,/\mathrm{s}$.
 #
-# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy: compute the torque
-# for the state and the reference half a sample ahead. This is called **half-sample preview** (section 6 shows how much
-# it saves).
+# The cancellation is exact only at the instant of the measurement, because of the hold. The remedy is a delay
+# compensation: compute the torque for the state and the reference half a sample ahead. We call this **half-sample
+# preview** (compared in section 6).
 #
-# The model can also be wrong, for instance because of a payload. **Adaptive control** (Slotine and Li 1987)
-# changes the model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is $Y\hat\theta$.
-# The matrix $Y$ is the **regressor** of chapter 4. It is computed from the measured $q$ and $\dot q$, and from a
-# reference velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative. So no measured acceleration is needed.
+# The model can also be wrong, for instance because of a payload. **Adaptive control** (Slotine and Li 1987) changes the
+# model's parameters $\hat\theta$, such as masses, during the motion. The model's torque is $Y\hat\theta$. The matrix
+# $Y$ is the **regressor** of chapter 4. It is computed from the measured $q$ and $\dot q$, and from a reference
+# velocity $\dot q_r = \dot q_d + \Lambda e$ and its derivative, not from a measured acceleration.
 #
 # The sum $s = \dot e + \Lambda e$ (not the pole $s$ of section 1) combines the errors of velocity and angle. The
 # torque is $Y\hat\theta + K s$, and the update is
@@ -742,17 +748,17 @@ show("computed_torque_law")
 show("adaptive_finds_parameters")
 
 # %% [markdown]
-# The estimate reaches the true values only if the motion keeps making every possible error of the parameters visible
-# in the torques. This is called **persistent excitation**. Noise can make the estimate drift, so limit it to
-# plausible values.
-#
-# Sampled, the update also has a limit. For one joint with exact rates and a constant regressor, it is stable while
-# $dt\,\Gamma Y^2 < K + b$. The left chart shows a run on each side of this limit (our joint, $K = 5$ N m s/rad). With
-# rates from differences, the limit is about a third lower (right, green):
-#
-# ![The limit of adaptation: runs on both sides, and sample times](../docs/charts/adaptation_limits.png)
+# The estimate reaches the true values only if the motion keeps making every possible error of the parameters visible in
+# the torques. This is called **persistent excitation**. Noise can make the estimate drift, so limit it to plausible
+# values. The sample time limits the gain $\Gamma$, too.
 #
 # <details><summary>Derive: the sampled limit, the drift under noise, and four cures</summary>
+#
+# Sampled, the update also has a limit. For one joint with exact rates and a constant regressor, it is stable while
+# $dt\,\Gamma Y^2 < K + b$. The left chart shows a run on each side of this limit (our joint, $K = 5$ N m s/rad). If the
+# rates are differences of the measured angles, the limit is about a third lower (right, green):
+#
+# ![The limit of adaptation: runs on both sides, and sample times](../docs/charts/adaptation_limits.png)
 #
 # **Limit.** Let the regressor $Y$ of one joint be constant, and $\varphi$ be the error of the estimated torque. One
 # sample maps $s$ to $(a - \sigma K)s - \sigma\varphi$ and $\varphi$ to $\varphi + dt\,\Gamma Y^2 s$, with $a =
@@ -796,10 +802,10 @@ predict("wrong_inertia")
 #
 # $$\ddot e + K_d\,\dot e + K_p\,e = \Big(\frac{J}{\hat J} - 1\Big)\,\ddot q .$$
 #
-# The right side is the missing torque, divided by $\hat J$. If the motion is slow compared with the loop, the error
-# is about the right side divided by $K_p$, so it has the same shape: for inertia that of the acceleration, for
-# viscous friction that of the velocity. In faster motions the error lags, which opens the lines in the picture. It
-# shows one joint with 20 % more inertia than in the model, or with friction that the model lacks:
+# The right side is the missing torque, divided by $\hat J$. If the motion is slow compared with the loop, the error is
+# about the right side divided by $K_p$, so it has the same shape: for inertia that of the acceleration, for viscous
+# friction that of the velocity. In faster motions the error lags, which opens the lines of the picture into narrow
+# loops. It shows one joint with 20 % more inertia than in the model, or with friction that the model lacks:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 2.6), layout="constrained")
@@ -835,7 +841,8 @@ plt.show()
 # %% [markdown]
 # | the logged error follows | likely cause |
 # |---|---|
-# | the acceleration | inertia, or the motor's torque constant (torque per ampere) |
+# | the acceleration | inertia |
+# | the whole torque | the motor's torque constant (torque per ampere) |
 # | the velocity | viscous friction |
 # | the jerk, the rate of the acceleration | a late command or a late measurement |
 # | the sign of the velocity | Coulomb friction |
@@ -843,8 +850,9 @@ plt.show()
 # | the torque above a certain size | a torque limit |
 #
 # The *logged* error is the set-point minus the *measured* angle. In a single sine, velocity and jerk have the same
-# shape, so use a motion of several frequencies. To separate the two causes in the first row, hold the arm still
-# against gravity. A wrong torque constant causes an error there, a wrong inertia alone does not.
+# shape, so use a motion of several frequencies. With large accelerations the first two rows look alike, because most of
+# the torque is needed for the acceleration. To separate them, hold the arm still against gravity, without an I term:
+# only a wrong torque constant causes an error there.
 #
 # <details><summary>Derive: the error equation, and when the slope is the inertia</summary>
 #
@@ -903,17 +911,17 @@ plt.show()
 # `identify` does this for inertia, viscous and Coulomb friction, and gravity. `diagnose` takes a log and your model,
 # and tries seven causes, each alone: inertia, viscous friction, Coulomb friction, gravity, torque constant, delay and
 # torque limit. It names the cause that explains the log best, and those that explain it equally well. If two numbers
-# are wrong at once, it still names single causes. But they leave much torque unexplained:
+# are wrong at once, the named cause leaves far more torque unexplained than the noise does:
 
 # %% tags=["show-code"]
 t = 2e-3 * np.arange(4000)
 wave = 0.9 * np.sin(1.3 * t) + 0.5 * np.sin(3.1 * t + 1.0) + 0.25 * np.sin(5.7 * t + 2.0)
-truth = Joint(0.12, 0.15, 0.0, 0.10)
+truth = Joint(inertia=0.12, damping=0.15, coulomb=0.10)
 
 
 def record_log(joint, actuator):
     """Return a log of a joint under PD, with 0.03 mrad of noise on the encoder."""
-    gains = Gains(12.0, 0.0, 1.2, 5e-3)
+    gains = Gains(kp=12.0, kd=1.2, tau=5e-3)
     run = run_joint(joint, actuator, Encoder(noise=3e-5), gains, wave, 2e-3, 8.0)
     return control.Log(2e-3, np.append(run.measured, run.q[-1]), run.command)
 
@@ -936,13 +944,20 @@ for name, one in found.items():
     print(f"real change: {name:<18} named: {', '.join(one.causes)}, leaves {left:.2f} mN m")
 
 # %% [markdown]
-# The chart varies the noise. On the left, raw second differences (orange) are always wrong, and the integral form
-# (blue, windows of 0.3 s) stays accurate. Sending all terms through one low-pass filter works, too (green, 10 Hz),
-# but with the wrong cut-off frequency it lets the noise pass (pink, 40 Hz). So do short windows. The
-# right chart shows how often the true cause, and no other, is named. (*Constant* is the torque constant, *damping* is
-# viscous friction.) Only Coulomb friction (green) is lost in the largest noise:
+# The integral form stays accurate up to 1 mrad of noise, where second differences fail completely.
+#
+# <details><summary>Noise, filters and causes, measured</summary>
+#
+# The chart varies the noise. On the left (relative error of the inertia), raw second differences (orange) are always
+# wrong, and the integral form (blue, windows of 0.3 s) stays accurate. Sending all terms through one low-pass filter
+# works, too (green, 10 Hz), but with the wrong cut-off frequency it lets the noise pass (pink, 40 Hz). The right chart
+# shows how often the true cause, and no other, is named. (*Constant* is the torque constant, *damping* is viscous
+# friction.) Only Coulomb friction (green) is often missed, under the largest noise. (Bands: from the best to the worst
+# of eight joints.)
 #
 # ![Inertia out of a log, and which cause is named](../docs/charts/what_a_log_tells.png)
+#
+# </details>
 
 # %%
 more_claims("inertia_by_differences")
@@ -1014,8 +1029,9 @@ _ = axes[0].legend(fontsize=9)
 plt.show()
 
 # %% [markdown]
-# MPC plans 4 s ahead (crosses), with the limited braking force. So it brakes about a sample earlier, and overshoots
-# less.
+# MPC plans 4 s ahead with the limited force. (A sample is 0.1 s, and every fourth one is a cross.) So it brakes fully
+# one to two samples earlier. At almost 2 m/s, each of them saves nearly 0.2 m of overshoot. The overshoot that is left
+# is the best for this cost.
 #
 # <details><summary>What MPC saves, and what it costs</summary>
 #
@@ -1077,13 +1093,13 @@ plt.show()
 # %% [markdown]
 # The motor of the next pendulum is too weak to lift it directly: it delivers at most a third of the torque that would
 # hold the pendulum level. The pendulum has to swing back and forth first, and the horizon must be long enough to show
-# that swinging is worth its cost. A sample is 0.1 s, a small swing takes 2 s. The bands are 95 % confidence intervals
-# from 20 runs per point:
+# that swinging is worth its cost. A sample is 0.1 s, a small swing back and forth takes 2 s. The bands are 95 %
+# confidence intervals from 20 runs per point:
 #
 # ![How often MPPI swings a weak pendulum up](../docs/charts/swing_up.png)
 #
-# With a horizon of 20 samples (one swing), 16 rollouts are enough: nearly all runs succeed. With 8 samples no run
-# succeeds, even with 64 rollouts: in 0.8 s, swinging away from the target only costs.
+# With a horizon of 20 samples (one swing), 8 rollouts are enough: nearly all runs succeed (upright and slow after 7 s).
+# With 8 samples no run succeeds, even with 64 rollouts: in 0.8 s, swinging away from the target only costs.
 
 # %%
 more_claims("samples_find_the_plan")
@@ -1174,9 +1190,10 @@ more_claims("impedance_sign", "impedance_holds_a_force")
 #
 # How stiff may the controller's spring be? With a delay, it pushes back a little too late: too weak while the hand
 # moves in, too strong while it moves out. Over a whole oscillation it returns more energy than it took. The arm's own
-# friction $b$ takes energy out. A controlled arm that never returns more energy than it has received is **passive**.
-# By the theorem of **passivity**, two passive systems that are joined together cannot build up a motion, and come to
-# rest if one of them loses energy in every motion. So a passive arm is stable at every passive wall.
+# friction $b$ (here along a line, in N s/m) takes energy out. A controlled arm that never returns more energy than it
+# has received is **passive**. By the theorem of **passivity**, two passive systems that are joined together cannot
+# build up a motion, and come to rest if one of them loses energy in every motion. So a passive arm is stable at every
+# passive wall.
 #
 # For a pure spring with the delay $D$, the condition for passivity (Colgate and Schenkel 1997) is
 #
@@ -1193,20 +1210,24 @@ show("damping_is_safe")
 # wall turns motion into force, so its stiffness multiplies the loop gain. For a short delay the limit is $g <
 # b/(k_e\,(D + \tfrac12 dt))$: a stiffer wall allows less gain.
 #
-# In admittance control, the inner position loop has to follow the virtual mass. A stiff wall shakes a *light* mass
-# too fast for it. In the lower chart (inner loop 40 kN/m and 800 N s/m, virtual damping critical for only 100 N/m),
-# the stiffest walls need nearly the arm's own mass. The charts are for 4 kg, $b$ = 20 N s/m and 1 kHz; the upper left
-# one has 2 ms of delay, the lower one none:
+# In admittance control, the position loop has to follow the virtual mass. At a stiff wall, a light virtual mass would
+# vibrate faster than this loop can follow. So a stiffer wall needs more virtual mass, up to nearly the arm's own mass
+# (lower chart).
+#
+# The charts are for an arm of 4 kg with $b$ = 20 N s/m at 1 kHz. The upper left one has 2 ms of delay. The lower one
+# has only the hold, a position loop of 40 kN/m and 800 N s/m, and little virtual damping (critical at the softest
+# wall):
 #
 # ![Stability limits at a wall: force, impedance and admittance](../docs/charts/touching.png)
 #
-# In MuJoCo's soft contact (*contact d*), the share $d$ of the commanded force becomes contact force in the same step,
-# before the hand has moved. So with $d$ = 0.9 (green) the limit is about $1/d$ at nearly every wall: too high at
-# stiff walls, too low at soft ones.
+# In the upper right chart, the curves *own friction* are for a pure spring: only the arm's friction damps. *Best active
+# damping* adds the damping $B$ (on the exact velocity) that allows the stiffest spring. With 2 ms of delay, it helps
+# less at the stiffest walls (pink): there the hand vibrates too fast for the late damping.
 #
-# In the upper right chart, *own friction* is a pure spring. *Best active damping* is the stiffest stable spring over
-# all dampings $B$, which act on the exact velocity. At the stiffest walls the hand vibrates so fast that damping 2 ms
-# late hardly brakes it (pink).
+# The upper left chart also shows MuJoCo's soft contact. It passes on the share $d$ of the commanded force (`solimp`,
+# 0.9 by default) in the same step, before the hand has moved. So each sample multiplies the force loop's command by
+# $g\,d$, and the limit is about $1/d$, whatever the wall, up to 100 kN/m (green). With a small $d$ (orange) the limit
+# is that of the wall.
 
 # %%
 more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_is_light")
@@ -1218,16 +1239,19 @@ more_claims("stiffness_depends_on_the_wall", "force_gain_is_free", "admittance_i
 predict("softer_hand")
 
 # %% [markdown]
-# Energy explains the answer. Let $m$ be the mass that the surface feels at the hand, in this pose and direction: the
-# links, and the rotors' inertia times gear ratio squared, over lever arm squared. It arrives with the energy
-# $\tfrac12 m v^2$. At the peak all of it is in the compressed surface, $F^2/(2k_e)$. So the peak is
+# Energy explains the answer. Let $m$ be the mass that the surface feels at the hand, in this pose and direction. It
+# comes from the links and, if the gears are rigid, also from the rotors: in an arm with one joint, the rotor adds its
+# inertia times (gear ratio / lever arm)².
+#
+# This mass arrives with the energy $\tfrac12 m v^2$. At the peak all of it is in the compressed surface, $F^2/(2k_e)$.
+# So the peak is
 #
 # $$F_{\max} = v\,\sqrt{m\,k_e}\, ,$$
 #
 # and the controller's stiffness does not appear, as long as it is much lower than that of the surface. **Worked
-# example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows the
-# impact and the time after it, for a stiff and a soft controller, with the set-point of the question. Both have
-# little damping; that of the surface lowers the peak:
+# example:** 4 kg at 0.5 m/s against 100,000 N/m gives $0.5\cdot\sqrt{400{,}000}$ = 316 N. The picture shows this impact
+# and the time after it, for a stiff and a soft controller with little damping, and with the set-point of the question.
+# Here the surface has some damping, too, which lowers the peak below 316 N:
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(9, 2.6), layout="constrained")
@@ -1248,9 +1272,10 @@ _ = axes[0].legend(fontsize=9, title="controller")
 plt.show()
 
 # %% [markdown]
-# So at a given speed, a soft controller does not protect people from the impact. It protects them from being pressed
-# hard against a wall afterwards. With little damping, both rebound (right), the soft one for seconds. Against the
-# impact, reduce the speed or the mass $m$, or pad the hand; against the repeats, add damping.
+# So where the controller is already much softer than what the arm hits, an even softer one does not lower the first
+# peak. It lowers the force with which the arm presses afterwards, for instance on a person at a wall. With little
+# damping, the hand bounces (right), under the soft controller for seconds. Against the first peak, reduce the speed or
+# the mass $m$, or pad the hand; against the bounces, add damping.
 
 # %%
 more_claims("stiff_control_hurts")
@@ -1258,10 +1283,10 @@ more_claims("stiff_control_hurts")
 # %% [markdown]
 # ### Hybrid control: which axis gets the force?
 #
-# A hand has to wipe a table. Along some directions you control force, along the others position. Which? Ask what the
-# table itself fixes in each direction. While the hand presses on it, a rigid, frictionless table allows no velocity
-# along its normal, and it gives no force along its tangents. Mason (1981) calls such a fixed velocity or force a
-# **natural constraint**. You can control only what the table does not fix.
+# A hand has to wipe a table. Along some directions you control force, along the others position. To decide, ask what
+# the table itself fixes. While the hand presses on it, a rigid, frictionless table allows no velocity along its normal,
+# and it gives no force along its tangents. Mason (1981) calls such a fixed velocity or force a **natural constraint**.
+# You can control only what the table does not fix.
 
 # %%
 show("axes_of_a_surface")
@@ -1324,9 +1349,10 @@ plt.show()
 # phase at the same wall of 10 kN/m, on a hand of 4 kg with a delay of 2 ms. *Lowest rate* is the lowest stable sample
 # rate, not a recommendation.
 #
-# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft
-# controller move at this speed to 20 mm inside the wall. The force controller (10 N) has none: its command pushes the
-# hand forwards. *Surface 2 mm off* is the change of the steady force when the surface is 2 mm nearer than expected.
+# For *first peak* the hand starts 20 mm before the wall at 0.1 m/s. The set-points of the stiff and the soft controller
+# move at this speed to 20 mm inside the wall. The force controller commands 10 N plus the gain times the force error,
+# minus the damping. It pushes the hand forwards. *Surface 2 mm off* is the change of the steady force when the surface
+# is 2 mm nearer than expected.
 
 # %% tags=["hide-code"]
 lines = [
@@ -1341,6 +1367,8 @@ for regime, name, use in (
 ):
     result, stiffness = touch.row(name), touch.REGIMES[name].stiffness
     spring_ = f", {stiffness:.0f} N/m" if stiffness else ""
+    if gain := touch.REGIMES[name].force_gain:
+        spring_ = f", gain {gain:g}"
     rest = touch.REGIMES[name].force or touch.series_stiffness(touch.REGIMES[name], 0.02)
     lines.append(
         f"| {regime} | {name}{spring_} | {touch.REGIMES[name].damping:.0f} | {use} | {result['rate_hz']:.0f} Hz | "
@@ -1368,9 +1396,8 @@ Markdown("\n".join(lines))
 # </details>
 #
 # A robot runs several loops inside each other, a **cascade**. You design the outer loop as if the inner one responded
-# at once. So the inner loop needs several times the bandwidth of the outer one. Four times avoids overshoot if the
-# inner loop is a first-order lag without delay and the outer one proportional. Otherwise you need more. Typical
-# sample rates:
+# at once. So the inner loop needs several times the bandwidth of the outer one. In the simplest case, four times is
+# just enough to avoid overshoot (derived below). Typical sample rates:
 
 # %% tags=["hide-code"]
 figure_, axis = plt.subplots(figsize=(8, 2.6), layout="constrained")
@@ -1424,13 +1451,13 @@ predict("delay_predicted")
 # last stable ones, and the torque noise grows. The *cascade* is a velocity loop with an I term inside a position
 # loop. The *observer with delay* has the delay in its model. One predictor assumes half of the true delay.
 #
-# On the left, the feed-forward has 90 % of the true torque, so it leaves PD a tenth of the error. Cascade and
-# observer reduce the rest: the cascade has an I term, and the observer's filtered load torque acts like one. On the
-# right, they leave no error in the end.
+# On the left, the feed-forward has 90 % of the true torque, so it leaves PD a tenth of the error. Cascade and observer
+# reduce this rest, because the cascade has an I term, and the observer acts like one. On the right, both leave no error
+# in the end.
 #
-# The predictors allow the fastest poles. But at equal noise, PD is better while it is stable, and predicting half of
-# the delay is better than predicting all of it. The reason: a predictor does not know the load (on the left, the
-# missing 10 %). It expects the command that carries the load to move the joint. So its prediction is wrong, and more
+# The curves of the predictors reach furthest. But at equal noise, PD has the smaller error as far as its curve reaches
+# (on the left, PD with the same feed-forward). And predicting half of the delay is better than predicting all of it.
+# The reason: a predictor does not know the load (on the left, the missing 10 %). So its prediction is wrong, and more
 # so the further it reaches:
 #
 # ![Tracking error and error after a load step, against torque noise](../docs/charts/loop_structures.png)
@@ -1472,10 +1499,9 @@ more_claims(
 # %% [markdown]
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *The control hierarchy*, from the inside out: motor current, joint torque or velocity, position
-# or impedance, task, planner. Say what sets each rate: the motor's electrical time constant for the current, the
-# delay margin for torque and position, contact stiffness (for forces) or the camera's frame rate for the task, and
-# computing time for the planner.
+# **Interview tip.** *The control hierarchy.* Draw the five levels, and say what sets each rate: the motor's electrical
+# time constant for the current, the delay margin for torque and position, contact stiffness (for forces) or the
+# camera's frame rate for the task, and computing time for the planner.
 #
 # <details><summary>"PID inside at 1 kHz, impedance around it at 1 kHz"</summary>
 #
@@ -1492,11 +1518,10 @@ more_claims(
 # ## 5 · Code, and the simulation in full
 #
 # The first listing builds the matrix of the closed loop. The state contains the `n` states of the **plant** (the
-# controlled joint), the commands that wait in the delay (newest first), and the `m` states of the controller `A`,
-# `B`, `C`, `D`. A command may arrive in the middle of a sample: `before` is the effect of the old command on the
-# plant, `now` that of the new one. `whole` counts whole samples of delay. `fed` is where this sample's command goes:
-# into the queue if there is any delay, and into the joint, for the rest of the sample, if the delay is shorter than a
-# sample:
+# controlled joint), the commands that wait in the delay (`waiting` of them, newest first), and the `m` states of the
+# controller `A`, `B`, `C`, `D`. A command may arrive in the middle of a sample: `before` is the effect of the old
+# command on the plant, `now` that of the new one. `whole` counts whole samples of delay. `fed` is where this sample's
+# command goes: into the queue, into the joint, or both:
 
 # %% tags=["hide-code"]
 source(sampled._closed, "n, waiting, m")
@@ -1512,16 +1537,14 @@ source(control.pid._update, "error = setpoint - y")
 
 # %% [markdown]
 # In computed torque with half-sample preview, the caller passes the reference for the middle of the sample. The
-# function extrapolates the measured state to the same instant. `needed` is inverse dynamics: the torque that the
-# model needs for a desired acceleration:
+# function extrapolates the measured state to the same instant. `pd` returns the PD terms. `needed` is inverse dynamics:
+# the torque that the model needs for a desired acceleration:
 
 # %% tags=["hide-code"]
 source(control.computed_torque, "half = 0.5")
 
 # %% [markdown]
-# The last one is the central part of MPPI. Lines before it made the noisy plans `tries` with `rng`, `spread` and
-# `limit`. The lowest cost is subtracted before the exponential, because otherwise all weights could underflow to
-# zero:
+# The last one is the central part of MPPI. Lines before it made the noisy plans `tries`; `_costs` simulates them:
 
 # %% tags=["hide-code"]
 source(control.mppi, "cost = _costs")
@@ -1553,15 +1576,17 @@ simulation("joint", "Hunting")
 #
 # ### Which controller for which error
 #
-# A two-link arm with a payload of 0.5 kg follows one motion. The *right* model knows payload and friction, the
-# *wrong* model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample
-# rate, the lower one against the computing time of controller and simulated arm. The lines *Pinocchio* and *MuJoCo*
-# are half-sample preview with their inverse dynamics. Only PD, computed torque and preview are compiled as a whole,
-# so the times do not rank the methods.
+# A two-link arm with a payload of 0.5 kg follows one motion. The *right* model knows payload and friction, the *wrong*
+# model knows neither. The upper charts show the largest tracking error in the last 2 s against the sample rate. In the
+# upper right one, computed torque and half-sample preview coincide, and the triangles at the top are errors of MPPI
+# that are too large for the chart.
 #
-# LQR, MPC and MPPI correct the deviation from the planned motion. MPC meets no limit, so its errors are LQR's. In the
-# upper right panel, computed torque and half-sample preview coincide, and triangles are errors of MPPI that are too
-# large for the chart.
+# LQR, MPC and MPPI correct the deviation from the planned motion. *LQR along the path* linearises the model at every
+# sample of this motion, so it has one gain matrix per sample. MPC meets no limit, so its errors are LQR's.
+#
+# The lower chart has one message: at 1 kHz, only MPPI computes for longer than the motion lasts (dotted line). Do not
+# rank the others by time: only preview is compiled as a whole. (*Pinocchio* and *MuJoCo* are preview with these
+# libraries.)
 #
 # ![Tracking error against samples per second, and against computing time](../docs/charts/tracking_laws.png)
 
@@ -1613,6 +1638,9 @@ lines.append(
 Markdown("\n".join(lines))
 
 # %% [markdown]
+# The *elbow stiffness* of the table is the elbow's torque per radian of its error. For computed torque it is $K_p$
+# times the model's inertia.
+#
 # With the exact model and no noise, half-sample preview reduces the error of computed torque by a factor of several
 # hundred. At equal stiffness, PD with feed-forward is better than computed torque without preview.
 #
@@ -1646,8 +1674,8 @@ Markdown("\n".join(lines))
 # * Only gravity is known: PD with gravity compensation.
 # * Good model, known load: PD with feed-forward is the usual start. Computed torque with half-sample preview has a
 #   smaller error here, but all of its torque depends on measured angles and rates.
-# * Unknown constant load: an I term, or a disturbance observer.
-# * Changing load: adaptive control, with bounds on its estimate.
+# * Unknown load torque: an I term or a disturbance observer. The faster the load changes, the more bandwidth they need.
+# * Unknown payload on a moving arm: identify it, or use adaptive control with bounds on its estimate.
 # * The command reaches the torque limit, or the cost is not a tracking error: plan ahead. Use MPC if a linear model
 #   is good enough, otherwise MPC with the nonlinear model, or MPPI where that model has no useful gradient, such as
 #   in contact.
@@ -1686,9 +1714,8 @@ _ = axis.legend(fontsize=9, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. With 5 ms of other delay that
-# you also simulate, one step per sample raises the limit by only a tenth. But if the hold is the largest delay,
-# compute the torque in your own controller, at the robot's sample rate, and hold it for ten physics steps.
+# With $n$ physics steps per sample the delay is $(1 - 1/n)\,dt/2$ instead of $dt/2$. If the hold is the largest delay,
+# compute the torque in your own controller, at the robot's sample rate, and simulate each sample in ten physics steps.
 #
 # <details><summary>The limits of a PID loop: theory, the exact joint and MuJoCo</summary>
 #
@@ -1700,18 +1727,9 @@ plt.show()
 #
 # </details>
 #
-# MuJoCo evaluates its built-in position servo in every physics step. So it never holds a torque over several steps,
-# and has no delay. The right chart of *Stable PD gains* shows its limits: they depend on the integrator, and differ
-# from those of sampled PD (dashed). For MuJoCo's integrator *discrete*, no limit was found (triangles).
-#
-# <details><summary>Force control at MuJoCo's soft contact</summary>
-#
-# In MuJoCo's soft contact, a fixed share $d$ of the command appears at once as contact force, before the hand has
-# moved. (A spring would give none.) So a force loop with gain $g$ multiplies its own command by $g\,d$ in each
-# sample. That stays bounded only for $g\,d < 1$, so the limit is about $1/d$ at nearly every wall: too high at stiff
-# walls, too low at soft ones.
-#
-# </details>
+# MuJoCo evaluates its built-in position servo in every physics step. So it has no delay. Its limits (right chart of
+# *Stable PD gains*) depend on the integrator, and differ from those of sampled PD (dashed). *Discrete*, which also
+# computes the spring with the new position, has no limit in the range tried (triangles).
 #
 # <div class="alert alert-block alert-warning">
 #
@@ -1765,8 +1783,8 @@ _ = axes[3].legend(fontsize=8, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# A, B and C are the first three rows of the table. In trace D, the I term could be too large. But the command was at
-# the limit (red bar) during the whole rise, so suspect windup first, and repeat the step with anti-windup:
+# A, B and C are the first three rows of the table. In trace D the command was at the limit (red bar) during the whole
+# rise, so suspect windup before a large I term, and try anti-windup:
 #
 # | symptom | cause | test | fix |
 # |---|---|---|---|
@@ -1799,14 +1817,14 @@ show("overshoot_means_p")
 #
 # **Debugging tip.** *The robot vibrates at contact.* First ask which loop runs through the wall.
 #
-# * Impedance control: does the vibration grow, or die out slowly? If it grows, stiffness or damping is too large for
-#   the delay. Halve one, then the other: lower the one that slows the growth. If the vibration dies out, raise the
-#   damping as far as the delay allows, because the wall has raised the stiffness to $K + k_e$.
+# * Impedance control: does the vibration die out slowly? Then raise the damping as far as the delay allows, because the
+#   wall has raised the stiffness to $K + k_e$. Does it grow, or stay because the torque limit bounds it? Then stiffness
+#   or damping is too large for the delay. Halve each of them alone, and keep the change that calms the hand.
 # * Force control: lower the gain on the force. The impedance stiffness is not part of this loop.
 # * Admittance control: raise the virtual mass or damping. Soften the inner position loop only if it is
 #   too stiff for its own delay.
 #
-# If the hand loses contact again and again, approach more slowly.
+# If the loop is stable and the hand still bounces, add damping. A slower approach makes the bounces smaller.
 #
 # </div>
 
@@ -1816,7 +1834,7 @@ more_claims("overdamped_cure", "vibration_needs_softness")
 # %% [markdown]
 # ## 8 · Exercises
 #
-# First do the drill `pid`: run `drills start pid` in a terminal. Ten graded exercises follow here. `check` runs your
+# First do the drill `pid`: run `drills start pid` in a terminal. Ten graded exercises follow. `check` runs your
 # function on new random cases.
 #
 # ### A warm-up
@@ -1959,10 +1977,14 @@ check(mppi_step)
 # tangential part is at most $\mu$ times its normal part. The joint torques have limits, too. A quadratic program, as
 # in MPC, finds the forces of the lowest cost within these limits.
 #
+# <details><summary>Active limits and multipliers</summary>
+#
 # A limit that the solution just reaches is **active**. Its **multiplier**, which is never negative, says how fast the
 # lowest cost would fall if this limit were relaxed. The equations for weight and moment have multipliers of either
 # sign. At the minimum, the gradients of the active limits and of the equations, each times its multiplier, cancel the
 # gradient of the cost.
+#
+# </details>
 #
 # <details><summary>How steep the slope can be</summary>
 #
@@ -2029,9 +2051,9 @@ check(hold_joint)
 # %% [markdown]
 # ### Formulas: three limits of PD
 #
-# Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time
-# is $dt$. Write one sample as a matrix or as a polynomial in $z$, and find out when an eigenvalue or a root reaches
-# the unit circle.
+# Derive three curves of the chart of stable PD gains. The joint is an inertia $J$ without friction, the sample time is
+# $dt$. Write one sample as a matrix, or as a polynomial in $z$ (a factor of $z$ is a shift by one sample). Find out
+# when an eigenvalue or a root reaches the unit circle.
 # <span class="kernel-only">Replace the three answers below.</span>
 #
 # 1. The rate is exact. Which is the largest stable $K_p$ for a given $K_d$?
@@ -2065,8 +2087,8 @@ your_robot(6)
 # Residual policy learning (Silver and others, arXiv 1812.06298; Johannink and others, ICRA 2019) learns it with
 # reinforcement learning (chapter 9). The example below fits it to data instead.
 #
-# But the torque that is missing for an unknown payload also depends on the acceleration. So in the example, $x$
-# contains the accelerations, too. While the controller runs, they are the ones that the computed-torque law requests.
+# The torque that is missing for an unknown payload also depends on the acceleration. So here $x$ also contains the
+# accelerations that computed torque requests.
 
 # %%
 predict("taught_elsewhere")
@@ -2088,10 +2110,10 @@ off = [tracking.error(still, 4e-3, size=size) for size in (1.0, 1.6)]
 print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:.2g} rad")
 
 # %% [markdown]
-# On the trained motion both are accurate to a few milliradians. On the larger motion, the learned
-# correction's error is about 35 times as large, because it has no data there. The adaptive law's is about three times
-# as large: its model has the form of the arm's equations, and it goes on adapting. Its gains are also higher (the
-# last line is its error without adaptation). So the numbers do not rank learning against adaptation.
+# On the trained motion both are accurate to a few milliradians. On the larger motion, the learned correction's error is
+# about 35 times as large: it has no data there. The adaptive law's is about three times as large: its model has the
+# form of the arm's equations, and it goes on adapting. Its gains are also higher (the last line is its error without
+# adaptation). So the numbers do not rank learning against adaptation.
 #
 # <details><summary>Five works to read</summary>
 #
@@ -2109,8 +2131,8 @@ print(f"adaptation off, trained motion: {off[0]:.2g} rad, a larger one: {off[1]:
 more_claims("residual_learning_is_faster", "residual_of_the_state")
 
 # %% [markdown]
-# You can also plan with MuJoCo as the model, and change a weight of the cost while the controller runs. Here MPPI
-# swings the arm up. Then we raise the price of torque, and the arm lets itself fall:
+# Here MPPI plans with MuJoCo as the model, and swings the arm up. Then we raise the price of torque, and the arm lets
+# itself fall:
 
 # %% tags=["show-code"]
 body, arm = TwoLink(gravity=9.81).chain(), TwoLink(gravity=9.81)
@@ -2135,7 +2157,7 @@ for price in (1e-4, 1.0):
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open the answers. Questions on legged robots and on safety go beyond this page.
+# Answer aloud, then open the answers. Questions on legged robots and on the categories of stop go beyond this page.
 
 # %%
 interview("control")

@@ -90,8 +90,9 @@ def force_gain_is_free(result):
     "it is at most {late_soft:.0%} above it up to {middle:.0e} N/m, and {late_stiff:.0%} at the "
     "stiffest wall.",
     ask=(
-        "An arm with friction b renders a stiffness K with commands that are held for dt and come "
-        "D late. The controller has no damping. Up to which K is it stable at every wall?",
+        "An arm with friction b is controlled as a spring of stiffness K. Commands are held for dt "
+        "and come D late. The controller has no damping. Up to which K does passivity guarantee "
+        "stability at every wall?",
         "K < 2*b/(dt + 2*D)",
         {
             "2*b/dt": "The delay counts as well, and double: a hold is half a sample.",
