@@ -160,13 +160,13 @@ Image(film.getvalue(), format="png")
 #
 # Three faults are visible. **MuJoCo's block hops**: its contact solver throws a sliding block upwards, and higher
 # with the stiff contacts used here. **Towers sag**: even a stiff contact yields a little under load, so the cubes
-# overlap. With a stiffer contact, Drake's would sag less.
+# overlap.
 #
 # **Parts creep or fall**, here with default settings: MuJoCo's part sinks slowly and steadily through a grip that
 # should hold it (over a hundred times less if the settings are fair). Drake's drops more than twice as far. Its
 # default contact is a single point on each finger, and the part turns about the line through both points until it
-# hangs below. (The picture doesn't show the turn.) PyBullet's falls because its defaults reduce the friction and hold
-# the fingers back.
+# hangs below. (The picture doesn't show the turn.) PyBullet's falls freely, because its defaults reduce the friction
+# and hold the fingers back. (At this step it also falls, more slowly, if the settings are fair. Section 7 shows why.)
 #
 # ## How this chapter works
 #
@@ -267,11 +267,12 @@ table(("Scene", "What happens", "Truth", "Lasts", "Tolerance"), rows)
 # %% [markdown]
 # A *closed form* is an exact formula. A *tight reference* is a run of an accurate integrator from chapter 1; its
 # error is far below all errors that this page compares. An error in mrad is an angle: of the body, or of the joint
-# that is furthest off. Errors grow during a motion, so compare two of them only if the durations are equal.
+# that is furthest off. Errors usually grow during a motion, so compare two of them only if the durations are equal.
 #
-# *Brake* is launched along an axis of the contact (0 degrees), or at 22.5 degrees to it. *Tower* has three cubes in
-# the charts of section 3 and five in the simulation. The part of *grasp* weighs 0.2 kg. The fingers press with 3 N in
-# the charts, about 1.5 times the smallest force that holds it, and with 1.02 times this force in the simulation.
+# *Brake* is launched along an axis of the contact (0 degrees) in section 3, and at 22.5 degrees to it in the
+# simulation. *Tower* has three cubes in the charts of section 3 and five in the simulation. The part of *grasp* weighs
+# 0.2 kg. The fingers press with 3 N in the charts, about 1.5 times the smallest force that holds it, and with 1.02
+# times this force in the simulation.
 #
 # Section 8 has these exercises:
 
@@ -314,11 +315,11 @@ plt.show()
 # As long as nothing touches, the equations of motion have one solution. Two correct programs compute the same
 # acceleration up to rounding. So if they also use the same scheme, the same step and the same variables (here joint
 # angles, not the pose of each link), they make the *same error*. The scheme includes how an orientation is updated,
-# and here Drake differs. The others rotate a body by its angular velocity times $h$. Drake instead adds to each of
-# the four numbers of a quaternion its rate of change times $h$.
+# and here Drake differs from the others.
 #
-# We test this with **fair settings**. They make each engine simulate what the scene describes: they remove damping,
-# motors and other additions, and make contacts stiff. Here are the three scenes in which nothing touches:
+# We test this with **fair settings**, as we call them. They remove damping, motors and other additions, so that each
+# engine simulates what the scene describes. They also make contacts stiff. Here are the three scenes in which nothing
+# touches:
 
 # %%
 for make in ("tumble", "chain", "arm"):
@@ -344,8 +345,8 @@ for make in ("tumble", "chain", "arm"):
 # only there an orientation is updated. The difference grows with the step and the duration, so it is smaller in the
 # claim below.
 #
-# (The printed lines give an order over all steps, for RK4 over the three largest, the *coarse end*: at small steps,
-# rounding can hide it. *Error* is in rad, at 0.25 ms.)
+# The printed order is fitted over all steps. For RK4 it is fitted over the three largest steps only, the *coarse
+# end*, because rounding spoils the smallest errors. The printed errors are in rad, at 0.25 ms.
 #
 # ![Error against the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -367,7 +368,10 @@ show("engines_agree")
 # <details><summary>Drake's schemes, and why some lines of the chart have another slope</summary>
 #
 # Drake calls the simulated bodies a **plant**. A *discrete* plant uses semi-implicit Euler. A *continuous* plant uses a
-# Runge-Kutta scheme of order three, which adapts its step to the error.
+# Runge-Kutta scheme of order three, which adapts its step to the error. The other engines rotate a body by its angular
+# velocity times $h$. A discrete plant of Drake instead adds to each of the four numbers of a quaternion its rate of
+# change times $h$. (Section 6 doesn't draw the continuous plant: at each step, it cost over twice as much as MuJoCo's
+# RK4, with a larger error.)
 #
 # The measured orders of chain and arm are a little off 1: their errors are large, so higher powers of $h$ count as
 # well. PyBullet's dashed lines are flat for tumble and arm: as shipped, its error doesn't depend on the step.
@@ -433,7 +437,7 @@ table(
 # Which settings are fair is a decision, and you may disagree with ours. We chose MuJoCo's `solref` after seeing
 # results, set Drake's stiffness once (its towers sag in inverse proportion to it), and left PyBullet's solver as
 # shipped. (That solver visits all contacts one after the other, up to 50 times per step. Each round is called a
-# **sweep**.) So where bodies touch, the comparison favours MuJoCo.
+# **sweep**.) So where bodies touch, the comparison favours MuJoCo, and *fair* is only a name.
 #
 # <details><summary>How we chose MuJoCo's values</summary>
 #
@@ -489,12 +493,13 @@ print("  ", ", ".join(f"{key} {float(x) / float(fair):.1f} times" for key, _, x,
 # and `solref` matter most. In PyBullet, sliding bodies have too little friction, because it multiplies the
 # coefficients of both surfaces: 0.5 on both makes 0.25. Its chain suffers from three defaults: inertias computed from
 # shapes, damping, and motors that hold the joints. The inertias alone do the most harm. All three together do less,
-# since damping and motors slow the motion down. In Drake the culprit is the contact at a point; in *brake*, only
-# together with another default, `lagged` (section 7).
+# since damping and motors slow the motion down.
+#
+# In Drake the cause is the contact at a point. In *brake*, it does harm only because Drake's method `lagged`, also part
+# of the fair settings, limits friction with the normal force of the step before (section 2).
 #
 # Only one bar points to the left: with the default pyramid, and all else fair, the tower sinks about sixty times
-# less. About six come from the pyramid itself, and about ten from the fair `impratio`, which stiffens the pyramid
-# against sinking, but not the round cone:
+# less. The pyramid alone divides the sinking by about six, and the fair `impratio` by about ten more:
 #
 # <details><summary>Why the pyramid's tower sinks less</summary>
 #
@@ -557,19 +562,18 @@ for label, engine, how in (
 # largest error combines the height of the hop and the lag behind Coulomb's motion.
 #
 # Still, the block stops in the right place. In the air nothing brakes it. But the floor pushes hard at the take-off
-# and at the landing of a hop, and friction is $\mu$ times this push. So half of the missing braking comes at the
-# take-off, in advance, and half at the landing. After each hop, speed and distance are nearly those of steady
-# braking. So the final position does not reveal the hops: report the largest error on the way (during the motion) as
-# well.
+# and at the landing of a hop, and friction is $\mu$ times this push. After each hop, speed and distance are therefore
+# nearly those of steady braking. So the final position does not reveal the hops: report the largest error on the way
+# (during the motion) as well.
 #
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** Where nothing touches, engines with the same scheme, step and variables make nearly the same error.
-# With their defaults, their errors can differ a hundredfold. Where bodies touch, the contact models differ by design,
-# and with fair settings each of the three simulators keeps a fault. MuJoCo's block hops. Drake's tower sags; how far
-# depends on the stiffness that we chose. PyBullet, with its solver as shipped and a step of 1 ms, lets a gently held
-# part sink by centimetres. A comparison that doesn't list its settings compares settings. Ask "which scheme, which
-# step, which contact?" before you ask "which simulator?"
+# With their defaults, their errors can differ more than a hundredfold. Where bodies touch, the contact models differ
+# by design, and with fair settings each of the three simulators keeps a fault. MuJoCo's block hops. Drake's tower
+# sags; how far depends on the stiffness that we chose. PyBullet, with its solver as shipped, lets a gently held part
+# sink by centimetres. A comparison that doesn't list its settings compares settings. Ask "which scheme, which step,
+# which contact?" before you ask "which simulator?"
 #
 # </div>
 #
@@ -578,10 +582,11 @@ for label, engine, how in (
 # ### Four contact models
 #
 # Without contact there is one right answer. With contact, each engine solves a different problem, on purpose. An ideal
-# rigid body doesn't deform, so its contact force can't be computed from positions, as the force of a spring can. Each
-# engine finds its own way out: it softens the contact, or accepts one of many possible solutions, or solves Coulomb's
-# law exactly. The simulation below shows the tower of five cubes, with the engines as shipped. Drake's contact is then
-# at a point. Its tower falls, and its curve leaves the picture:
+# rigid body doesn't deform, so its contact force can't be computed from positions, as the force of a spring can.
+# MuJoCo and Drake therefore soften the contact. PyBullet and our code keep it rigid. Then many splits of the load over
+# the four corners of a box can satisfy Coulomb's law, and each solver takes the one at which it ends. The simulation
+# below shows the tower of five cubes, with the engines as shipped. Drake's contact is then at a point. Its tower
+# falls, and its curve leaves the picture:
 
 # %%
 simulation("platforms", "Collapsing tower")
@@ -592,10 +597,10 @@ simulation("platforms", "Collapsing tower")
 # ones hop</td></tr> <tr><td>Drake</td> <td>a convex problem as well; its default method, `lagged`, limits friction with
 # the normal force of the step before. The contact is at a point, or a pressure over a patch</td> <td>time; you also
 # have to choose a stiffness for the patch; sticking contacts may slide a little</td></tr> <tr><td>PyBullet</td>
-# <td>sweeps over the contacts, one at a time, until they change little or 50 are done</td> <td>how the load is split
-# over the corners is arbitrary; it depends on the sweeps. Sticking contacts may slide a little</td></tr> <tr><td>own
-# code</td> <td>Coulomb's law, solved with Newton's method (chapter 2)</td> <td>time: with contact it runs Python at
-# every step (without, its loops are compiled)</td></tr> </table>
+# <td>visits the rigid contacts one after the other, in sweeps, until the forces change little or 50 sweeps are
+# done</td> <td>an arbitrary split of the load over the corners; sticking contacts may slide a little</td></tr>
+# <tr><td>own code</td> <td>Coulomb's law, solved with Newton's method (chapter 2)</td> <td>an arbitrary split, too.
+# Time: with contact it runs Python at every step (without, its loops are compiled)</td></tr> </table>
 #
 # A **point contact** applies a force at each of a few points. Between two boxes, Drake finds a single point, which
 # can't resist tipping.  A **hydroelastic contact** assumes a pressure inside each body, which grows towards its
@@ -648,8 +653,8 @@ for settings in (AS_SHIPPED, FAIR):
 # %% [markdown]
 # *Unexplained* tests whether we read the report correctly: do the reported forces produce the velocities that the
 # engine reached? They do, up to rounding. With rigid contacts, the residual of complementarity is 0. A soft contact
-# pushes while the bodies overlap by a depth $d$. Our measure turns $d$ into a speed [m/s]: the one that would remove
-# a fifth of $d$ in one step $h$, $d/(5h)$. So this residual is only the depth in other units. It is no extra fault of
+# pushes while the bodies overlap by a depth $d$. Our measure turns $d$ into a speed [m/s]: the one that would remove a
+# fifth of $d$ in one step $h$, $d/(5h)$. So this residual is only the depth in other units. It is no extra fault of
 # MuJoCo. No force leaves the cone.
 #
 # ### Does a better scheme help with contact?
@@ -662,8 +667,8 @@ for settings in (AS_SHIPPED, FAIR):
 show("rk4_and_contact")
 
 # %% [markdown]
-# So keep RK4 for smooth motion. With contact, it evaluates the forces four times per step and is often no better. For
-# strong damping or high gains, MuJoCo offers `implicitfast` (chapter 1).
+# So keep RK4 for smooth motion. With contact, its four force evaluations per step often buy nothing. For strong
+# damping or high gains, MuJoCo offers `implicitfast` (chapter 1).
 
 # %%
 more_claims("drake_guarantees", "opened")
@@ -683,7 +688,7 @@ more_claims("drake_guarantees", "opened")
 #
 # Most facts come from two charts. The first has ten scenes on four engines at 1 ms. A point shows the error divided
 # by the tolerance of its scene, so below 1 is good enough. (Values below 1e-8 are drawn at 1e-8.) The lower panel
-# shows the computing time over MuJoCo's. It includes the calls from Python: one per motion, but one per step in
+# shows the computing time divided by MuJoCo's. It includes the calls from Python: one per motion, but one per step in
 # PyBullet (section 6). In chain and arm, MuJoCo's contacts are switched off, which makes it about a tenth cheaper.
 #
 # ![Error divided by tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
@@ -701,6 +706,8 @@ figures(
 )
 
 # %% [markdown]
+# As shipped, MuJoCo is good at *brake* only because the block is launched along an axis (section 1).
+#
 # Our own contacts look perfect because the truth of these scenes is the law that our code solves: rigid contact with
 # Coulomb's friction. A real contact also yields a little. And in every scene with contact, our step costs over a
 # hundred times MuJoCo's.
@@ -723,22 +730,26 @@ print_figures(
 )
 
 # %% [markdown]
+# <details><summary>More about this chart: <em>drop</em>, and whether Drake's block hops</summary>
+#
 # By the error on the way, with fair settings, MuJoCo, Drake and (barely) PyBullet miss the tolerance of *drop* as the
 # cube lands; our own code meets it.
 #
-# <details><summary>Does Drake's block hop, too?</summary>
-#
-# Drake's contact problem is convex, too. Its approximation `sap` couples friction and separation as MuJoCo's does, and
+# Drake's contact problem is convex, too. Its method `sap` couples friction and separation as MuJoCo's does, and
 # a sliding box also glides above the ground (Castro, Permenter and Han, 2022). Drake's default is `lagged`. It limits
 # friction with the normal force of the step before, and the block stays down.
 #
 # </details>
 #
-# Here are seven jobs with their needs. Three of them need only what we know: numbers of the two charts (with fair
-# settings, at 1 ms; another step can change a pick), whether `make lab` installs the engine, and the share of faulty
-# models that it rejects or warns about (*faults reported*, section 7). The other four need something that we did not
-# measure. Engines that meet all needs are ranked by one cost. (RL is reinforcement learning, PhysX the engine of
-# Isaac Sim.)
+# Here are seven jobs with their needs. Three of them need only what we know:
+#
+# * errors from the two charts, with fair settings at 1 ms (another step can change a pick);
+# * whether a single `pip install` brings the engine;
+# * *faults reported*: the share of faulty models that the engine rejects or warns about (section 7).
+#
+# The other four need something that we did not measure. We rank the engines that meet all needs by their cost in one
+# scene, which we chose for each job. *Decided by* lists the needs that some engine misses, and then this cost. (RL is
+# reinforcement learning, PhysX the engine of Isaac Sim.)
 
 # %%
 facts = jobs.facts()
@@ -757,13 +768,13 @@ rows = [
 table(("Job", "Needs", "Pick", "Why"), rows)
 
 # %% [markdown]
-# Three jobs have an answer, each time MuJoCo. We tuned its contacts most (section 1). But it is also the cheapest
-# wherever bodies touch.
+# Three jobs have an answer, each time MuJoCo. We tuned its contacts most, and PyBullet's solver not at all (section
+# 1). With this solver, PyBullet misses the *grasp*, so it is out of two jobs. But MuJoCo is also the cheapest wherever
+# bodies touch.
 #
 # For *Manipulation research*, a tighter limit on the largest error of *brake* would rule out MuJoCo: its block hops.
 # Then the cheapest that passes is Drake. But change the settings before the engine: with its default `solref`,
-# MuJoCo's largest error in *brake* is below 1 mm (section 1), though the block is still in the air for half of the
-# time. The other needs are still met.
+# MuJoCo's largest error in *brake* is below 1 mm (section 1).
 #
 # <div class="alert alert-block alert-success">
 #
@@ -1024,7 +1035,7 @@ more_claims("radar_area")
 # ### One interface for four engines
 #
 # Engines differ in their conventions, such as the order of a quaternion. An adapter translates each convention into
-# ours. A comparison then needs only two operations: build a run of a scene, and let it run some steps.
+# ours. A comparison then needs mainly two operations: build a run of a scene, and let it run some steps.
 
 # %% tags=["show-code"]
 Markdown(
@@ -1151,7 +1162,7 @@ for preset, (scene, card_, fair) in {
 # %% [markdown]
 # Readouts: *ends apart* is the largest distance between the final positions of any two engines; *area of the five* is
 # the area of the radar polygon as a share of the full pentagon. *Cost of a step* is relative to MuJoCo's fair step.
-# It was timed over many steps, so it differs from section 3's cost of a motion.
+# It was timed over many steps, so it differs from section 3's cost.
 #
 # ## 6 · Speed against accuracy
 #
@@ -1165,8 +1176,8 @@ for preset, (scene, card_, fair) in {
 # Cost here is the computing time for the whole motion. It is divided by the time that MuJoCo's Euler needs at the
 # largest step of the same panel.
 #
-# Some scenes are shorter here than in sections 1 and 3, so their errors are smaller: the tumble lasts 1 s (not 5 s),
-# the chain 1 s (not 2 s), and the tower 0.2 s. The picks hold for these durations only.
+# Some scenes are shorter here than in sections 1 and 3 (the panels' titles give the durations), so their errors are
+# smaller. The picks hold for these durations only.
 #
 # ![Error against cost on five scenes, with the pick at each tolerance](../docs/charts/platform_precision.png)
 
@@ -1178,8 +1189,7 @@ print_figures(
 
 # %% [markdown]
 # Where nothing touches, RK4 wins if the tolerance is tight, in both engines that have it: MuJoCo and our code. At the
-# arm's tolerance, Euler costs over three times as much as RK4. On this short chain, both cost about the same. Drake's
-# scheme of order three isn't drawn: at each step, it cost over twice as much as MuJoCo's RK4, with a larger error.
+# arm's tolerance, Euler costs over three times as much as RK4. On this short chain, both cost about the same.
 #
 # In these two scenes with contact, each engine meets the tolerance at 8 ms. So the cheapest step wins, which is
 # MuJoCo's. But above 2.5 ms, MuJoCo's fair `solref` is two steps, so its contacts are softer than in section 3, and
@@ -1208,17 +1218,18 @@ print_figures(
 # cubes, their cost grew faster than the number of cubes.
 #
 # The last panel shows a trap: with one call from Python per step, Python's share of the time can be larger than that
-# of the physics. MuJoCo, Drake and our code can take many steps in one call. The panel shows how much time they save
-# with 100 steps per call: with one link about half or more, and in our compiled loop nearly all.
+# of the physics. MuJoCo, Drake and our code can take many steps in one call. The panel shows how much time 100 steps
+# per call save: with one link about half or more, and in our compiled loop nearly all.
 #
-# PyBullet makes one step per call. Its dashed curve and the last printed line show something else: the time of a step
-# in an *empty* world as a share of a full step. Python's share is smaller than this, since an empty step includes
-# fixed work inside Bullet. So on a small scene, a measured rate says little about how fast the engine moves bodies.
+# We called PyBullet once per step. (We didn't use its option `numSubSteps`, which makes several equal steps in one
+# call.) PyBullet's dashed curve and the last printed line show something else: the time of a step in an *empty* world
+# as a share of a full step. Python's share is smaller, since an empty step includes fixed work inside Bullet. So on a
+# small scene, a measured rate says little about how fast the engine moves bodies.
 #
-# On these scenes, the measurements suggest the following choices. For smooth motion with a tight tolerance, take RK4
-# in MuJoCo or our code, unless strong damping forces it to short steps. If bodies may sink by 1 mm, take MuJoCo, at
-# the largest step that keeps within this. Choose its elliptic cone if bodies slide: the pyramid sinks less, but
-# steers. For sliding bodies that must not lift off at all, take PyBullet or Drake with fair settings.
+# On scenes like these, for smooth motion with a tight tolerance, take RK4 in MuJoCo or our code, unless strong
+# damping forces short steps. If bodies may sink by 1 mm during your task, take MuJoCo, at the largest step that
+# achieves this. Choose its elliptic cone if bodies slide: the pyramid sinks less, but steers. For sliding bodies that
+# must not hop, take PyBullet or Drake with fair settings.
 
 # %% tags=["nbval-ignore-output"]
 more_claims("steps_per_second", "fewer_environments")
@@ -1261,14 +1272,12 @@ print(f"PyBullet, as shipped: still {speed:.2f} m/s at the end of the simulation
 # block has half the friction (section 1). It is 80 % too far when the scene ends, and still slides.
 #
 # Drake's block as shipped stops almost at once. Two defaults together cause this: contact at a single point, and the
-# contact approximation `lagged`. (We did not examine how.) With a patch, or with the approximation `sap` (dotted), it
-# stops near the right place.
+# method `lagged`. (We did not examine how.) The block stops near the right place with a patch, or with Drake's method
+# `sap` (dotted), which computes friction and normal force in the same step.
 #
 # <details><summary>More about Drake and MuJoCo</summary>
 #
-# `lagged` limits friction in the one contact point with the normal force of the step before. With `sap`, which
-# computes both forces in the same step, the block on one point stops within 7 % of the true distance at all steps of
-# the chart.
+# With `sap`, the block on one point stops within 7 % of the true distance at all steps of the chart.
 #
 # The law is for a launch along an axis. At 22.5 degrees, MuJoCo's fair block stops even less short than the law says.
 # We did not examine why.
@@ -1352,11 +1361,11 @@ for settings in (AS_SHIPPED, FAIR):
 predict("part_that_sinks")
 
 # %% [markdown]
-# How fast does the part creep? MuJoCo's solver doesn't force the sliding speed $v$ to 0. It chooses the friction
-# force $f_t$ so that $\dot v = R_t f_t - b\,v$. Here $R_t$ [1/kg] is the **compliance** of the contact, its softness.
-# The damping rate $b$ [1/s] follows from `solref`. In a rigid contact ($R_t = 0$), any sliding dies out at the rate
-# $b$. In a soft one, steady creep remains ($\dot v = 0$): friction carries the load $f_t$ while the contact slides at
-# the speed $v = R_t\,f_t/b$.
+# How fast does the part creep? MuJoCo's solver chooses the friction force. In a rigid contact, it would make any
+# sliding speed $v$ die out: $\dot v = -b\,v$, where the rate $b$ [1/s] follows from `solref`. In a soft contact, the
+# sliding misses this aim in the direction of the load, by $R_t f_t$: $\dot v = -b\,v + R_t f_t$. Here $f_t$ is the
+# size of the friction force, and $R_t$ [1/kg] is the **compliance** of the contact, its softness. So steady creep
+# remains ($\dot v = 0$): friction carries the load $f_t$ while the contact slides at the speed $v = R_t\,f_t/b$.
 #
 # A harder contact (set by `solimp`) has a smaller compliance, lighter bodies have a larger one, and the option
 # `impratio` divides it. The chart also shows **noslip** with 3 iterations, a second pass after the solver that reduces
@@ -1377,8 +1386,7 @@ print_figures(
 # %% [markdown]
 # For the elliptic cone, the law agrees with the simulation to many digits over a factor of 300 in `impratio`, as long
 # as all corners of the body carry load. (In the chart, MuJoCo has its default `solref` and `solimp`, and for *noslip*
-# also its default cone and `impratio`. Drake and PyBullet have fair settings. With fair settings, MuJoCo is stiffer
-# and creeps more slowly.)
+# also its default cone and `impratio`. Drake and PyBullet have fair settings.)
 #
 # <details><summary>A question of MuJoCo's users</summary>
 #
@@ -1422,9 +1430,7 @@ for name, share in least.items():
 # carries the part, but doesn't hold it.
 #
 # At the steps shown, our code, MuJoCo and Drake have a threshold: the part is carried at every squeeze above it. In our
-# code and MuJoCo, the threshold is close to Coulomb's force. Drake's patches carry the part down to 0.98 of this force,
-# but there it sinks evenly, by 12 mm in half a second. Drake's reported friction is then 2 % larger than Coulomb's law
-# allows.
+# code and MuJoCo, the threshold is close to Coulomb's force. In Drake it is a little lower.
 #
 # PyBullet has no threshold at 1 ms: it carries the part at some squeezes, and lets it fall at a larger one. Even a
 # carried part isn't always held. With 3 N, 1.5 times the smallest force, the part sank by 3 cm in half a second
@@ -1432,10 +1438,13 @@ for name, share in least.items():
 # law leaves open how four corners share the squeeze. But with little force on them, friction at the other corners is
 # too weak, and the part turns about the loaded one.
 #
-# At 2 ms and more, PyBullet has a threshold, too. As shipped, it lets the part fall at every squeeze: default motors
-# hold the fingers back.
+# At 2 ms and more, PyBullet has a threshold, too. But a part that it carries at 2 ms can still turn and sink (card
+# below). As shipped, PyBullet lets the part fall at every squeeze: default motors hold the fingers back.
 #
-# <details><summary>PyBullet as shipped</summary>
+# <details><summary>More about Drake, and PyBullet as shipped</summary>
+#
+# Drake's patches carry the part down to 0.98 of Coulomb's force, but there it sinks evenly, by 12 mm in half a second.
+# Drake's reported friction is then 2 % larger than Coulomb's law allows.
 #
 # As shipped, PyBullet starts a motor at each joint. With these motors off, it drops the part up to twice the marked
 # force, because it multiplies the two coefficients of 0.5.
@@ -1512,7 +1521,7 @@ world.close()
 
 # %% [markdown]
 # In this run of MuJoCo, the missing warm start changed the last digits only. Once it was written back, too, the run
-# repeated. Test your own scene, and reset it while bodies touch.
+# repeated. Test the reset of your own scene in a state with contacts.
 #
 # ### A joint limit and a mimic joint
 #
@@ -1929,8 +1938,8 @@ for (name, settings), one in reach.items():
 # $2\,\omega m$.
 #
 # In the cell, the simulated arm has lost its damping. Each row has another $d$, the damping in which the controller
-# believes. (The reach lasts 3 s instead of 1.5 s, so don't compare the errors.) The reach above had a real damping
-# far above the limit. Real damping does no harm:
+# believes. (The reach lasts 3 s instead of 1.5 s, so don't compare the errors.) In the first reach, the arm really had
+# the damping in which the controller believed. This was far more than the limit, and did no harm:
 
 
 # %% tags=["hide-code"]
@@ -1952,7 +1961,7 @@ def lost(damping, duration=3.0, dt=1e-3):
 mass = kinematics.mass_matrix(scenes.arm().chain, np.array(measures.GOAL))
 limit = 2.0 * measures.PACE * np.linalg.eigvalsh(mass)[0]
 print(
-    f"limit of d by theory: {limit:.4f} N m s/rad; real damping above: 0.5, {0.5 / limit:.0f} times this"
+    f"limit of d by theory: {limit:.4f} N m s/rad; damping in the first reach: 0.5, {0.5 / limit:.0f} times this"
 )
 for share in (0.0, 0.5, 0.9, 1.2, 2.0):
     deviation = lost(share * limit)
@@ -1972,7 +1981,7 @@ more_claims("controller_moves")
 # %% [markdown]
 # ## 10 · Interview
 #
-# Answer aloud, then open the card: first an answer of one minute, then the complete one, then the follow-ups.
+# Answer aloud, then open the card.
 
 # %%
 interview("platforms")

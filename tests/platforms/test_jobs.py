@@ -15,10 +15,10 @@ PATHS = table.stored_rows("platform_paths")
 MEASURED = {
     "RL training, one world on a CPU": (("grasp",), "grasp", "MuJoCo", {"PyBullet"}),
     "Manipulation research": (("grasp", "brake", "tower"), "tower", "MuJoCo", {"PyBullet"}),
-    "A quick prototype": ((), "tower", "MuJoCo", {"Drake", "PyBullet"}),
+    "A quick prototype": ((), "tower", "MuJoCo", {"own code", "PyBullet"}),
 }
 UNKNOWN = {
-    "RL training, from images": ("photorealistic cameras", "Isaac Sim"),
+    "RL training, from images": ("10,000 camera images per second", "Isaac Lab"),
     "Visual perception": ("photorealistic cameras", "Isaac Sim"),
     "Control that is proved safe": ("proof of safety, contacts included", "Drake"),
     "Soft, deformable objects": ("finite elements", "SOFA"),
@@ -65,12 +65,12 @@ def test_a_pick_is_the_cheapest_that_keeps_the_tolerances_of_the_table(job) -> N
     able = {
         e for e in table.ENGINES if all(table.errors(ROWS, s)[e] <= tolerance[s] for s in scenes)
     }
-    if job == "A quick prototype":  # MuJoCo and our code come with `make lab`; both tell of faults
+    if job == "A quick prototype":  # our code is no package, and PyBullet swallows most faults
         read = [r for r in table.stored_rows("platform_readers") if r[2] != "feature"]
-        for reader in ("MuJoCo", "chapter 4"):
+        for reader in ("MuJoCo", "Drake", "PyBullet"):
             report = [r[3] in ("refused", "warned") for r in read if r[0] == reader]
-            assert sum(report) >= 0.75 * len(report)
-        able &= {"MuJoCo", "own code"}
+            assert (sum(report) >= 0.75 * len(report)) == (reader != "PyBullet")
+        able &= {"MuJoCo", "Drake"}
     result = choose(jobs.facts(), *jobs.JOBS[job])
     assert {one.engine for one in result.ranking} == able == set(table.ENGINES) - out
     assert result.pick == pick == min(able, key=lambda e: table.costs(ROWS, by)[e])

@@ -24,9 +24,9 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
     Error and cost of every scene; of some, the largest error on the way and the share of the time
     in the air as well.
 
-    Beside them are the share of faulty models that it rejects or warns about, whether `make lab`
-    installs it, which of them have no physics on a GPU, and the rows that some job needs and
-    nobody measured here.
+    Beside them are the share of faulty models that it rejects or warns about, whether one
+    `pip install` brings it, which of them have no physics on a GPU, and the rows that some job
+    needs and nobody measured here.
 
     Args:
         rows: of `platforms_table`; None for the stored ones.
@@ -48,7 +48,8 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
             mine[f"{scene} in the air"] = Fact(in_the_air(paths, scene)[name])
         verdicts = {row[1]: row[3] for row in read if row[0] == READER.get(name, name)}
         mine["share of faults reported"] = Fact(honesty(verdicts))
-        mine["installed by make lab"] = Fact(name in ENGINES[:2], source="this course")
+        # Our code is part of this course; the three simulators are packages of Python's index.
+        mine[PIP.row] = Fact(name != "own code", source="pyproject.toml")
         mine.update(dict.fromkeys(UNMEASURED, UNKNOWN))
         if name in NO_GPU:
             mine[WORLDS.row] = Fact(False, source=NO_GPU[name])
@@ -56,8 +57,9 @@ def facts(rows: Rows | None = None, paths: Rows | None = None) -> dict[str, dict
 
 
 WORLDS, CAMERAS = Need("thousands of worlds on a GPU"), Need("photorealistic cameras")
+IMAGES, PIP = Need("10,000 camera images per second"), Need("installed by one pip install")
 CERTIFICATE, ELEMENTS = Need("proof of safety, contacts included"), Need("finite elements")
-UNMEASURED = tuple(need.row for need in (WORLDS, CAMERAS, CERTIFICATE, ELEMENTS))
+UNMEASURED = tuple(need.row for need in (WORLDS, CAMERAS, IMAGES, CERTIFICATE, ELEMENTS))
 # MuJoCo has two versions for GPUs, MJX and MuJoCo Warp; nobody measured them here.
 NO_GPU = {
     "own code": "this course",
@@ -72,18 +74,20 @@ TOUCHING = [
 ]
 JOBS: Mapping[str, tuple[list[Need], str]] = {
     "RL training, one world on a CPU": (HELD, "cost of grasp"),
-    "RL training, from images": ([*HELD, CAMERAS], "cost of grasp"),
+    "RL training, from images": ([*HELD, IMAGES], "cost of grasp"),
     "Manipulation research": (TOUCHING, "cost of tower"),
     "Visual perception": ([CAMERAS], "cost of tower"),
     "Control that is proved safe": ([CERTIFICATE], "cost of tower"),
     "A quick prototype": (
-        [Need("installed by make lab"), Need("share of faults reported", 0.75, "at least")],
+        [PIP, Need("share of faults reported", 0.75, "at least")],
         "cost of tower",
     ),
     "Soft, deformable objects": ([ELEMENTS], "cost of grasp"),
 }  # fmt: skip
 DOCUMENTED = {
     CAMERAS.row: "Isaac Sim renders by tracing paths of light, on an NVIDIA GPU (its manual, 2026)",
+    IMAGES.row: "Isaac Lab reports 50,000 steps per second for 1,024 carts with a camera each, on "
+    "an RTX 4090 (its manual, 2025)",
     CERTIFICATE.row: "Drake has tools with which you can prove that states of a *model* are safe "
     "(its manual, 2026)",
     ELEMENTS.row: "SOFA, an engine for soft bodies, has them (its README, 2024); "
