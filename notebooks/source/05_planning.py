@@ -108,13 +108,14 @@ def bare(axis, title, low=0.0, high=10.0):
 # ### The whole arm becomes a point
 #
 # An arm reaches around a post for a cup. Its hand moves through free air all the way, and still there is a crash: the
-# elbow has hit the post. Planning has to consider every part of the robot, and the most useful trick in this chapter
-# does that by changing the space in which we plan.
+# elbow has hit the post. So planning has to consider every part of the robot. The trick for that is to change the space
+# in which we plan.
 #
-# A **configuration** is a list of numbers that fixes the position of every part of the robot; libraries also call it a
-# **state**. For an arm these are the joint angles. The set of all configurations is the **configuration space**. It has
-# one dimension per joint. The ordinary space in which the robot and the obstacles stand is called the **workspace**. In
-# configuration space the robot has no width and no elbow: it is a single point, and a motion is a curve.
+# A **configuration** is a list of numbers that fixes the position of every part of the robot; libraries often call it a
+# **state**. For an arm these are the joint angles. The set of all configurations is the **configuration space**. For an
+# arm on a fixed base, it has one dimension per joint. The ordinary space in which the robot and the obstacles stand is
+# called the **workspace**. In configuration space the robot has no width and no elbow: it is a single point, and a
+# motion is a curve.
 #
 # The price is the shape of the obstacles. A configuration is blocked when any part of the arm touches anything, and the
 # set of blocked configurations has no simple formula. But one operation is always possible: take a single
@@ -163,9 +164,9 @@ plt.show()
 #
 # ### Why not plan a path for the tip?
 #
-# It is tempting to find a free path for the tip first, then compute joint angles for each point of it. That last step
-# is inverse kinematics from chapter 4. The two-link arm shows what can go wrong. Most tip positions can be reached
-# with the elbow on either side, and the path of the tip does not say which one is free.
+# It is tempting to find a free path for the tip first, then joint angles for each point of it (inverse kinematics,
+# chapter 4). Most tip positions can be reached with the elbow on either side, and the path of the tip does not say
+# which one is free.
 
 # %% tags=["hide-code"]
 figure_, (left, right) = plt.subplots(1, 2, figsize=(7.5, 3.2), layout="constrained")
@@ -191,8 +192,8 @@ _ = right.legend(fontsize=7, loc="upper right", bbox_to_anchor=(1.0, 0.92))
 plt.show()
 
 # %% [markdown]
-# There is a second problem. From one point of the tip's path to the next, the inverse kinematics may switch to the
-# other elbow side, and the arm would have to swing through space that nobody has checked.
+# Also, from one point of the tip's path to the next, the inverse kinematics may switch to the other elbow side. Then
+# the arm has to swing through space that nobody has checked.
 
 # %%
 show("tip_path_then_ik")
@@ -220,12 +221,12 @@ show("one_dimension_a_joint")
 #
 # 1. *Sample* a random configuration. With a small probability, the **goal bias**, use the goal itself.
 # 2. Find the *nearest* node of the tree.
-# 3. *Steer*: go from that node straight towards the sample, at most by the **step size**. If the sample is closer than
+# 3. *Steer*: go from that node straight towards the sample, by at most the **step size**. If the sample is closer than
 #    that, go exactly to the sample.
 # 4. *Check* the new edge for collisions. If it is free, add the new node and store the nearest node as its parent.
 # 5. If the goal has become a node, follow the parents back to the start. This is the path.
 #
-# Nothing in this loop knows the shape of an obstacle. The collision check in step 4 is its only contact with the world.
+# Nothing in this loop knows the shape of an obstacle: only the collision check in step 4 does.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.8), layout="constrained")
@@ -271,16 +272,12 @@ plt.show()
 # middle of the room. Branches that have already reached the walls don't help; a new branch has to grow from the middle
 # into the corridor. So the tree fills the room long before it finds the way out.
 #
-# **A worked example.** The nearest node is (2, 1), the sample is (5, 5), the step size 1 m. The sample is 5 m away, so
-# the new node lies a fifth of the way: (2.6, 1.8).
-#
 # ### What "probabilistically complete" promises
 #
 # A planner is **probabilistically complete** if the probability that it has found an existing path approaches one as
 # the number of samples grows. For RRT it is enough that (1) some path stays at least a small distance, its
 # **clearance**, away from all obstacles, so that samples have a region to hit, and (2) samples fall everywhere and the
-# goal is tried again and again, which means a goal bias below 1 and above 0. (The planner of this course connects the
-# goal by itself, so it also works with a bias of 0.)
+# goal is tried again and again, which means a goal bias below 1 and above 0.
 #
 # This gives no number of samples and says nothing about your deadline. And if there is no path, RRT will not tell you
 # so: it uses up its budget and reports exactly what it reports when it was merely unlucky.
@@ -327,21 +324,19 @@ bare(axes[2], "conservative advancement")
 plt.show()
 
 # %% [markdown]
-# If you have to use points, enlarge the obstacles first. The middle picture shows why. Two check points are a distance
-# $s$ apart, and the edge passes the centre of a disc of radius $r$ at a distance $h$. If the edge touches the disc, $h
-# \le r$. Take the point of the edge that is nearest to the centre. A check point lies within $s/2$ of it, so by
-# Pythagoras that check point is at most $\sqrt{h^2 + s^2/4}$ from the centre. Since $h \le r$, this is at most
-# $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and a check point lies inside it whenever an edge touches the
-# original disc.
+# If you have to use points, enlarge the obstacles first (middle picture). Two check points are a distance $s$ apart,
+# and the edge passes the centre of a disc of radius $r$ at a distance $h \le r$. A check point lies within $s/2$ of the
+# point of the edge that is nearest to the centre. By Pythagoras it is at most $\sqrt{h^2 + s^2/4}$ from the centre,
+# hence at most $\sqrt{r^2 + s^2/4}$. Enlarge the disc to this radius, and a check point lies inside it whenever an edge
+# touches the original disc.
 #
 # **A worked example.** A post has a radius of 0.3 m, the points are 0.4 m apart. The enlarged radius is $\sqrt{0.09 +
 # 0.04} = 0.36$ m. So checking at points adds 6 cm to the radius of each post.
 #
-# For a point robot among discs and polygons, checking points is unnecessary. The distance from a disc's centre to a
-# segment can be computed exactly. Like the check of one point, this takes one distance per disc, and it misses
-# nothing. The chart shows the share of colliding edges that each method accepts. OMPL, an open-source planning
-# library, checks points as well, so its markers lie on ours. The thin dark lines (*closed form*) predict the share
-# that points miss. The bands show the statistical uncertainty (two standard errors). Our exact test stays at zero:
+# For a point robot among discs and polygons, check points are unnecessary: the distance from a disc's centre to a
+# segment can be computed exactly. The chart shows the share of colliding edges that each method accepts. OMPL, an
+# open-source planning library, checks points as well, so its markers lie on ours. Thin dark lines (*closed form*)
+# predict the share, bands are two standard errors of the measured one. Our exact test stays at zero:
 #
 # ![Share of colliding edges that points along the edge miss, and that an exact test misses
 # (none)](../docs/charts/thin_obstacles.png)
@@ -364,9 +359,13 @@ plt.show()
 # farther than $2 \cdot 0.5 + 1 \cdot 0.5 = 1.5$ m along the whole edge. With a gap of 0.3 m, the first $0.3/1.5 = 20$ %
 # of the edge are free.
 #
-# The steps are long in open space and short near obstacles. When the gap has shrunk to a few micrometres, the check
-# stops and reports a collision. So its errors are on one side only: it may reject an edge that barely passes, but it
-# never accepts one that collides. You will write this check in section 8.
+# When the gap has shrunk to a few micrometres, the check stops and reports a collision. So its errors are on one side
+# only. It may reject an edge that barely passes. It never accepts an edge on which the arm hits an obstacle, provided
+# that the obstacles stand still and the measured distance is never too large. (Contact between the arm's own links is
+# another check, see section 7.) You will write this check in section 8.
+#
+# The simulation starts with check points 0.5 m apart, and the tree grows through the wall. Press *Plan*. Then set
+# *Edges checked* to *exactly* and plan again: no path comes back.
 
 # %%
 simulation("growing", "Tunnelling edge check")
@@ -386,9 +385,9 @@ more_claims("edge_by_ten_points")
 # %% [markdown]
 # ### Connecting the goal
 #
-# When is the search finished? Many listings stop as soon as a node is within one step of the goal. That saves a line
-# and returns a path that ends somewhere near the goal. It can be worse: a node may be close to the goal and on the
-# other side of a wall. The goal has to become a node of its own, connected by an edge that was checked.
+# When is the search finished? Many programs in tutorials stop as soon as a node is within one step of the goal. That
+# saves a line and returns a path that ends somewhere near the goal. It can be worse: a node may be close to the goal
+# and on the other side of a wall. The goal has to become a node of its own, connected by an edge that was checked.
 
 # %%
 show("near_the_goal")
@@ -456,15 +455,16 @@ plt.show()
 
 # %% [markdown]
 # Left: the tree that extends is blue, its new edge orange; the other tree is purple, its connecting edges green. In the
-# other two sketches, blue is the tree of the start, purple that of the goal, and the green line is the path.
+# other two sketches, blue is the tree of the start, purple that of the goal, green the path.
 #
-# **A worked example.** Start and goal are 11.3 m apart, nothing is in the way, the step size is 1 m. In the first round
+# **A worked example.** Start and goal are 11.3 m apart with nothing between, the step size is 1 m. In the first round
 # the tree of the start adds one node. The tree of the goal then walks all the way to it, about eleven nodes, and the
-# problem is solved with a single sample. If instead each tree adds one edge per sample, the two approach by 2 m per
-# sample and need at least six samples, usually many more.
+# problem is solved with a single sample. If instead each tree adds only one edge per sample, the two approach by at
+# most 2 m per sample, so they need at least six samples.
 #
-# There is one thing that the second tree does not help with. A **narrow passage** is a part of the free space that
-# every path has to cross and that random samples rarely hit. Both trees still have to find it by chance.
+# A **narrow passage** is a part of the free space that every path has to cross and that random samples rarely hit. If a
+# passage is as hard to enter from one side as from the other, the second tree helps little: both trees have to find it
+# by chance. (The corridor of the bug trap is hard to enter only from inside; there it helps a lot.)
 
 # %%
 predict("both_ends_of_a_slit")
@@ -474,15 +474,15 @@ simulation("growing", "Narrow gap")
 
 # %% [markdown]
 # Try several seeds and both planners. The number of samples varies enormously from seed to seed, so comparing two
-# single runs shows nothing. A comparison needs its settings (scene, wall, step size, goal bias, edge check, when the
-# goal counts as reached), the spread over many seeds, and the path length before and after shortening. Here is one with
-# all of them: a square of 10 m, a wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal
-# that has to be connected, 100 seeds.
+# single runs shows nothing. A comparison needs its settings, the spread over many seeds, path lengths before and after
+# shortening, and a fair unit: one sample of RRT-Connect may cost many edge checks. Here is one with all of this: a
+# square of 10 m, a wall of 0.5 m, steps of 1 m, a goal bias of 5 % for RRT, exact edge checks, a goal that has to be
+# connected, 100 seeds.
 
 # %% tags=["hide-code"]
 lines = [
     ("planner", "open share of the wall", "samples: median (25th to 75th percentile)",
-     "path length / shortest length (after shortening)"),
+     "edge checks: median", "path length / shortest length (after shortening)"),
 ]  # fmt: skip
 for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
     for share in scenes.GAPS:
@@ -501,15 +501,15 @@ for name, title in (("rrt", "RRT"), ("rrt_connect", "RRT-Connect")):
         )
         lines.append(
             (title, f"{share:.0%}", f"{drawn[0]:.0f} ({drawn[1]:.0f} to {drawn[2]:.0f})",
+             f"{np.median([run.edge_checks for run in runs]):.0f}",
              f"{np.median([run.cost for run in runs]) / best:.2f} ({np.median(cut):.2f})")
         )  # fmt: skip
 table(*lines)
 
 # %% [markdown]
-# A narrower gap lengthens the search. It also lengthens the raw path of
-# RRT-Connect. After shortening (section 3) both planners return practically the shortest path, so in this scene path
-# length is no reason to prefer one. For the 2 % gap the ranges of the two planners overlap. Other cards give other
-# numbers for the same gap, because they use 150 to 300 seeds, or means instead of medians.
+# A narrower gap lengthens the search and shrinks the advantage of RRT-Connect, which is smaller in edge checks than in
+# samples: at the 2 % gap the medians of the edge checks are nearly equal. After shortening (section 3) both planners
+# return practically the shortest path. (Cards with other numbers use more seeds, or means instead of medians.)
 
 # %%
 more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
@@ -517,8 +517,8 @@ more_claims("connect_is_two_rrts", "gap_table", "connect_in_narrow_passages")
 # %% [markdown]
 # ### Where to sample
 #
-# Since samples decide everything, it is natural to help them a little. The first idea is more goal bias. In an empty
-# room that works. Now think of the bug trap, where the straight way to the goal is blocked by the wall.
+# How to help the samples? The first idea is more goal bias. In an empty room that works. Now think of the bug
+# trap, where the straight way to the goal is blocked by the wall.
 
 # %%
 predict("pull_of_the_goal")
@@ -530,8 +530,8 @@ simulation("growing", "Bug trap")
 # The second idea is to place samples where passages are. A **bridge test** samples two nearby configurations. If *both*
 # collide and the midpoint between them is free, it keeps the midpoint, which is then likely to lie in a passage. A
 # **Gaussian sampler** asks for less: one of the two must collide and the other one is kept, so its samples follow every
-# surface. Our sampler gives up the bridge test after many attempts without a result and takes a uniform sample instead.
-# All bridge samples that you see in open space below are such uniform samples:
+# surface. (The bridge samples in open space below are uniform ones: our sampler takes one when many bridge tests in a
+# row have failed.)
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9, 3.1), layout="constrained")
@@ -599,10 +599,12 @@ plt.show()
 # and $4.6 + 4.8 = 9.4$ m is shorter, so *c* is rewired. Node *b* is not: its path of 6.7 m is shorter than the 8.0 m
 # over the new node. (In the sketch, the numbers are path lengths from the start, and the dotted circle is the radius.)
 #
-# A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability
-# one. A node changes its parent only for a shorter path. With a radius that shrinks too
-# fast, a new node soon finds no neighbours to compare. And if the shortest path needs a gap of zero width, no random
-# sample falls into the gap.
+# A planner is **asymptotically optimal** if the length of its best path converges to the optimum with probability one.
+# The path of RRT\* never gets longer, since a node changes its parent only for a shorter path. That it converges to the
+# optimum needs two conditions. The radius may shrink as the number $n$ of nodes grows, in $d$ dimensions like $(\log
+# n/n)^{1/d}$ with a large enough factor (a later proof uses the exponent $1/(d+1)$). If it shrinks faster, a new node
+# soon has no neighbours to compare. And paths with clearance must come close to the shortest one, because no random
+# sample falls into a gap of zero width.
 
 # %%
 show("rrt_star_converges")
@@ -614,17 +616,18 @@ show("rrt_star_converges")
 #
 # $$\lVert q - q_a\rVert + \lVert q - q_b\rVert < c_{\text{best}} .$$
 #
-# These configurations fill an ellipse in the plane, drawn on the right above, and an ellipsoid in higher dimensions.
-# All further samples come from it. The chart shows the excess length over the shortest path as a function of computing
-# time, in two scenes whose shortest path is known exactly:
+# In the plane these configurations fill an ellipse (drawn on the right above). All further samples come from it. The
+# chart shows the excess length against computing time, in two scenes whose shortest path is known exactly:
 #
 # ![Excess path length over the shortest path against computing time, in two scenes](../docs/charts/path_quality.png)
 #
-# Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. *Shortcuts* replace parts of a
-# path by straight edges (section 3); each point of that curve stands for a number of attempts. The circle (*pick*)
-# marks the fastest setting within 5 % of the optimum. It is RRT-Connect: around the disc without shortcuts, at the gap
-# with ten attempts. In both scenes PRM\* (next part) comes second and takes about twice as long. With 10 ms to spend,
-# RRT-Connect with shortcuts returns the shorter path around the disc, and Informed RRT\* at the gap.
+# Lines are medians over seeds; bands (**quartiles**) contain the middle half of them. All trees take steps of 1 m. On
+# the curve *RRT-Connect, shortcuts*, each point stands for a number of random attempts to shorten the path (section 3):
+# 0, 10, 30, 100 and 300. Even at 0, needless waypoints are removed.
+#
+# The circle (*pick*) marks the fastest setting within 5 % of the optimum. It lies on that curve in both scenes: at 0
+# attempts around the disc, at 10 at the gap. PRM\* (next part) takes about twice as long. (OMPL's RRT\* calls Python
+# for each edge check.)
 
 # %%
 more_claims("informed_rrt_star")
@@ -632,11 +635,11 @@ more_claims("informed_rrt_star")
 # %% [markdown]
 # ### Roadmaps: reuse what you know
 #
-# A robot at a shelf solves the same kind of problem thousands of times a day, and a tree throws everything away after
-# each. A **roadmap** (PRM, probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free
-# configurations, and connect each to its nearest neighbours where the edge is free. To answer a **query**, one start
-# with one goal, connect both to nearby nodes, and search the graph. In **PRM\*** the number of neighbours grows with
-# the number of nodes, so that its paths, too, converge to the optimum.
+# A robot at a shelf solves similar problems all day, and a tree throws everything away after each. A **roadmap** (PRM,
+# probabilistic roadmap; Kavraki and others 1996) is built in advance: sample free configurations, and connect each to
+# its nearest neighbours where the edge is free. To answer a **query**, one start with one goal, connect both to nearby
+# nodes, and search the graph. In **PRM\*** the number of neighbours grows with the logarithm of the number of nodes,
+# fast enough for its paths, too, to converge to the optimum.
 #
 # Most edges of a roadmap never appear in any answer, so why check them in advance? A **lazy** roadmap assumes that all
 # edges are free and checks only when it has to:
@@ -684,15 +687,15 @@ plt.show()
 
 # %% [markdown]
 # The left sketch shows the free edges of a small roadmap. In the other two, green edges are on the present candidate
-# and free. The red edge collides. Blue edges were found free earlier, and grey ones were never checked. The dashed edge
-# is on the first candidate, but the check stopped before it.
+# and free, the red one collides, blue ones were found free earlier, and grey ones were never checked, also the dashed
+# one.
 
 # %%
 show("lazy_tests_the_final_path")
 
 # %% [markdown]
-# Being lazy pays most when something has moved. The scene for the rest of this chapter is a shelf with an arm of seven
-# joints in front of it (*7-R arm* in the charts). The arm reaches from one compartment into another.
+# Being lazy pays most when something has moved. From here on, the scene is a shelf with an arm of seven joints (*7-R
+# arm* in the charts). The arm reaches from one compartment into another.
 
 # %% tags=["hide-code"]
 requested = planning.shelf("open")
@@ -724,9 +727,9 @@ for k, name in enumerate(("open", "tight")):
 plt.show()
 
 # %% [markdown]
-# Blue and green are a start and a goal configuration, each with the fingertip inside a compartment. The open shelf has
+# Blue and green are a start and a goal, each with the fingertip inside a compartment. The open shelf has
 # two rows of compartments, the tight one has three rows, each of them lower. Now somebody places a ball of 8 cm radius
-# in front of the shelf before each query, and any edge of the stored roadmap might be blocked.
+# in front of the open shelf before each query, and any edge of the stored roadmap might be blocked.
 
 # %%
 predict("after_the_ball")
@@ -763,8 +766,8 @@ more_claims("cached_roadmap")
 # The path of a tree zigzags, because it runs through random points. **Shortcutting** repairs that: pick two points on
 # the path at random, and if the straight edge between them is free, replace the part between them by this edge. Repeat
 # a few hundred times. The ends and corner points of a path are its **waypoints**. Choose the two points anywhere on the
-# path, not only among the waypoints. Between waypoints, a path with a single corner has only one possible shortcut, the
-# straight line from start to goal.
+# path, not only among the waypoints. If both had to be waypoints, a path with a single corner would offer only one
+# shortcut, the straight line from start to goal.
 
 # %%
 show("shortcut_never_lengthens")
@@ -815,39 +818,39 @@ _ = axes[1].legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 plt.show()
 
 # %% [markdown]
-# At a sharp corner the direction changes at once. That would take an infinite acceleration, so the robot has to stop
-# there, or it rounds the corner with a short curve, a **blend**. The table compares both. Its last row is the path
-# after the smoothing that comes next.
+# At a sharp corner the robot has to stop, since turning at once would take an infinite acceleration, or it rounds the
+# corner with a short curve, a **blend**. The table compares both. Its last row is the path after the smoothing that
+# comes next.
 
 # %% tags=["hide-code"]
 table(*rows)
 
 # %% [markdown]
-# The limits are 1 m/s and 1 m/s², for x and for y separately; on a diagonal the point may be faster. The last row holds
-# a lesson. The smoothed path has many waypoints, and a robot that stops at each of them is slower than on the raw path
-# of the tree. It is the *motion* that has to be smooth, not the drawing of the path. Where the timing rounds the
-# corners, smoothing first gains nothing here.
+# The limits are 1 m/s and 1 m/s², for x and for y separately. The smoothed path has many waypoints, and a robot that
+# stops at each of them is slower than on the raw path of the tree. What counts is the motion, not how smooth the path
+# looks in a drawing. Where the timing rounds the corners, smoothing gains nothing here.
 #
 # ### Smoothing and trajectory optimisation
 #
-# A **B-spline** replaces corners by short curves. The curves leave the edges that were checked, so they have to be
-# checked again; where a curve collides, the corner stays.
+# A **B-spline** is a smooth curve made of polynomial pieces; here it replaces corners. It leaves the edges that were
+# checked, so it has to be checked again; where it collides, the corner stays.
 #
 # An **optimiser** takes a whole trajectory and deforms it to reduce a cost. **CHOMP** (Zucker and others 2013) follows
 # the gradient of a smoothness cost plus an obstacle cost, and spreads each change over the neighbouring waypoints so
-# that the path bends instead of kinking. **TrajOpt** (Schulman and others 2014) replaces the cost near the current path
-# by a **convex** one, whose only minima are global. This cost penalises waypoints that are too close to an obstacle.
-# (The published version also penalises collisions of the volume swept between waypoints. Ours tests only the midpoint
-# of each edge.) TrajOpt minimises that cost, moves the path a little, and repeats.
+# that the path bends instead of kinking.
 #
-# **STOMP** (Kalakrishnan and others 2011) needs no gradient: it samples noisy variations of the trajectory and averages
-# them; the lower the cost of a variation, the larger its weight.
+# **TrajOpt** (Schulman and others 2014) replaces the cost by a **convex** one, whose only minima are global, and which
+# is accurate only near the present path. It looks for the minimum in a small region around this path, and repeats from
+# there. Waypoints too close to an obstacle cost extra. (The published version also tests the volume swept between
+# waypoints, ours only midpoints.)
+#
+# **STOMP** (Kalakrishnan and others 2011) needs no gradient: it averages noisy variations of the trajectory, weighted
+# by their costs.
 #
 # All of them start from an **initial guess**, and it decides a lot. If no deformation turns one path into another
-# without crossing an obstacle, the two belong to different **homotopy classes**. In the plane, these are the paths on
-# different sides of an obstacle. (In three dimensions a path can slide over a ball to its other side.) A small
-# deformation usually stays in its class. If the initial guess runs through the obstacle, it is hard to predict which
-# side it ends on, or whether it gets out at all.
+# without crossing an obstacle, the two belong to different **homotopy classes**. In the plane, these are paths on
+# different sides of an obstacle. A small deformation usually stays in its class. If the initial guess runs through the
+# obstacle, it is hard to predict which side it ends on, or whether it gets out at all.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 2, figsize=(6.5, 3.0), layout="constrained")
@@ -867,26 +870,32 @@ _ = axes[1].text(5, 1.6, "pushed to both sides at once", ha="center", fontsize=8
 plt.show()
 
 # %% [markdown]
-# The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from
-# the start near the lower left corner to the goal near the upper right corner. The point where the lines meet is its
-# **via point**. The colour there shows the optimiser's result: free and within 5 % of the shortest (*free,
-# shortest*), free and longer, or in collision.
+# The chart tests this with 169 initial guesses in a scene of 16 discs. Each guess leads in two straight lines from the
+# start near the lower left corner to the goal near the upper right corner. The point where the lines meet is its **via
+# point**. The mark there shows the optimiser's result: free and within 5 % of the shortest (*free, shortest*), free and
+# longer, or in collision. Black rings are the discs.
 #
 # ![Result of two optimisers for 169 initial guesses, at the via point of each
 # guess](../docs/charts/optimiser_minima.png)
 
 # %% tags=["hide-code"]
 counted = {(a, b): n for a, b, n in key("optimiser_minima", r"^(CHOMP|TrajOpt) +(.*?) +(\d+) of")}
-table(
+((heavy,),) = key("optimiser_minima", r"^CHOMP with five times the weight: (\d+) collide")
+rows = table(
     ("optimiser", "free, within 5 % of the shortest", "free, longer", "in collision"),
     *((name, *(counted[name, x] for x in ("free, shortest", "free, longer", "collides")))
       for name in ("CHOMP", "TrajOpt")),
 )  # fmt: skip
+Markdown(
+    f"{rows.data}\n\nWith five times the weight of the obstacle cost, {heavy} of CHOMP's results collide."
+)
 
 # %% [markdown]
-# The card below repeats the test in a more crowded scene, that of the shortcutting picture. There nearly every guess
-# runs through discs. The remedy is a better initial guess, such as a planner's path, or several guesses of which you
-# keep the best valid result.
+# Both optimisers are our own short versions, with one setting each (24 waypoints, a desired clearance of 20 cm). The
+# counts show how much depends on initial guess and settings; they are no ranking.
+#
+# The card below repeats the test in a more crowded scene. The remedy is a better initial guess, such as a planner's
+# path, or the best valid result of several guesses.
 
 # %%
 show("optimisers_get_stuck")
@@ -897,8 +906,9 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # %% [markdown]
 # ### Time parameterisation: how fast along the path?
 #
-# A path says where, not when. **Time parameterisation** finds the fastest motion along a given path that respects the
-# velocity and acceleration limits of all joints. (For a joint, the page says *rate* for velocity.)
+# A path says where, not when. **Time parameterisation** assigns a time to each point of a path. Here it is the
+# time-optimal one: the fastest motion along the path that respects the velocity and acceleration limits of all joints.
+# (*Rate* means the velocity of a joint.)
 #
 # Let $s$ grow along the path: on a straight line it is the distance, on a rounded corner the parameter of a parabola.
 # $q(s)$ is the configuration at $s$, and $q'$ and $q''$ are its derivatives with respect to $s$. The path speed $\dot
@@ -911,8 +921,8 @@ more_claims("trajopt_minimises_jerk", "shortcut_leaves_corners")
 # there are none; so each point has a highest speed (dotted in the left sketch, with dips at two sharp bends). That
 # turns a problem with many joints into one with a single unknown function, the path speed. Two passes find it:
 #
-# 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow down
-#    in time.
+# 1. *Backward*, from the goal at rest: at each point compute the highest speed from which the robot can still slow
+#    down before each limit ahead.
 # 2. *Forward*, from the start at rest: accelerate as hard as the limits allow, but stay below the result of the first
 #    pass.
 
@@ -960,14 +970,13 @@ for axis, title in zip(
 plt.show()
 
 # %% [markdown]
-# On a single straight line, the fastest rate over time is a **trapezoid**: accelerate, cruise, brake. If the line is
-# too short to reach full speed, it is a triangle. The plot on the right shows the motion for the path among the discs:
-# at nearly every moment one of the limits (dotted) is reached, and none is exceeded.
+# On a straight line, the fastest rate over time is a **trapezoid**: accelerate, cruise, brake; on a short one, a
+# triangle. The plot on the right shows the motion for the path among the discs: at nearly every moment one of the
+# limits (dotted) is reached, and none is exceeded. The accelerations jump: their derivative, the **jerk**, is not
+# limited here. Many arms need a limit on it, too.
 #
 # **A worked example.** One joint moves 2 rad with at most 1 rad/s and 2 rad/s². Speeding up takes 0.5 s and covers 0.25
-# rad, braking the same. The remaining 1.5 rad take 1.5 s, so the motion lasts 2.5 s. For 0.2 rad the joint never
-# reaches full speed: it accelerates over 0.1 rad, which takes $\sqrt{2 \cdot 0.1/2} = 0.32$ s, and the motion lasts
-# 0.63 s.
+# rad, braking the same. The remaining 1.5 rad take 1.5 s, so the motion lasts 2.5 s.
 #
 # <details><summary>Derive: the trapezoid for several joints</summary>
 #
@@ -979,13 +988,14 @@ plt.show()
 #
 # </details>
 #
-# In a computer the two passes visit a grid of points along the path. Between two of them the path acceleration $\ddot
-# s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test their limits only
-# at the first point of each interval, others at both ends. (The library TOPP-RA offers both.)
+# In a computer the two passes visit a grid of points along the path. In each interval between two of them the path
+# acceleration $\ddot s$ is constant, but the joint accelerations $\ddot q$ change with $\dot s$. Some schemes test
+# $\ddot q$ only at the first point of each interval, others at both ends. (The library TOPP-RA offers both.) The last
+# point of an interval is the first of the next one, but there another $\ddot s$ applies.
 #
-# On a straight line $q''$ is zero, and on a parabola in its own parameter it is
-# constant. On a circular arc the direction of $q''$ turns. Now look at the formula for $\ddot q$: where between two
-# grid points is it largest? A motor drive may shut down whenever a limit is exceeded.
+# Is it enough to test both ends? On a straight line $q''$ is zero, and on a parabola in its own parameter it is
+# constant. Then $\ddot q$ changes linearly with $s$ in the interval, so it is largest at one of the ends. On a circular
+# arc the direction of $q''$ turns, and $\ddot q$ can be larger in between. A motor drive may then shut down.
 
 # %%
 show("limits_between_grid_points")
@@ -994,11 +1004,10 @@ show("limits_between_grid_points")
 # ![How far the acceleration limit is exceeded between grid points, and how much time rounding the corners
 # saves](../docs/charts/limits_between.png)
 #
-# The left plot shows by how much the limit is exceeded between grid points, with a test at the first point only (*at
-# grid points*) and at both ends, where only rounding errors remain. Lines are medians over 15 paths, bands the range.
-# The right plot shows the reward for rounding corners: the earlier the rounding begins, the shorter the motion.
-# Timing every joint on its own, with its own trapezoid, hardly saves time, and it makes the robot leave the checked
-# path.
+# The left plot shows by how much the acceleration exceeds its limit inside the intervals, on straight lines and
+# parabolas. With a test at both ends, only rounding errors remain. In the right plot, the motion gets shorter the
+# earlier the rounding of a corner begins. Timing every joint on its own, with its own trapezoid, hardly saves time, and
+# it makes the robot leave the checked path.
 
 # %%
 more_claims("shortcut_share")
@@ -1041,20 +1050,17 @@ plt.show()
 # |---|---|---|---|
 # | **Task planning** | *what*: pick up the cup, put it on the shelf | goals, objects | ↓ a grasp pose |
 # | **Motion planning** | *which way*: a collision-free path from here to there | a world, a start, goals from inverse kinematics | ↓ waypoints |
-# | **Trajectory generation** | *how fast*: smooth, within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
+# | **Trajectory generation** | *how fast*: within the limits | a path | ↓ $q, \dot q, \ddot q$ at any $t$ |
 # | **Control** | *how hard*: torques that follow the trajectory | the trajectory, measured joint angles | torques, at a kilohertz |
-#
-# A trajectory optimiser can work on the second and third level at once, if time and the limits are part of its problem.
-# As used in section 3, TrajOpt and CHOMP only bend the path.
 #
 # Each level should report *why* it failed, or the level above will try the same again. And by the time a plan is
 # carried out, the scene that it was computed for may be out of date. Keep checking the rest of the path at the rate of
 # the camera.
 #
-# How long do the stages take? This cell times the three stages for the arm at the open shelf (the variable
-# `requested`), on your machine. `plan` takes a world, a start and a goal. `time_parameterise` takes the limits, here
-# 2 rad/s and 8 rad/s², the distance `blend` from a corner at which its rounding begins, and the world `free` in which
-# each rounding is checked.
+# How long do the stages take? This cell times planning, shortcutting and time parameterisation on your machine, for one
+# query at the open shelf (`requested`). `plan` runs RRT-Connect unless you name another method. `time_parameterise`
+# takes the limits (2 rad/s, 8 rad/s²), the distance `blend` from a corner at which rounding begins, and the world
+# `free` in which roundings are checked.
 
 # %% tags=["nbval-ignore-output", "show-code"]
 import time
@@ -1070,21 +1076,22 @@ print("plan {:.1f} ms, shortcut {:.1f} ms, time parameterisation {:.1f} ms".form
 print(f"for a motion of {motion.duration:.2f} s between two compartments of the open shelf")
 
 # %% [markdown]
-# Shortcutting takes longer here than planning: it tries 60 edges in a Python loop. So once the planner is fast, look at
-# the shortcuts.
+# Shortcutting takes longer here than planning. An attempt that straightens a single joint changes many edges, and each
+# has to be checked again, so 60 attempts check several times as many edges as the planner did. Once the planner is
+# fast, look at the shortcuts.
 #
 # ## 5 · Code: from your own collision check to a motion
 #
 # A planner needs one function from you: is this configuration free? The cell below plans around a ring that is known
 # only through such a function. Edges are checked at points 2 cm apart, because a yes-or-no function offers nothing
-# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring (dashed in the picture). Then
-# the path is shortened and timed. `check_path` validates it twice, the second time with its rounded corners. Here it,
-# too, checks points 2 cm apart.
+# better. Since points can miss a shallow cut, the function keeps 5 cm away from the ring (dashed in the picture), also
+# at its opening. Then the path is shortened and timed. `check_path` (here, too, at points 2 cm apart) validates it
+# twice, the second time with its rounded corners.
 
 
 # %% tags=["show-code"]
 def is_free(q):
-    """Return whether a point is 5 cm clear of a ring: radii 1.0 and 1.3 m, open below 0.3 rad."""
+    """Return whether a point keeps 5 cm away from a ring (1.0 to 1.3 m) with an opening."""
     radius, angle = np.hypot(*q), np.arctan2(q[1], q[0])
     return not (0.95 < radius < 1.35 and abs(angle) > 0.25)
 
@@ -1117,7 +1124,7 @@ bare(axis, "two trees (blue, purple), shortened path", -2.0, 2.0)
 plt.show()
 
 # %% [markdown]
-# In these cells `planning` is the planning code of the course and `scenes` holds its ready-made worlds. What should a
+# (`planning` is the planning code of the course, `scenes` its ready-made worlds.) What should a
 # planner do with bad input? A wrong *argument* is the caller's mistake and raises an error that names it. A start in
 # collision is a normal situation for a robot and gets a *status*, so that the level above can react:
 
@@ -1146,23 +1153,23 @@ for start, goal in (([5.0, 1.0], gap.goal), (gap.start, [5.0, 1.0]), (gap.start,
 # </div>
 #
 # Take the seven-joint arm and its two shelves from section 2, and a single RRT in plain Python with a step size of 1
-# rad, measured as Euclidean distance over all seven joints. It is even slower than the one in the question: most of
-# its queries are unsolved when it is stopped after five seconds. Most of the space in front of the shelf is free, and
-# the compartments are its narrow passages.
+# rad. Most of its queries are unsolved after five seconds. Most of the space in front of the shelf is free, and the
+# compartments are its narrow passages.
 
 # %%
 predict("first_of_ten_ideas")
 
 # %% [markdown]
-# There are ten versions. Most change one thing in an earlier version, named in the table below ("as 2"); versions 7 and
-# 8 are new starts with a roadmap. The single trees and version 7 stop after 20,000 samples, the others after 200,000;
-# version 1 also stops after five seconds. The test has 100 queries that are known to have a solution. Version 1 got
-# every 20th of them, versions 2 and 3 every 10th, the others all. Each query was run once with the shelf unchanged
-# ("still") and once with a ball in front of it ("moved").
+# The table lists ten versions. Most change one thing in an earlier one ("as 2"); versions 7 and 8 are new starts with a
+# roadmap. The single trees and version 7 stop after 20,000 samples, the others after 200,000. (With the shelf
+# unchanged, version 5 never needed more than 20,000.) Version 1 also stops after five seconds.
 #
-# The chart shows the median and the slowest query. The slowest was run once, so it changes a lot from one set of
-# queries to the next. A triangle at the top edge means *no time*: at least one query unsolved (slowest), or at least
-# half of them (median). Triangles of several curves overlap.
+# The test has 100 queries that have a solution when nothing has moved. Version 1 got every 20th of them, versions 2 and
+# 3 every 10th, the others all. Each query was run once with the shelf unchanged ("still") and once with a ball in front
+# of it ("moved").
+#
+# The chart shows the median and the slowest query, a single run that changes a lot from one set of queries to the next.
+# A triangle at the top edge means *no time*: at least one query unsolved (slowest), or at least half of them (median).
 #
 # ![Planning time of ten versions at two shelves, median and slowest query](../docs/charts/shelf_ladder.png)
 
@@ -1196,27 +1203,29 @@ table(
 # %% [markdown]
 # What each version contributed:
 #
-# * *1 to 3.* One tree with short steps, then compiled, then with conservative advancement as the edge check. Versions 2
-#   and 3 grow the same trees: three to five of ten queries are solved with the shelf unchanged, and six with the ball.
-#   So with the ball both have a median in the chart; that of version 3 is about ten times shorter.
-# * *4. Longer steps.* One number of version 3 changed, and nearly all queries are solved. The new step size is OMPL's
-#   default, a fifth of the extent of the space.
-# * *5. RRT-Connect.* Solves the remaining ones and lowers the median, because getting *out of* a compartment is easier
-#   than finding the way into one.
-# * *6. Bridge samples.* They cost more than they find.
+# * *1 to 3.* One tree with short steps. Versions 1 and 2 check an edge at points 0.01 rad apart, version 3 by
+#   conservative advancement. Here both checks gave the same answers, so versions 2 and 3 grew the same trees. Only the
+#   time differs: with the ball, the median of version 3 is about ten times shorter.
+# * *4. Longer steps.* Nearly all queries are solved. This is OMPL's default, a fifth of the space's extent.
+# * *5. RRT-Connect.* Solves the remaining ones and lowers the median: getting *out of* a compartment is easier than
+#   finding the way in.
+# * *6. Bridge samples.* Finding them takes more time than they save.
 # * *7. A lazy roadmap, built for the query.* Few edge checks, but some queries stay unsolved.
-# * *8 and 9. A stored roadmap.* The median gets somewhat worse than with RRT-Connect. With small trees at start and
-#   goal (9), the slowest query is faster than with RRT-Connect (5) at both shelves, still and moved. Without them (8),
-#   it is clearly faster at the open shelf only.
-# * *10. Earlier paths added.* The slowest query takes longer than with version 9, at both shelves, still and moved.
+# * *8 and 9. A stored roadmap.* The median gets somewhat worse than with RRT-Connect. Version 8 joins start and goal to
+#   near nodes by straight edges, and uses RRT-Connect where that fails. In version 9 a small tree grows from each end
+#   until it reaches the roadmap. Its slowest query beats that of version 5 at both shelves, still and moved.
+# * *10. Earlier paths added.* The slowest query takes longer again, so stop at version 9.
+#
+# By the median, version 4 already stays below the required tenth of a second. For every query, at both shelves, still
+# and moved, only versions 9 and 10 do.
 #
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** *How do you speed up planning?* Don't recite a menu, give an order. (1) Measure two numbers: how
 # many checks, and what one costs. (2) Reduce the number first, since that decides whether a query is solved at all:
-# longer steps, a second tree. Measure both together: long steps can slow two trees. (3) Make the check cheap: simple
-# shapes, compiled or vectorised code, a distance instead of many points. (4) Reuse: a stored roadmap, checked lazily.
-# (5) Special samplers last, for a passage that you can name. *And say what each one costs.*
+# longer steps, a second tree. But with two trees, longer steps can cost time. (3) Make the
+# check cheap: simple shapes, compiled or vectorised code, a distance instead of many points. (4) Reuse: a stored
+# roadmap, checked lazily. (5) Special samplers last, for a passage that you can name. *And say what each one costs.*
 #
 # </div>
 
@@ -1227,9 +1236,9 @@ more_claims("both_ends_first")
 # ### Compared with OMPL
 #
 # OMPL is the standard open-source library for sampling-based planning. We ran its RRT-Connect in two ways: with a
-# Python function that checks single configurations (*Python states* in the chart), as most of its Python users do,
-# and with our compiled edge check passed to it. World, step size and goal are the same on both sides. (The chart of
-# the fifth scene is in the fold-out.) The walls are 0.5 m thick. A path that `check_path` rejects counts as no path.
+# Python function that checks single configurations (*Python states* in the chart), and with our compiled edge check,
+# which OMPL calls through Python once per edge. World, step size and goal are the same on both sides. A path that
+# `check_path` rejects counts as no path.
 #
 # ![Share of seeds with a valid path against time, compared with OMPL, in four scenes](../docs/charts/plan_times.png)
 
@@ -1243,44 +1252,28 @@ pattern = (
 measured = {
     (a, b): rest for name in ("plan_times", "shelf_times") for a, b, *rest in key(name, pattern)
 }
-bare_ = {
-    a: times
-    for name in ("plan_times", "shelf_times")
-    for a, *times in key(
-        name,
-        r"^(.*?) {2,}edge checks left out .*: ours (\S+) ms, OMPL's (\S+) ms; .* (\S+) ms$",
-    )
-}
 table(
-    ("scene", "this course [ms]", "OMPL, our edge check", "OMPL, Python function",
-     "Python function: paths in collision",
-     "without edge checks, estimate: this course (one sample), OMPL [ms]"),
+    ("scene", "this course, median [ms]", "OMPL, our edge check", "OMPL, Python function",
+     "Python function: paths in collision"),
     *((title, measured[name, "ours"][0], f"{measured[name, 'OMPL, our edge check'][1]} times as long",
        f"{measured[name, 'OMPL, Python states'][1]} times as long",
-       " of ".join(measured[name, "OMPL, Python states"][2:]),
-       "{0} ({2}), {1}".format(*bare_[name]))
+       " of ".join(measured[name, "OMPL, Python states"][2:]))
       for name, title in SCENES.items()),
 )  # fmt: skip
 
 # %% [markdown]
 # With the same compiled edge check, OMPL takes about as long as our planner in most scenes, and several times as long
-# at the 2 % gap. OMPL has to call Python once per edge. The curve *OMPL's own part* leaves out these calls, and with
-# them the edge checks. For the seven-joint arm nearly all the time is edge checking, and the two are equal.
+# at the 2 % gap. There the search checks hundreds of edges instead of dozens, and OMPL pays for a call into Python at
+# each one. The curve *OMPL's own part* leaves out the time inside these calls, and with it the edge checks. For the
+# seven-joint arm nearly all the time is edge checking, and the two are equal.
 #
-# With a collision check in Python, planning is many times slower. By default OMPL checks points that are 1 % of the
-# diagonal of the space apart, and then some of the returned paths are in collision. For the curve *OMPL, Python, 0.2%*
-# the spacing is a fifth of that.
+# With a collision check in Python, planning is many times slower. And at OMPL's default spacing, 1 % of the diagonal of
+# the space, some of the returned paths are in collision. (The curve *OMPL, Python, 0.2%* has a fifth of that spacing.)
 #
-# So what should you pick? OMPL, with a compiled edge check that you trust. The choice between OMPL and the planner of
-# this course matters far less than the edge check.
+# So pick OMPL, with a compiled edge check that you trust. The edge check matters far more than the choice of the
+# library.
 #
-# <details><summary>The table's last column, samples of both planners, and the seven-joint arm in detail</summary>
-#
-# The last column of the table estimates the time without edge checks. For OMPL it is the time outside the Python calls.
-# For this course we time a second run that checks each edge twice. The extra time is that of the edge checks, and we
-# subtract it from the first time. In the plane it is too short to be measured, so the estimate is no shorter than the
-# measured time. In brackets: a call with one sample, mostly its fixed cost. OMPL's times cover only its `solve`, so the
-# column can't show whose search is faster.
+# <details><summary>Samples of both planners, and the seven-joint arm in detail</summary>
 #
 # Is it the same algorithm? Both planners were run with 500 seeds each. If they implement the same algorithm, the
 # numbers of samples have the same distribution. A rank test gives *p*, the probability that two identical planners
@@ -1335,14 +1328,12 @@ plt.show()
 # ![Probability that two points are joined through a slab, a tube and a cube, and samples that RRT-Connect needs, by
 # dimension](../docs/charts/narrow_passages.png)
 #
-# The two plots use different colours. On the left the cube ends in four dimensions: in five, no sampled pair saw each
-# other. On the right, tube and cube end in five, where the medians exceed the budget (triangle at the top edge). The
-# bands are quartiles over 100 seeds, and the band of this course's planner overlaps with that of OMPL everywhere.
+# The two plots use different colours. A curve ends where no sampled pair saw each other (left) or where the median
+# exceeds the budget (right, triangle). The bands are quartiles over 100 seeds. OMPL (dashed) shows the same growth.
 #
-# Through the slab two points see each other as often in seven dimensions as in two, and RRT-Connect needs at most about
-# twice the samples. The tube gets harder by a large factor with each dimension. So count the directions in which your
-# passage is narrow, and remove some of them: first plan to a configuration in front of the slot, with the gripper
-# already aligned; then move straight in.
+# The slab is hardly harder in seven dimensions than in two. The tube gets harder by a large factor with each dimension.
+# So count the directions in which your passage is narrow, and remove some of them: first plan to a configuration in
+# front of the slot, with the gripper already aligned; then move straight in.
 #
 # <div class="alert alert-block alert-danger">
 #
@@ -1360,22 +1351,21 @@ plt.show()
 #
 # </div>
 #
-# Step 3 sounds odd: surely a narrow passage needs a *small* step? Think about what the step size limits. The edge check
-# is exact, so a long edge is as safe as a short one. A long step lets a lucky sample reach straight through the
-# opening; a short one needs many nodes to get there.
+# Step 3 sounds odd: surely a narrow passage needs a *small* step? With an exact edge check, a long edge is as safe as a
+# short one. A long step lets a lucky sample reach straight through the opening; short ones need many nodes to get
+# there.
 
 # %%
 show("step_through_a_passage")
 
 # %% [markdown]
-# The card counts samples. A long edge takes longer to check, so measure the time as well.
+# The card counts samples; a long edge also takes longer to check.
 #
 # ### Slow only sometimes
 #
-# Planning times have a heavy tail: a few runs take far longer than the median. Is that bad luck of the random
-# numbers, or are some queries simply harder? The answer decides the remedy. If it is luck, restart with another seed.
-# If it is the query, look at that query. Solving 36 queries at the tight shelf with five seeds each separates the two
-# causes, for RRT-Connect.
+# Planning times have a heavy tail: a few runs take far longer than the median. If that is bad luck of the random
+# numbers, restart with another seed. If some queries are simply harder, look at those. Solving 36 queries at the tight
+# shelf with five seeds each separates the two causes, for RRT-Connect.
 
 # %%
 show("slow_plans_are_slow_questions")
@@ -1383,23 +1373,22 @@ show("slow_plans_are_slow_questions")
 # %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The path is jerky.* Find out which of three it is. Corners in free space: use shortcuts. Stops at
-# each waypoint: that is the timing; round the corners in passing. A detour around nothing: the path passes an obstacle
-# on the wrong side, in another homotopy class, and no smoothing changes that; plan again, or use RRT\*. After each fix
-# run the collision check again. A rounded corner, or a spline through the waypoints, is a new path that nobody has
-# checked.
+# **Debugging tip.** *The motion is jerky, or far too long.* Find out which of three it is. Corners in free space: use
+# shortcuts. Stops at each waypoint: that is the timing; round the corners in passing. A long detour: the path passes an
+# obstacle on its longer side, in another homotopy class, and no smoothing changes that; plan again, or use RRT\*. After
+# each fix run the collision check again. A rounded corner, or a spline through the waypoints, is a new path that nobody
+# has checked.
 #
 # </div>
 #
 # <table> <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr> <tr><td>the path hits something thin</td>
 # <td>edges are checked at points</td> <td><code>check_path</code>; halve the spacing</td> <td>use an exact edge check,
-# or enlarge the obstacles as section 2 computes</td></tr> <tr><td>the path ends near the goal, not at it</td>
-# <td>success is declared within a tolerance</td> <td>compare the last configuration with the goal</td> <td>connect the
-# goal by a checked edge</td></tr> <tr><td>fast on average, sometimes far too slow</td> <td>a heavy tail</td> <td>look
-# at the 99th percentile, counting failures as infinite; find out which queries are slow</td> <td>help at the ends of
-# those queries: longer steps, small trees onto a stored roadmap</td></tr> <tr><td>a different result in each run</td>
-# <td>the seed or the time limit comes from the clock</td> <td>make the same call twice</td> <td>pass a seed; limit the
-# number of samples instead of seconds</td></tr> </table>
+# or enlarge the obstacles as section 2 computes</td></tr> <tr><td>fast on average, sometimes far too slow</td> <td>a
+# heavy tail</td> <td>look at the 99th percentile, counting failures as infinite; find out which queries are slow</td>
+# <td>look at their start and goal, which are often hard to leave: take longer steps, or grow a small tree from each to
+# a stored roadmap</td></tr> <tr><td>a different result in each run</td> <td>the seed or the time limit comes from the
+# clock</td> <td>make the same call twice</td> <td>pass a seed; limit the number of samples instead of seconds</td></tr>
+# </table>
 
 # %%
 more_claims("blocked_ends_are_named")
@@ -1412,8 +1401,8 @@ more_claims("blocked_ends_are_named")
 #
 # **Self-collision** and the **held object**. Check each pair of links that can meet. Once the gripper holds a cup, the
 # cup is part of the robot: attach its shape to the hand, allow the contact between hand and cup, and check every stored
-# edge again. Each pair of shapes is one more distance. Conservative advancement still proves an edge if its bounds
-# include the cup, and the motion of two links against each other.
+# edge again. Conservative advancement still proves an edge if its bounds include the cup, and the motion of two links
+# against each other.
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 4, figsize=(10, 2.6), layout="constrained")
@@ -1440,7 +1429,7 @@ for first, last, ink in ((8, 72, RED), (72, 40, BLUE), (40, 8, BLUE)):
     centre = ends_.mean(axis=1)
     foot = curve[:, np.argmin(np.linalg.norm(curve - centre[:, None], axis=0))]
     _ = axes[2].plot(*np.stack((centre, foot), axis=1), ":", color=ink, lw=1.5)
-bare(axes[2], "half the step: a quarter of the gap")
+bare(axes[2], "half the step: a quarter of the distance")
 for bend in (-0.5, -0.25, 0.0, 0.25, 0.5):
     heading = np.pi / 4 + bend * np.linspace(0, 3, 40)
     steps_ = 0.14 * np.cumsum([np.cos(heading), np.sin(heading)], axis=1)
@@ -1450,7 +1439,10 @@ bare(axes[3], "kinodynamic: simulated controls")
 plt.show()
 
 # %% [markdown]
-# The chart shows what these checks cost, and how many planned paths collide without them:
+# The chart shows what these checks cost (left), and how many configurations and paths collide if the planner omits them
+# (right). The checks of the arm against itself and of a cup together triple the time of an edge check. But of the paths
+# that were planned without the cup, nearly all collide once it is held. (*Coal* is a standard library for general
+# shapes, called from Python on the same capsules.)
 #
 # ![Time of a check with self-collision and a held cup, and collisions missed without
 # them](../docs/charts/held_object.png)
@@ -1477,9 +1469,13 @@ more_claims("limits_keep_an_arm_from_itself")
 
 # %% [markdown]
 # **A constraint on the motion.** Carrying the cup upright removes two degrees of freedom. The allowed configurations
-# form a thin curved surface, a **constraint manifold**, which a random sample never hits. CBiRRT (Berenson and others
-# 2009) grows two trees and projects each of their steps onto it. But the edge between two projected states is straight
-# and leaves the surface, as the third sketch shows: with half the step, the tilt in between falls to a quarter.
+# form a curved surface, a **constraint manifold**, which a random sample never hits. CBiRRT (Berenson and others 2009)
+# grows two trees and projects each new configuration onto the surface (second sketch). But the edge between two such
+# configurations is straight and leaves the surface, so the cup tilts there. With half the step, this tilt falls to a
+# quarter (third sketch).
+#
+# The next plot shows a planned path. Each edge has an upper bound on its tilt, computed without check points. The bound
+# stays below the allowed 1°.
 
 # %% tags=["hide-code"]
 from course.charts.planning.constraints import carried
@@ -1510,6 +1506,9 @@ side_ = "below" if worst_.max() < 1 else "above"
 print(f"largest tilt: {direct.max():.0f}° on a straight edge, {side_} 1° on the manifold")
 
 # %% [markdown]
+# The edges must be checked for collisions as well. OMPL's planner for constraints checks configurations and nothing
+# between them. With 0.2 rad between two checks, many of the paths that it returned at our shelf collide.
+#
 # <details><summary>Projection, and a bound on the tilt between two states</summary>
 #
 # *Projection.* Let $u(q)$ be the direction of the cup's axis in the world. The constraint says that its two horizontal
@@ -1533,90 +1532,91 @@ print(f"largest tilt: {direct.max():.0f}° on a straight edge, {side_} 1° on th
 # under 1°. The planner makes its steps nine tenths of what the bound allows at most, and gives up an extension if the
 # projection takes an edge beyond the bound.
 #
-# </details>
-#
-# The chart shows the largest tilt on an edge for different steps, and OMPL's constrained planner on the same queries:
+# *The chart.* Left: the largest tilt on an edge against the step. *Paths, worst* is the worst edge of all planned
+# paths, *bound* the upper bound for these edges, *random edge* the median of random edges. Without a proof, a long step
+# tilts the cup more than allowed on some edge. The bound forbids a step earlier than necessary, because it adds up the
+# motions of all joints as if each of them turned the cup. With the proof, any setting of the step is safe: the planner
+# shortens a step that the bound does not allow.
 #
 # ![Tilt of the cup between projected states against the step, and share of queries solved, compared with OMPL's
 # projected state space](../docs/charts/upright_cup.png)
-
-# %% tags=["hide-code"]
-runs_ = key(
-    "upright_cup",
-    r"^(ours, tilt proved|ours, no proof|OMPL, range \S+, states \S+): median (\S+) ms, (\d+) of "
-    r"(\d+) solved, worst tilt (\S+) degrees; (\d+) of (\d+) paths",
-)
-((best_,),) = key("upright_cup", r"^drawn of OMPL's is (.+) rad, which")
-# Of OMPL's settings: the drawn one, which solves the most queries, and the one with the least median.
-fast_ = min((row for row in runs_ if row[0].startswith("OMPL")), key=lambda row: float(row[1]))[0]
-rows = table(
-    ("planner", "median [ms]", "solved", "worst tilt [°]", "paths that collide"),
-    *((name.replace("states", "states every") + (", drawn" if name == f"OMPL, {best_}" else ""),
-       spent, f"{solved} of {asked}", worst, f"{wrong} of {answered}")
-      for name, spent, solved, asked, worst, wrong, answered in runs_
-      if not name.startswith("OMPL") or name in (f"OMPL, {best_}", fast_)),
-)  # fmt: skip
-((orders,),) = key("upright_cup", r"^median tilt of random edges .*; order (.+)$")
-((step_, sure_),) = key("upright_cup", r"above a step of (\S+) rad, the bound above (\S+) rad$")
-Markdown(
-    f"{rows.data}\n\nWithout the proof, the worst of these paths exceeds 1° above a step of {step_} "
-    f"rad. On them, the bound proves steps of up to {sure_} rad. From each step to the next shorter "
-    f"one, the tilt falls with the power {orders}."
-)
-
-# %% [markdown]
-# <details><summary>Both sides of the step's limit, and what is compared with OMPL</summary>
 #
-# Without the proof, a long step tilts the cup more than allowed on some edge; a short one did not on any path that we
-# tried. The proof stops earlier, because it adds up the motions of all joints as if each of them turned the cup. With
-# the proof, any setting of the step is safe: the planner shortens a step that the bound does not allow.
+# Right: our planner and OMPL's on 24 queries. *Ours, tilt proved* shortens each edge until its bound is below 1°;
+# *ours, no proof* does not. Both prove that the arm hits nothing along an edge. OMPL's planner is RRT-Connect in its
+# projected state space. We tried four ranges (the longest motion) with two distances between its checks. The chart has
+# the pair that solves the most queries; the table also has the one with the least median time. A path that collides
+# counts as unsolved, and in the median as infinitely slow.
 #
-# OMPL's planner is RRT-Connect in its projected state space. We tried four ranges (the longest motion) with two
-# spacings of the states along a motion. The chart has the pair that solves the most queries; the table also has the
-# one with the least median time. OMPL checks the projected states and nothing between them, so some of its paths
-# collide; these count as unsolved, and in the medians as infinitely slow. For a ratio of times, read the figures: they
-# compare the queries that both solved.
-#
-# Constraint, Jacobian and state check are Python functions that call our
-# compiled ones; *OMPL's own part* is the time outside of them. So the times compare two complete programs, not
-# two search strategies. The clock is the processor time of the thread.
+# Don't take the times for a comparison of methods. OMPL calls Python functions for the constraint, its Jacobian and the
+# collision check of each configuration; our planner is compiled. *OMPL's own part* omits the time inside these
+# functions, but not that of calling them. The clock is the processor time of the thread.
 #
 # </details>
+
+# %% tags=["hide-code"]
+runs_ = {
+    name: rest
+    for name, *rest in key(
+        "upright_cup",
+        r"^(ours, tilt proved|ours, no proof|OMPL, range \S+, states \S+): median (\S+) ms, (\d+) of "
+        r"(\d+) solved, worst tilt (\S+) degrees; (\d+) of (\d+) paths",
+    )
+}
+((best_,),) = key("upright_cup", r"^drawn of OMPL's is (.+) rad, which")
+best_ = f"OMPL, {best_}"
+# Of OMPL's settings: the drawn one, which solves the most queries, and the one with the least median.
+fast_ = min((name for name in runs_ if "OMPL" in name), key=lambda name: float(runs_[name][0]))
+titles_ = {"ours, tilt proved": "ours, tilt proved", "ours, no proof": "ours, no proof"} | {
+    name: f"OMPL, checked every {name.split('states ')[1]} rad" for name in (best_, fast_)
+}
+titles_[best_] += " (*OMPL, most solved*)"
+rows = table(
+    ("planner", "paths returned", "of these in collision", "queries solved", "largest tilt [°]",
+     "median time [ms]"),
+    *((title, runs_[name][5], runs_[name][4], "{1} of {2}".format(*runs_[name]), runs_[name][3],
+       runs_[name][0]) for name, title in titles_.items()),
+)  # fmt: skip
+((step_, sure_),) = key("upright_cup", r"above a step of (\S+) rad, the bound above (\S+) rad$")
+summary_ = "The planners for the upright cup: collisions, tilts, times"
+Markdown(
+    f"<details><summary>{summary_}</summary>\n\n{rows.data}\n\nWithout a proof, the worst edge of the "
+    f"paths tilts the cup by more than 1° above a step of {step_} rad. The bound proves less than 1° up "
+    f"to {sure_} rad.\n\n</details>"
+)
 
 # %%
 figures(read("upright_cup"), summary="Steps, tilts and OMPL's settings")
 
 # %% [markdown]
 # **Dynamics.** A fast arm can't turn a corner at full speed. **Kinodynamic** planning has velocities in its states and
-# limits of acceleration in its edges. The RRT of LaValle and Kuffner (2001) simulates random controls. Our example is a
-# point whose acceleration is limited along each axis. The time that the slower axis alone needs is a lower bound,
-# and every trajectory is compared with it.
+# limits of acceleration in its edges. The RRT of LaValle and Kuffner (2001) simulates random controls from the node
+# nearest to a sample, and adds the result that comes closest to the sample (fourth sketch). We tried it with a point of
+# limited acceleration among thin posts, with two results:
 #
-# ![A kinodynamic tree compared with its lower bound and with OMPL, and posts that check points
-# miss](../docs/charts/kinodynamic_bounds.png)
-
-# %% tags=["hide-code"]
-((best_,),) = key("kinodynamic_bounds", r"^drawn of OMPL's is (.+) of a control, the least")
-table(
-    ("planner", "solved", "samples", "median [ms]", "time over the bound", "of these, hit a post"),
-    *((f"OMPL, points, {best_}" if name.startswith("OMPL") else name, f"{solved} of {asked}",
-       samples, spent, excess, hits)
-      for name, solved, asked, samples, spent, excess, hits in key(
-          "kinodynamic_bounds",
-          r"^(.+?): (\d+) of (\d+) solved, median (\d+) samples and (\S+) ms; time over the lower "
-          r"bound (\S+) .*; (\d+) hit a post",
-      )
-      if not name.startswith("OMPL") or name == f"OMPL, {best_}"),
-)  # fmt: skip
-
-# %% [markdown]
-# <details><summary>The bound, the margin between points, and what is compared</summary>
+# * Of the trajectories that were checked only at points, nearly half hit a post. With a margin that covers the motion
+#   between two points, none did.
+# * The *nearest* node should be the one from which the sample can be reached soonest. Then the trajectories take over a
+#   third less time than with the Euclidean distance of position and velocity.
+#
+# <details><summary>The comparison in detail: planners, lower bound, margin between points</summary>
 #
 # *The loop.* Sample a state, position and velocity. Find the node from which it is nearest. From there, simulate
 # several random constant accelerations and add the end that comes nearest to the sample. The straight segment of RRT is
-# replaced by a parabola, so a node is reached exactly, and the goal only within a tolerance. Which node is *nearest*
-# matters: with Euclidean distance a fast point just before the goal counts as near, though it can't stop there. The
-# time that the slower axis needs is the better measure; with it the trajectories in the chart take the least time.
+# replaced by a parabola, so a node is reached exactly, and the goal only within a tolerance. With Euclidean distance a
+# fast point just before the goal counts as near, though it can't stop there.
+#
+# *The planners* in the chart differ in three choices. Nearest node: by Euclidean distance of position and velocity
+# (*Euclidean*), or by the time to the sample if there were no posts (*minimum time*). Check: at points 0.1 s apart
+# (*points*), or at such points with the margin (*proved*). Controls per sample: eight, but only one in *one control*,
+# which checks points.
+#
+# ![A kinodynamic tree compared with its lower bound and with OMPL, and posts that check points
+# miss](../docs/charts/kinodynamic_bounds.png)
+#
+# OMPL measures Euclidean distance, checks points and, from Python, can try only one control per sample. So *Euclidean,
+# one control* is our planner with its rule: both need about as many samples. OMPL calls Python for each simulated
+# point, so don't compare its planning time with the others. We tried four limits for how long a control lasts and drew
+# the one with the least median. The clock is the processor time of the thread.
 #
 # *The bound.* One axis goes from rest to rest over a distance $d$ with full acceleration $a$ one way and then the other
 # (**bang-bang**), in $2\sqrt{d/a}$. Both axes have to finish, so the slower one decides. **A worked example.** 8 m
@@ -1626,14 +1626,29 @@ table(
 # chord by at most $|a|\,\Delta t^2/8$. A point of a chord of length $L$, at a distance $x$ from one end, keeps a
 # clearance of at least $c_1 - x$ and of at least $c_2 - (L - x)$, and the larger of the two is at least their mean. So
 # where the clearances $c_1$ and $c_2$ at both ends have a mean above $L/2 + |a|\,\Delta t^2/8$, the motion in between
-# is free. The lower plots show both sides: points alone miss posts as the geometry predicts, and with the margin
-# nothing is hit.
+# is free.
 #
-# OMPL's RRT with controls can try one control for each sample from Python, so *Euclidean, one control* is our planner
-# with its rule: both need about as many samples. We tried four limits for how long a control lasts and drew the one
-# with the least median. OMPL calls Python for each simulated point. The clock is the processor time of the thread.
+# The lower plots show both sides: points alone miss posts as the geometry predicts, and with the margin
+# nothing is hit. The price of the margin is a longer search: compare *Euclidean, proved* with *Euclidean, points*.
 #
 # </details>
+
+# %%
+((best_,),) = key("kinodynamic_bounds", r"^drawn of OMPL's is (.+) of a control, the least")
+rows = table(
+    ("planner", "solved", "of these, hit a post", "time of the trajectory / lower bound",
+     "median planning time [ms]"),
+    *(("OMPL, points" if name.startswith("OMPL") else name, f"{solved} of {asked}", hits, excess,
+       spent)
+      for name, solved, asked, spent, excess, hits in key(
+          "kinodynamic_bounds",
+          r"^(.+?): (\d+) of (\d+) solved, median \d+ samples and (\S+) ms; time over the lower "
+          r"bound (\S+) .*; (\d+) hit a post",
+      )
+      if not name.startswith("OMPL") or name == f"OMPL, {best_}"),
+)  # fmt: skip
+summary_ = "The planners of the comparison: solved, posts hit, times"
+Markdown(f"<details><summary>{summary_}</summary>\n\n{rows.data}\n\n</details>")
 
 # %%
 figures(read("kinodynamic_bounds"), summary="Samples, times and posts hit")
@@ -1647,7 +1662,7 @@ figures(read("kinodynamic_bounds"), summary="Samples, times and posts hit")
 #
 # ### Clearance of a straight edge
 #
-# A warm-up: the question that a planner asks most often.
+# The question that a planner asks most often.
 
 # %%
 card("edge_clearance")
@@ -1743,7 +1758,7 @@ check(trapezoid)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# The following RRT\* returns collision-free paths that get shorter as samples are added. It still contains a bug.
+# This RRT\* returns collision-free paths that get shorter as samples are added. It still contains a bug.
 
 # %%
 card("rrt_star")
@@ -1811,8 +1826,8 @@ check(certify_edge)
 # ### A formula: what points miss
 #
 # Check points are a distance $s$ apart on a straight edge, and an obstacle is a disc of radius $r > s/2$. How deep can
-# the edge enter the disc while none of the points is inside? Look at the triangle in section 2: half the spacing, the
-# distance from the centre, and the radius. Enter a formula in `s` and `r`; any equivalent form is accepted.
+# the edge enter the disc while none of the points is inside? In the worst case, two neighbouring points lie on the
+# circle, and the edge is deepest halfway between them. Enter a formula in `s` and `r`; any equivalent form is accepted.
 # <span class="kernel-only">Replace the text in quotation marks.</span>
 
 # %%
@@ -1832,16 +1847,15 @@ your_robot(5)
 # ### A learned sampler
 #
 # Random samples ignore everything that earlier queries taught us. A network can do better: show it many solved
-# problems, and let it predict where solutions run. The network here is small enough to train in half a minute. Its
-# input is an **occupancy grid**, an image that marks which cells are free, together with start and goal. Its output is
-# a map of the cells through which solution paths are likely to pass. The planner then samples from this map, plus a
-# share of uniform samples so that it stays probabilistically complete.
+# problems, and let it predict where solutions run. The network's input is an **occupancy grid**, an image that marks
+# which cells are free, together with start and goal. Its output is a map of the cells through which solution paths are
+# likely to pass. The planner then samples from this map, plus a share of uniform samples so that it stays
+# probabilistically complete.
 #
-# The test worlds have three walls with one slit each. In the chart below, the first panel shows one of them with the
-# proposed samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The bridge
-# test of section 2, used for a fifth of the samples, does badly here. It needs two samples in the same wall, one on
-# each side of the slit. Few pairs lie like that, so nearly all of its checks are wasted. The last panel belongs to the
-# diffusion model, which comes next.
+# The test worlds have three walls with one slit each. The first panel of the chart shows one of them with the proposed
+# samples, the second the worlds of the training family, the third the same worlds rotated by 90°. The bridge test of
+# section 2, used for a fifth of the samples, does badly here: few pairs of samples lie in the same wall, one on each
+# side of the slit. The last panel belongs to the diffusion model, which comes next.
 #
 # ![A learned sampler and a diffusion planner, compared with methods without
 # learning](../docs/charts/learned_planners.png)
@@ -1867,9 +1881,11 @@ for name, title in NAMES.items():
 table(*rows)
 
 # %% [markdown]
-# So ask three questions about a learned sampler. What does its *input* cost? A camera delivers the grid for free.
-# Filling it with collision checks costs more than the median query saves; only the hard queries still gain. What would
-# a *simple* method such as a grid search make of the same input? And how far is your world from those of the training?
+# So ask three questions about a learned sampler. What does its *input* cost? A mobile robot may have a map anyway. (The
+# camera of an arm sees the workspace, which is not the grid in question.) Filling the grid with collision checks costs
+# more than the median query saves; only the hard queries still gain. What would a *simple* method such as a grid search
+# make of the same input? And how far is your world from those of the training?
+#
 # A bad sampler can't make a path collide, because every edge is still checked. As long as uniform samples are mixed in,
 # it can only make the planner slow.
 
@@ -1880,9 +1896,9 @@ more_claims("learned_sampler_speeds_up")
 # ### Diffusion: whole paths from noise
 #
 # A **diffusion model** learns to remove noise. Take solved paths, add random noise in many small steps, and train a
-# network to undo one step. Run backwards from pure noise, it produces new paths. Ours receives start and goal, takes
-# forty denoising steps, and was trained in a single world of discs, the only one that it knows. Nothing in the training
-# ever says "collision": the network imitates the shape of paths that happened to be free.
+# network to undo one step. Run backwards from pure noise, it produces new paths. Ours receives start and goal and was
+# trained in a single world of discs. Nothing in the training ever says "collision": the network imitates the shape of
+# paths that happened to be free.
 
 # %% tags=["hide-code"]
 rng = np.random.default_rng(2)
@@ -1904,38 +1920,38 @@ for axis, share in zip(axes, (0.1, 0.6, 0.95, 1.0), strict=True):
 plt.show()
 
 # %% [markdown]
-# The sketch shows the principle of the training: one solved path with less and less noise. Are the paths that come out
-# of the network collision-free?
+# The sketch shows one solved path with less and less noise. Are the paths from the network collision-free?
 
 # %%
 show("diffusion_is_collision_free")
 
 # %% [markdown]
-# In the last panel of the chart, *diffusion, checked* returns the first of eight proposals that is free. *Pushed out*
-# first moves each proposal out of the discs with an optimiser. *Bent lines* are untrained guesses.
+# In the last panel of the chart, *diffusion, checked* returns the first of eight proposals that is free; if none is,
+# the query stays unsolved. *Pushed out* first moves each proposal out of the discs with an optimiser. *Bent lines* are
+# untrained guesses. RRT-Connect with shortcuts is the fastest. If both are pushed out, untrained guesses are faster
+# than those of the diffusion model in the median, and slower on the hardest queries.
 #
-# The table lists learned planners that are often cited. For each of them, ask what guarantees that the result is free:
+# For each of these often cited planners, ask what guarantees that the result is free:
 # was a collision check passed, or was only a cost low?
 #
 # <table> <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
-# <tr><td>MPNet (Qureshi and others, arXiv 1806.05767)</td> <td>2018</td> <td>a network predicts the next configuration
-# from an encoded point cloud (measured points on the obstacles), from start and goal in turn; it replaces the planner,
-# not only its sampler</td> <td>a check; a classical planner where it fails</td></tr> <tr><td>Learned sampling
-# distributions (Ichter, Harrison and Pavone, ICRA)</td> <td>2018</td> <td>a generative network (conditional
-# autoencoder) proposes samples where solutions were</td> <td>the planner's check; uniform samples are mixed
-# in</td></tr> <tr><td>Diffuser (Janner and others, ICML)</td> <td>2022</td> <td>denoises a whole trajectory, guided by
-# a reward, a score for each step</td> <td>nothing</td></tr> <tr><td>Diffusion Policy (Chi and others, RSS)</td>
-# <td>2023</td> <td>denoises short chunks of actions from images</td> <td>nothing; it is a policy, which maps images to
-# actions, not a planner</td></tr> <tr><td>Motion Planning Diffusion (Carvalho and others, arXiv 2308.01557)</td>
-# <td>2023</td> <td>a diffusion model that makes likely trajectories (a prior), its samples pushed by gradients of
-# costs</td> <td>only its costs</td></tr> </table>
+# <tr><td>MPNet (Qureshi and others, arXiv 1806.05767)</td> <td>2018</td> <td>a network reads the obstacles as an
+# encoded point cloud (measured points on their surfaces) and predicts the next configuration, by turns for a path from
+# the start and one from the goal</td> <td>a check; a classical planner where it fails</td></tr> <tr><td>Learned
+# sampling distributions (Ichter, Harrison and Pavone, ICRA)</td> <td>2018</td> <td>a generative network proposes
+# samples where solutions were</td> <td>the planner's check; uniform samples are mixed in</td></tr> <tr><td>Diffuser
+# (Janner and others, ICML)</td> <td>2022</td> <td>denoises a whole trajectory, guided by a reward, a score for each
+# step</td> <td>nothing</td></tr> <tr><td>Diffusion Policy (Chi and others, RSS)</td> <td>2023</td> <td>denoises short
+# chunks of actions from images</td> <td>nothing; it is a policy, not a planner</td></tr> <tr><td>Motion Planning
+# Diffusion (Carvalho and others, arXiv 2308.01557)</td> <td>2023</td> <td>a diffusion model makes likely trajectories;
+# gradients of costs push them</td> <td>only its costs</td></tr> </table>
 #
 # ### What the field uses now
 #
 # "Under 100 ms" is no longer the frontier on a desktop computer. Vectorised planners check many configurations at once
-# with ordinary CPU instructions and report times in microseconds. Optimisers start from many guesses at once on a
-# graphics card. Convex formulations plan through convex regions of free space that were computed in advance. When one
-# of them is called *faster*, ask for the **baseline**: faster than what?
+# with the vector instructions of an ordinary CPU and report times in microseconds. Optimisers start from many guesses
+# at once on a graphics card. Convex formulations plan through convex regions of free space that were computed in
+# advance. When one is called *faster*, ask for the **baseline**: faster than what?
 
 # %% tags=["hide-code"]
 figure_, axes = plt.subplots(1, 3, figsize=(9.5, 2.9), layout="constrained")
@@ -1965,31 +1981,28 @@ bare(axes[2], "convex regions, computed in advance")
 plt.show()
 
 # %% [markdown]
-# In the first two sketches, the number at each point of the edge says which instruction checks it. With four points per
-# instruction, the first instruction already looks at all parts of the edge, and three instructions do the work of
-# twelve. On the right, three convex regions overlap; a path that stays in them is free without a check.
+# The number at each point of the edge says which instruction checks it. With four points per instruction, the first one
+# already looks at all parts of the edge. On the right, three convex regions overlap; a path inside them is free without
+# a check.
 #
-# <table>
-# <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
+# <table> <tr><th>work</th> <th>year</th> <th>what it does</th> <th>what makes the result collision-free</th></tr>
 # <tr><td>BIT* (Gammell, Srinivasa and Barfoot, arXiv 1405.5848); AIT* and EIT* (Strub and Gammell, arXiv
 # 2111.01877)</td> <td>2015; 2022</td> <td>asymptotically optimal like RRT*, but search batches of samples in the order
 # of estimated path cost; AIT* and EIT* improve the estimate with a search from the goal</td> <td>an edge check, made as
-# late as possible</td></tr>
-# <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples joint motions on a graphics
-# card at each control step and averages them</td> <td>only its costs, some of them learned</td></tr>
-# <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers free space with
-# convex regions; one convex optimisation chooses the regions and the trajectory through them</td> <td>the regions, if
-# they are free</td></tr>
-# <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td> <td>2023</td> <td>nothing learned: many optimisations
-# at once on a graphics card, with a geometric planner for their first guesses</td> <td>its costs, with collision among
-# them</td></tr>
-# <tr><td>VAMP (Thomason, Kingston and Kavraki, arXiv 2309.14545)</td> <td>2024</td> <td>nothing learned: RRT-Connect
-# and PRM with collision checks written for the vector instructions of a CPU, several configurations of an edge at
-# once</td> <td>a check at points along each edge</td></tr>
-# </table>
+# late as possible</td></tr> <tr><td>STORM (Bhardwaj and others, CoRL, arXiv 2104.13542)</td> <td>2021</td> <td>samples
+# joint motions on a graphics card at each control step and averages them</td> <td>only its costs, some of them
+# learned</td></tr> <tr><td>Graphs of convex sets (Marcucci and others, arXiv 2205.04422)</td> <td>2023</td> <td>covers
+# free space with convex regions; one convex optimisation chooses the regions and the trajectory through them</td>
+# <td>the regions, if they are free</td></tr> <tr><td>cuRobo (Sundaralingam and others, arXiv 2310.17274)</td>
+# <td>2023</td> <td>nothing learned: many optimisations at once on a graphics card, from guesses of a geometric
+# planner</td> <td>costs during the optimisation; then a test of the result, with collision checks at its
+# points</td></tr> <tr><td>VAMP (Thomason, Kingston and Kavraki, arXiv 2309.14545)</td> <td>2024</td> <td>nothing
+# learned: RRT-Connect and PRM whose collision checks use the vector instructions of a CPU</td> <td>a check at points
+# along each edge</td></tr> </table>
 #
-# VAMP's authors report a median planning time of 35 µs for a seven-joint arm. We covered our arm with spheres and
-# checked 32 points of an edge at a time:
+# VAMP's authors report a median planning time of 35 µs for a seven-joint arm, on other queries and another CPU. We
+# covered our arm with spheres, somewhat larger than the links (*swelling*: by which share of the radius), and checked
+# 32 points of an edge at a time:
 #
 # ![Time of an edge check in batches, free edges rejected, and median planning times](../docs/charts/batch_edges.png)
 
@@ -2014,9 +2027,10 @@ table(
 )  # fmt: skip
 
 # %% [markdown]
-# Batches are several times faster than the same points one by one. For single edges they are no faster than the proof,
-# yet plans at the tight shelf took half as long. The price: spheres are larger than the arm, and nothing is checked
-# between two points.
+# Batches are several times faster than the same points one by one. Compared with the proof, they are about as fast on
+# free edges and slower on colliding ones. The plans in the table take less time with batches. But when we repeated each
+# plan fifteen times, we found no gain over the proof. The price: larger spheres reject free edges (third plot), and
+# nothing is checked between two points.
 #
 # <details><summary>Limits of the batches; BIT* and graphs of convex sets, run in the plane</summary>
 #
@@ -2055,8 +2069,7 @@ interview("planning")
 # %% [markdown]
 # ### Checkpoint
 #
-# Five questions on this chapter, drawn by a seed. The tube's curve in the left chart of section 7, at dimension 3,
-# tests the formula for a passage.
+# Five questions on this chapter, drawn by a seed.
 
 # %%
 checkpoint("planning", ["", "", "", "", ""], seed=1)

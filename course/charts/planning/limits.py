@@ -242,8 +242,8 @@ def thin_obstacles(
     rng = np.random.default_rng(0)
     panel = Panel(
         "Points miss what they step over; an exact test misses nothing",
-        "thickness or diameter over spacing",
-        "share of colliding edges passed",
+        "thickness or diameter / spacing of the points",
+        "share of colliding edges accepted",
         theory="closed form",
     )
     laws: dict[str, Callable[[float], float]] = {
@@ -366,12 +366,12 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
     some = [rng.uniform(-1.5, 1.5, (7, 5)) for _ in range(paths)]
     over = np.array([[both_ways(path, limits, 0.3, grid) for path in some] for grid in grids])
     excess_panel = Panel(
-        "Limits kept at grid points are broken between them",
-        "intervals of a rounding",
+        "Acceleration above its limit between grid points",
+        "grid intervals of a rounded corner",
         "acceleration above limit, share",
         scale="log",
     )
-    for k, name in enumerate(("at grid points", "at both ends, ours")):
+    for k, name in enumerate(("tested at the first point", "tested at both ends")):
         low, middle, high = np.quantile(over[:, :, k, 0], (0, 0.5, 1), axis=1)
         excess_panel.series.append(
             Series(
@@ -447,7 +447,7 @@ def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Itera
         costs = np.where(free, [length(path) for path in ends], np.inf)
         best = costs <= 1.05 * costs.min()
         panel = Panel(
-            f"{name}: {np.mean(~free):.0%} of the starts end in collision",
+            f"{name}: {np.mean(~free):.0%} of the guesses end in collision",
             "via point x [m]",
             "via point y [m]",
             equal=True,
