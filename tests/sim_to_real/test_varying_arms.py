@@ -57,6 +57,25 @@ def test_the_closed_loop_follows_scipys_solution_of_the_same_equations() -> None
     assert run.angle[0, -1] == pytest.approx(-end, rel=1e-3)
 
 
+def test_late_torques_drive_the_estimate_of_a_light_arm_up() -> None:
+    # The settings that `tune_methods` finds for the adaptive law.
+    law, n = va.Gains(14.3, 10.0), 8
+    rises, stays, heavy = 0, 0, 0
+    for seed in range(3):
+        arms, paths = task(n, seed)
+        for load in (0.0, 4.0):
+            arms[:, 0] = load
+            inertia = va.coefficients(arms)[:, 0]
+            middle = va.track(arms, law, paths, rate=0.3).estimate[:, -1, 0] / inertia
+            known = va.track(arms, law, paths, rate=0.3, estimate=arms).estimate[:, -1, 0] / inertia
+            if load == 0.0:
+                rises += np.sum(middle > 5.0)
+                stays += np.sum(known < 2.0)
+            else:
+                heavy += np.sum(np.abs(middle - 1.0) < 0.5)
+    assert rises > 1.5 * n and stays > 2.0 * n and heavy > 2.5 * n
+
+
 def test_an_integral_removes_the_offset_of_an_unknown_load() -> None:
     arms, still = np.array([[1.5, 0.3, 0.0]]), np.zeros((1, 8000, 3))
     plain = va.track(arms, LAW, still, noise=0.0).angle[0, -1]
